@@ -10,6 +10,7 @@ import re
 import shlex
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxspace import load
 from jaxspace.cli import main
+from jaxspace.cli._waiting import waiting
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
 from jaxspace.simulation import MissionTrajectory
@@ -261,7 +263,7 @@ def test_a_scene_and_a_mission_that_ends_at_an_event_run(tmp_path, capsys, monke
     for path, png in ((scene, "scene.png"), (mission, "mission_coast.png")):
         assert main(["run", str(path), "--out", str(tmp_path), "--show"]) == 0
         assert (tmp_path / png).exists()
-    assert opened == [(tmp_path / name).as_uri() for name in ("scene.html", "mission.html")]
+    assert opened == [(tmp_path / name).as_uri() for name in ("scene_run.html", "mission_run.html")]
     printed = capsys.readouterr().out
     half = math.pi * math.sqrt(((RADIUS + 400 * 1609.344) / 0.9) ** 3 / MU)
     assert f"to {half:.6g} s" in printed
@@ -534,8 +536,13 @@ BAD_STUDIES = [
     ),
     (["budget", "--tolerance", "wide"], '--tolerance is "wide": it must be a positive number in m'),
     (["budget", "--tolerance", "0 m"], '--tolerance is "0 m": it must be a positive number in m'),
-    (["budget", "--output", "omega"], "output is 'omega': it must be one of position, velocity"),
-    (["budget", "--output", "spam"], "output is 'spam': it must be one of position, velocity"),
+    (["budget", "--output", "omega"], "Parts of the final state are position, velocity"),
+    (["budget", "--output", "speeed"], 'output is "speeed": it must be one of'),
+    (["budget", "--output", "coast.position.0"], "it must be one of the final state"),
+    (
+        ["budget", "--output", "speed", "--tolerance", "1 m"],
+        '--tolerance is "1 m": it must be a positive number in m/s',
+    ),
 ]
 
 
@@ -559,8 +566,26 @@ def test_list_and_schema(capsys):
     assert "**" not in printed
     for word in ("  thrust: ", "total_impulse [N s]", "  periapsis [m^2/s]", "  burnout [s]"):
         assert word in printed
+    assert main(["list", "burnout"]) == 0
+    found = re.findall(r"^  (\w+)", capsys.readouterr().out, re.MULTILINE)
+    assert set(found) == {"propellant_depletion", "burnout"}
+    # Only fields name it.
+    assert main(["list", "heights [m]"]) == 0
+    assert "  drag: " in capsys.readouterr().out
+    assert main(["list", "Julian day"]) == 2
+    assert "Julian day is in no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_long_command_says_on_a_terminal_what_it_is_at(terminal, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    monkeypatch.setattr("jaxspace.cli._waiting.PATIENCE", 0.05)
+    with waiting("simulating"):
+        time.sleep(0.2)
+    said = capsys.readouterr().err
+    assert said.endswith("\rsimulating: 0 s\x1b[K\n") if terminal else said == ""
 
 
 def test_a_closed_pipe_ends_in_a_sentence(own_process):

@@ -47,6 +47,8 @@ LOOK = """(() => {
   found.bars = all(".modebar-btn").map((e) => e.dataset.title);
   const ranges = ["x", "y", "z"].map((k) => $("trajectories")._fullLayout.scene[k + "axis"].range);
   found.lengths = ranges.map(([a, b]) => b - a);
+  pick("contributors-of", "altitude_of_periapsis_at_burnout");
+  found.named = $("contributors").layout.yaxis.ticktext;
   pick("histogram-of", "constant");
   pick("across", "impulse");
   pick("contributors-of", "constant");
@@ -101,7 +103,7 @@ def test_page_holds_card_limits_and_failures(tmp_path):
     assert shown["low"] < shown["mean"] < shown["high"]
     assert data["histograms"][LONG]["required"] == [181.0]
     found = dispersion(1000).violations()[LONG]
-    assert all(f"<td>{100.0 * x:.3g} %</td>" in page for x in (found.value, found.high))
+    assert all(f">{100.0 * x:.3g}\u00a0%</td>" in page for x in (found.value, found.high))
     # What only rounds has one bin, no contributors, and a table row.
     assert data["histograms"]["constant"]["counts"] == [989]
     assert data["contributors"]["constant"]["inputs"] == []
@@ -156,6 +158,17 @@ def test_ellipses_of_the_page_are_those_of_the_statistics(tmp_path):
         radius = np.linalg.norm(np.linalg.solve(expected.axes, away), axis=0)
         np.testing.assert_allclose(radius, 1.0, rtol=1e-9)
     assert e["phase"][0][1] == e["phase"][1][0]
+
+
+def test_page_says_what_is_no_normal_distribution(tmp_path):
+    """Runs of one side of the mean: z^2 of a normal z has the skewness 2 sqrt(2). An input that
+    explains 0.01 % has no row, for its share would read 0.0."""
+    r = np.random.default_rng(2)
+    a, b = r.standard_normal((2, 2000))
+    d = Dispersion({"a": a, "b": b}, {"x": a + 0.01 * b, "y": a**2}, np.zeros(2000, int), b, {}, 1)
+    data = data_of(dispersion_page(d, tmp_path / "d.html").read_text(encoding="utf-8"))
+    assert data["ellipses"]["one_sided"] == ["y"]
+    assert data["contributors"]["x"]["inputs"] == ["a"]
 
 
 def test_page_of_runs_that_are_not_finite(tmp_path):
@@ -248,7 +261,8 @@ def check_look(found, width, dark):
     assert set(drawn) == names | {"time"} and all(traces > 0 for traces in drawn.values())
     assert all(across > 0.6 and up > 0.3 for _, across, up in found["left"]), found["left"]
     # Names in full, on as many lines as they need.
-    words = {text.replace("<br>", " ").replace(". ", ".") for text in found["texts"]}
+    every = [*found["texts"], *found["named"]]
+    words = {text.replace("<br>", " ").replace(". ", ".") for text in every}
     assert {LONG.replace("_", " "), "effects.thrust.nozzle misalignment.1"} <= words
     assert not any("…" in word for word in words)
     # A telephone has no room for the tools; none of them sends the numbers away.

@@ -17,7 +17,7 @@ from jaxspace.dispersion import Dispersion
 from jaxspace.gyros import GimbalState
 from jaxspace.orbits import TwoBody
 from jaxspace.plots import dispersion_figure, dispersion_page, trajectory_figure
-from jaxspace.rotations import Quaternion
+from jaxspace.rotations import Quaternion, to_euler_angles
 from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853
 
@@ -105,7 +105,7 @@ def test_dispersion_page_stands_alone(dispersion, tmp_path):
         and "a &lt;b&gt;stage&lt;/b&gt;" in page
     )
     assert 'src="http' not in page and "<link" not in page  # nothing is fetched
-    assert "<td class=text>apogee height</td><td class=text>km</td>" in page
+    assert '<td class=text data-head="output">apogee height [km]</td>' in page
     assert page.count('<div class="plot') >= 5
     assert Status.NOT_FINITE.sentence in page and "399" in page
 
@@ -136,13 +136,13 @@ def test_trajectory_figure_of_a_mission(tmp_path):
     figure = trajectory_figure(mission, title="Flight")
     figure.savefig(tmp_path / "t.png", dpi=40)
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels == ["position\n[m]", "attitude", "Euler angles 3-1-3\n[deg]", "mass\n[kg]"]
+    assert labels == ["position\n[m]", "Euler angles 3-1-3\n[deg]", "mass\n[kg]"]
     assert (
         figure.axes[-1].get_xlabel() == "time [s]"
         and "burn" in words(figure)
         and "coast" in words(figure)
     )
-    psi, theta, _ = (line.get_ydata() for line in figure.axes[2].get_lines()[:3])
+    psi, theta, _ = (line.get_ydata() for line in figure.axes[1].get_lines()[:3])
     t = np.linspace(0.0, 2.0, 50)
     np.testing.assert_allclose(psi, np.degrees(0.5 * t), atol=1e-9)
     np.testing.assert_allclose(theta, np.degrees(0.3), atol=1e-9)
@@ -188,6 +188,24 @@ def test_labels_have_the_units_that_a_state_declares():
     ]
 
 
+def test_lengths_and_times_have_units_that_are_read():
+    """Far lengths in km, or what a file says; the event that ends a run has its line."""
+    t = jnp.linspace(0.0, 120.0, 5)
+    states = BodyState(jnp.stack([7e6 + t, t, t]), jnp.stack([t, t, t]))
+    run = SimpleNamespace(ts=t, states=states, status=jnp.array(0), event=jnp.array(0))
+    figure = trajectory_figure(run)
+    assert [a.get_ylabel() for a in figure.axes] == ["position\n[km]", "velocity\n[m/s]"]
+    np.testing.assert_allclose(figure.axes[0].get_lines()[0].get_ydata(), 7e3 + 1e-3 * t)
+    assert figure.axes[0].get_lines()[-1].get_xdata()[0] == 120.0 and "event" in words(figure)
+    shown = {"position": ("mi", 1.0 / 1609.344), "velocity": ("m/s", 1.0), "time": ("min", 1 / 60)}
+    figure = trajectory_figure(run, scale=lambda name, unit: shown[name])
+    assert figure.axes[0].get_ylabel() == "position\n[mi]"
+    assert figure.axes[-1].get_xlabel() == "time [min]"
+    line = figure.axes[0].get_lines()[0]
+    np.testing.assert_allclose(line.get_xdata(), t / 60.0)
+    np.testing.assert_allclose(line.get_ydata(), (7e6 + t) / 1609.344)
+
+
 def test_trajectory_figure_of_a_run():
     """Of a run of `simulate`, as it stands."""
     from jaxspace import simulate
@@ -210,7 +228,7 @@ TIMES = jnp.linspace(0.0, 100.0, 102)
 def phi(figure):
     """Times of the third of Euler's angles, as they are drawn, with the line's style and what the
     panel says."""
-    axes = figure.axes[1]
+    axes = figure.axes[0]
     line = axes.get_lines()[2]
     return line.get_xdata(), line.get_linestyle(), axes.get_title(loc="right")
 
@@ -228,9 +246,10 @@ def test_a_fast_spin_is_drawn_as_it_turns_or_said_not_to_be(dense):
     # Of 115 turns each has 2 pi/0.3 points.
     assert len(ts) == pytest.approx(115 * 2.0 * np.pi / 0.3, rel=0.02) and style == "-" and not said
     assert ts[0] == 0.0 and ts[-1] == 100.0
-    w = trajectory_figure(run).axes[0].get_lines()[0].get_ydata()
+    theta = trajectory_figure(run).axes[0].get_lines()[1].get_ydata()
     # Both are the same step from the same state, in another program.
-    assert abs(w[1000] - float(run.at(ts[1000]).attitude.wxyz[0])) < 1e-9
+    angles = np.degrees(np.asarray(to_euler_angles(run.at(ts[1000]).attitude)))
+    assert abs(theta[1000] - angles[1]) < 1e-7
 
 
 def test_a_fast_spin_under_a_controller_is_said_not_to_be_resolved():

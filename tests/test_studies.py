@@ -21,7 +21,7 @@ from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError, Scalar
 from jaxspace.integration import eligible_methods, select_method
 from jaxspace.io import catalog
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody, speed_error
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
@@ -503,6 +503,7 @@ def test_attitude_is_compared_by_its_angle():
 
 BAD_BUDGET = [
     ({"output": "omega"}, "output is 'omega': it must be one of position, velocity, or a function"),
+    ({"output": speed_error}, "output speed_error reads nominal: it must read parts of the final"),
     ({"tolerance": -1.0}, "tolerance is -1: it must be positive"),
     ({"repeats": 0}, "repeats is 0"),
 ]

@@ -30,7 +30,7 @@ def run(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.run(given.file, given.out, given.show)
+    return _commands.run(given.file, given.out, given.show, given.modules)
 
 
 def disperse(given: argparse.Namespace) -> int:
@@ -41,7 +41,7 @@ def disperse(given: argparse.Namespace) -> int:
     own = {name: getattr(given, name) for name in _campaigns.Options._fields}
     # Made here: the parser must not import the room of campaigns, and gives plain numbers.
     own["until"] = _campaigns.StopRule(*given.until) if given.until else None
-    return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out)
+    return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out, given.modules)
 
 
 def resume(given: argparse.Namespace) -> int:
@@ -49,7 +49,7 @@ def resume(given: argparse.Namespace) -> int:
     from . import _campaigns
 
     settle()
-    return _campaigns.resume(given.file, given.engine)
+    return _campaigns.resume(given.file, given.engine, given.modules)
 
 
 def replay(given: argparse.Namespace) -> int:
@@ -57,7 +57,9 @@ def replay(given: argparse.Namespace) -> int:
     from . import _campaigns
 
     settle()
-    return _campaigns.replay(given.file, given.run, given.samples, given.out, given.show)
+    return _campaigns.replay(
+        given.file, given.run, given.samples, given.out, given.show, given.modules
+    )
 
 
 def failures(given: argparse.Namespace) -> int:
@@ -65,7 +67,7 @@ def failures(given: argparse.Namespace) -> int:
     from . import _campaigns
 
     settle()
-    return _campaigns.failures(given.file, given.all)
+    return _campaigns.failures(given.file, given.all, given.modules)
 
 
 def report(given: argparse.Namespace) -> int:
@@ -73,7 +75,7 @@ def report(given: argparse.Namespace) -> int:
     from . import _report
 
     settle()
-    return _report.report(given.file, given.out)
+    return _report.report(given.file, given.out, given.modules)
 
 
 def explain(given: argparse.Namespace) -> int:
@@ -81,7 +83,7 @@ def explain(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.explain(given.file)
+    return _commands.explain(given.file, given.modules)
 
 
 def cost(given: argparse.Namespace) -> int:
@@ -89,7 +91,7 @@ def cost(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.cost(given.file, given.error, given.gradient, given.out)
+    return _commands.cost(given.file, given.error, given.gradient, given.out, given.modules)
 
 
 def budget(given: argparse.Namespace) -> int:
@@ -97,7 +99,7 @@ def budget(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.budget(given.file, given.output, given.tolerance, given.out)
+    return _commands.budget(given.file, given.output, given.tolerance, given.out, given.modules)
 
 
 def optimize(given: argparse.Namespace) -> int:
@@ -105,7 +107,7 @@ def optimize(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.optimize(given.file, given.out, given.sensitivities)
+    return _commands.optimize(given.file, given.out, given.sensitivities, given.modules)
 
 
 def show_list(given: argparse.Namespace) -> int:
@@ -113,15 +115,14 @@ def show_list(given: argparse.Namespace) -> int:
     from . import _commands
 
     # Without `settle`, because nothing is computed.
-    return _commands.show_list(given.name)
+    return _commands.show_list(given.word, given.modules)
 
 
 def show_schema(given: argparse.Namespace) -> int:
     """Print the JSON schema of scene files."""
     from . import _commands
 
-    del given
-    return _commands.show_schema()
+    return _commands.show_schema(given.modules)
 
 
 def verify(given: argparse.Namespace) -> int:

@@ -4,10 +4,10 @@ import functools
 import os
 import sys
 import warnings
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
-from ..core import InputError
+from ..core import InputError, argument
 from ..dispersion import (
     METHODS,
     MONTE_CARLO,
@@ -29,8 +29,9 @@ from ..io import (
     moments_report,
     read_option,
     replay_report,
+    stored_scene,
 )
-from ._commands import draw, path_of
+from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
@@ -52,10 +53,10 @@ class Options(NamedTuple):
     compare: bool = False
 
 
-def disperse(path: str, options: Options, folder: str) -> int:
+def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = ()) -> int:
     """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
     page."""
-    file = load(path)
+    file = load(path, modules=modules)
     runs = file.runs if options.runs is None else options.runs
     seed = file.seed if options.seed is None else options.seed
     if options.method != MONTE_CARLO:
@@ -64,7 +65,8 @@ def disperse(path: str, options: Options, folder: str) -> int:
     times = None
     if options.times is not None:
         parts = options.times.split(",")
-        times = tuple(read_option("--times", part.strip(), "time") for part in parts)
+        time = argument("s", doc="time")
+        times = tuple(read_option("--times", part.strip(), time) for part in parts)
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))
@@ -102,10 +104,10 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
     return f"{file.title}: at most {runs} runs, seed {seed}, {until.text()}"
 
 
-def resume(store: str, engine: str) -> int:
+def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     """Compute what a store lacks, and report on the whole."""
-    there = _attributes(store)
-    file = _scene(store, there)
+    kept = _opened_quietly(store)
+    file, there = _scene(store, kept, modules), {**kept.attributes, "seed": kept.seed}
     # From the store and from no option: another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
     own["times"] = there.get("times")
@@ -175,6 +177,8 @@ def _fly_and_report(
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0], site=file.site)
     print(f"store  {store}")
+    # A failed run is what its reader asks about first.
+    print_next(file, f"{'report' if result.good.all() else 'failures'} {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
 
@@ -218,27 +222,28 @@ def _times(result: Dispersion) -> str:
     )
 
 
-def replay(store: str, run: int, samples: int, folder: str, show: bool) -> int:
+def replay(
+    store: str, run: int, samples: int, folder: str, show: bool, modules: Sequence[str] = ()
+) -> int:
     """Run one sample of a store once more, print it, and draw its phases."""
-    there = _attributes(store)
-    if run >= there["wanted"]:
-        raise InputError(f"--run is {run}: it must be from 0 to {there['wanted'] - 1}.")
-    file = _scene(store, there)
-    make_folder(folder)
     kept = _opened_quietly(store)
+    if run >= kept.wanted:
+        raise InputError(f"--run is {run}: it must be from 0 to {kept.wanted - 1}.")
+    file = _scene(store, kept, modules)
+    make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    found = file.campaign(warn=False, runs=there["planned_runs"]).replay(
-        run, seed=there["seed"], accuracy=file.accuracy, num_saved=samples
+    found = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
+        run, seed=kept.seed, accuracy=file.accuracy, num_saved=samples
     )
     print(replay_report(file, found, kept))
     for name, phase in found.trajectory.items():
-        draw(phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
+        draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
-        print(f"page   {found.trajectory.show(path_of(file, folder, f'_run_{run}.html'))}")
+        show_page(file, found.trajectory, path_of(file, folder, f"_run_{run}.html"))
     return 0 if found.status.good else 1
 
 
-def failures(store: str, every: bool) -> int:
+def failures(store: str, every: bool, modules: Sequence[str] = ()) -> int:
     """List the failed runs of a store with their reasons."""
     with warnings_as_lines():
         kept = open_store(store)
@@ -246,15 +251,9 @@ def failures(store: str, every: bool) -> int:
     file = None
     # A campaign from Python has no scene; its failures are listed all the same.
     if text and "scene_file" in kept.attributes:
-        file = _scene(store, kept.attributes)
+        file = _scene(store, kept, modules)
     print(failures_report(file, kept, kept.runs if every else 20))
     return 0
-
-
-def _attributes(store: str) -> Mapping[str, Any]:
-    """The record of a store."""
-    kept = _opened_quietly(store)
-    return {**kept.attributes, "seed": kept.seed, "wanted": kept.wanted}
 
 
 def _opened_quietly(store: str) -> Dispersion:
@@ -265,12 +264,11 @@ def _opened_quietly(store: str) -> Dispersion:
         return open_store(store)
 
 
-def _scene(store: str, attributes: Mapping[str, Any]) -> SceneFile:
+def _scene(store: str, kept: Dispersion, modules: Sequence[str]) -> SceneFile:
     """The scene of a store. Raises `InputError` for a campaign that was built in Python."""
-    if "scene_file" not in attributes:
+    if "scene_file" not in kept.attributes:
         raise InputError(
             f"{store} is of a campaign from Python, which the command line cannot build: call "
             f"disperse(campaign, ..., store=..., resume=True) or campaign.replay(number, seed=...)."
         )
-    files = attributes.get("files")
-    return load(attributes["scene_file"], text=attributes["description"], files=files)
+    return stored_scene(kept, modules)

@@ -3,9 +3,11 @@
 import json
 import os
 import sys
+from collections.abc import Sequence
 
+from ..bodies import BodyState
 from ..control import LoopRun
-from ..core import InputError
+from ..core import InputError, argument, quantities
 from ..io import (
     Optimum,
     SceneFile,
@@ -22,39 +24,48 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
+from ._waiting import waiting
 
 # By so much the steps of a search may grow until a run confirms it: four repetitions.
 MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
-def run(path: str, folder: str, show: bool = False) -> int:
+def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ()) -> int:
     """Simulate the nominal run, print how it ended, draw it, and show it in the browser."""
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
-        result = file.nominal_mission(samples=100)
-        # A mission has no error estimate of its own: the finer run gives one.
-        print(mission_report(file, result, file.nominal_mission(samples=100, factor=0.01)))
+        with waiting("simulating the mission, and once more for its error"):
+            result = file.nominal_mission(samples=100)
+            # A mission has no error estimate of its own: the finer run gives one.
+            report = mission_report(file, result, file.nominal_mission(samples=100, factor=0.01))
+        print(report)
         for name, phase in result.items():
-            draw(phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
+            draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        result = file.simulate(throw=False)
-        assert isinstance(result, Trajectory | LoopRun)
-        print(run_report(file, result))
+        with waiting("simulating the run, and once more for its error"):
+            result = file.simulate(throw=False)
+            assert isinstance(result, Trajectory | LoopRun)
+            report = run_report(file, result)
+        print(report)
         result = result.trajectory if isinstance(result, LoopRun) else result
-        draw(result, path_of(file, folder, ".png"))
+        draw(file, result, path_of(file, folder, ".png"))
     if show:
-        print(f"page   {result.show(path_of(file, folder, '.html'))}")
+        show_page(file, result, path_of(file, folder, "_run.html"))
+    elif file.values["dispersion"] is not None:
+        print_next(file, f"disperse {path}")
+    else:
+        print_next(file, f"run {path} --show")
     return 0 if Status(int(result.status)).good else 1
 
 
-def optimize(path: str, folder: str, sensitivities: bool) -> int:
+def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
     """Search the best values of the free numbers, print their table, and keep the file, the
     figures of its run and of the search."""
     from tqdm import tqdm
 
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
     with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
@@ -78,10 +89,11 @@ def optimize(path: str, folder: str, sensitivities: bool) -> int:
         print(f"\n{sensitivity_report(found)}")
     print(f"file   {best}")
     for name, phase in run.items():
-        draw(phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
+        draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
     found.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
+    print_next(file, f"run {best}")
     # The file is written in any case: the code tells a script whether it is an optimum.
     return 0 if found.converged else 1
 
@@ -94,16 +106,16 @@ def _confirmed(
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
     # Read back, so that what is confirmed is what the file says, rounding included.
-    optimum = load(best)
+    optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
     return found.judged(run, numbers), numbers, run
 
 
-def explain(path: str) -> int:
+def explain(path: str, modules: Sequence[str] = ()) -> int:
     """Print the table of effects of every scene of the file."""
-    file = load(path)
+    file = load(path, modules=modules)
     print(file.title)
     scenes = file.scenes()
     if not scenes:
@@ -113,21 +125,24 @@ def explain(path: str) -> int:
     return 0
 
 
-def cost(path: str, error: float | None, gradient: bool, folder: str) -> int:
+def cost(
+    path: str, error: float | None, gradient: bool, folder: str, modules: Sequence[str] = ()
+) -> int:
     """Print what accuracy costs, recommend a setting, and draw the diagram."""
-    file = load(path)
+    file = load(path, modules=modules)
     make_folder(folder)
     # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.values["accuracy"]
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
-    table = accuracy_cost(
-        file.system,
-        file.y0,
-        file.ts,
-        tolerances=tolerances,
-        gradient=gradient,
-        max_steps=file.accuracy.max_steps,
-    )
+    with waiting("timing each method at each tolerance"):
+        table = accuracy_cost(
+            file.system,
+            file.y0,
+            file.ts,
+            tolerances=tolerances,
+            gradient=gradient,
+            max_steps=file.accuracy.max_steps,
+        )
     print(f"{file.title}: what accuracy costs")
     print(table)
     if not table.reference:
@@ -156,39 +171,59 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
     return f"for a relative error of {error:.1g} in the final state: {how}, {reached}"
 
 
-def budget(path: str, output: str | None, tolerance: str | None, folder: str) -> int:
+def budget(
+    path: str,
+    output: str | None,
+    tolerance: str | None,
+    folder: str,
+    modules: Sequence[str] = (),
+) -> int:
     """Print what each effect does to the output and which of them may go, and draw it."""
-    file = load(path)
+    file = load(path, modules=modules)
     if file.kind == "system":
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
-    output = file.y0.present()[0] if output is None else output
-    size = None if tolerance is None else read_option("--tolerance", tolerance, output)
-    table = effect_budget(
-        file.system,
-        file.y0,
-        file.ts,
-        output=output,
-        tolerance=size,
-        # Effects are told apart by differences, which a coarse tolerance would drown.
-        accuracy=min(file.values["accuracy"], 1e-9),
-    )
+    parts = file.y0.present()
+    judged = parts[0] if output is None else output
+    if judged in parts:
+        # The difference of two attitudes is an angle.
+        si, factor = quantities(BodyState)[judged].unit or "rad", 1.0
+    else:
+        try:
+            judged, si, factor = file.final_output(judged)
+        except InputError as error:
+            raise InputError(f"{error} Parts of the final state are {', '.join(parts)}.") from None
+    size = None
+    if tolerance is not None:
+        size = factor * read_option(
+            "--tolerance", tolerance, argument(si, positive=True, doc="size")
+        )
+    with waiting("simulating without each effect"):
+        table = effect_budget(
+            file.system,
+            file.y0,
+            file.ts,
+            output=judged,
+            tolerance=size,
+            # Effects are told apart by differences, which a coarse tolerance would drown.
+            accuracy=min(file.values["accuracy"], 1e-9),
+        )
     print(f"{file.title}: which effects matter")
     print(table)
     _draw_table(table, path_of(file, folder, "_budget.png"))
     return 0
 
 
-def show_list(name: str = "") -> int:
-    """Print what scene files may name: all of it, or a group or an entry of this `name`."""
-    print(listing(only=name))
+def show_list(word: str = "", modules: Sequence[str] = ()) -> int:
+    """Print what scene files may name, or the entries with this word."""
+    print(listing(modules=modules, word=word))
     return 0
 
 
-def show_schema() -> int:
+def show_schema(modules: Sequence[str] = ()) -> int:
     """Print the JSON schema of scene files."""
-    print(json.dumps(schema(), indent=1))
+    print(json.dumps(schema(modules=modules), indent=1))
     return 0
 
 
@@ -202,8 +237,8 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
     return 0 if result.passed else 1
 
 
-def draw(trajectory: Trajectory, path: str) -> None:
-    """Draw a trajectory to a file."""
+def draw(file: SceneFile, trajectory: Trajectory, path: str) -> None:
+    """Draw a trajectory of a scene to a picture at `path`, in the units of the scene."""
     # Imported late: commands that draw nothing do not wait for it.
     import matplotlib
 
@@ -211,8 +246,22 @@ def draw(trajectory: Trajectory, path: str) -> None:
 
     # Draws to files alone, so that a machine without a display serves.
     matplotlib.use("Agg")
-    trajectory_figure(trajectory).savefig(path)
+    trajectory_figure(trajectory, scale=file.shown_unit).savefig(path)
     print(f"figure {path}")
+
+
+def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -> None:
+    """Open a run of a scene in the browser, as a page at `path`."""
+    # Imported late, as in `draw`.
+    from ..plots import show_run
+
+    radius = (file.values["planet"] or {}).get("radius")
+    print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
+
+
+def print_next(file: SceneFile, command: str) -> None:
+    """Print the command that most readers of a result give next."""
+    print(f"next   jaxspace {command}{''.join(f' --with {module}' for module in file.modules)}")
 
 
 def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:

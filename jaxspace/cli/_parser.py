@@ -26,6 +26,10 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("schema", actions.show_schema, "print the JSON schema of scene files, for editors"),
     ("verify", actions.verify, "evaluate the hard cases, in value and gradient, on this machine"),
 )
+WITH_MODULES = (
+    *("run", "disperse", "resume", "replay", "failures", "report"),
+    *("explain", "cost", "budget", "optimize", "list", "schema"),
+)
 # Not from the room of campaigns, whose import takes a while.
 METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
@@ -62,12 +66,29 @@ def _new_options(new: argparse.ArgumentParser) -> None:
     new.add_argument("path", metavar="FILE", nargs="?", help="the copy (default: NAME.toml)")
 
 
+def _list_options(show: argparse.ArgumentParser) -> None:
+    show.add_argument(
+        "word", metavar="WORD", nargs="?", default="", help="show only the entries with this word"
+    )
+
+
 def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
     """What each command reads, and where it writes."""
     for name in ("run", "disperse", "explain", "cost", "budget", "optimize"):
         commands[name].add_argument("file", metavar="FILE", help="a scene file, in TOML")
     for name in ("resume", "replay", "failures"):
         commands[name].add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
+    for name in WITH_MODULES:
+        # Each by its own option, and by nothing in a file: what it names is run.
+        commands[name].add_argument(
+            "--with",
+            dest="modules",
+            action="append",
+            default=[],
+            metavar="FILE.py",
+            help="run a Python file of own effects, systems, outputs or controllers, which the "
+            "scene may then name",
+        )
     for name in ("run", "disperse", "replay", "cost", "budget", "optimize"):
         commands[name].add_argument(
             "--out", default="out", metavar="DIR", help="where the files go (default: out)"
@@ -207,8 +228,8 @@ def _cost_options(cost: argparse.ArgumentParser) -> None:
 def _budget_options(budget: argparse.ArgumentParser) -> None:
     budget.add_argument(
         "--output",
-        metavar="PART",
-        help="the part of the state that they are judged by (default: the first one)",
+        help="what they are judged by: a part of the final state (default: the first one), or any "
+        "output that a file may name",
     )
     budget.add_argument(
         "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'

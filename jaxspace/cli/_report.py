@@ -3,7 +3,7 @@
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -66,11 +66,11 @@ def _top(result: Dispersion) -> float:
     return float(np.mean(heights[result.good]))
 
 
-def report(path: str, folder: str | None) -> int:
+def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     """Write the page of a store with trajectories, and its runs as tables."""
     with warnings_as_lines():
         result = open_store(path)
-    file = _scene(result)
+    file = _scene(result, modules)
     name = Path(path).name.removesuffix(".zarr")
     folder = str(Path(path).parent) if folder is None else folder
     make_folder(folder)
@@ -99,11 +99,11 @@ def report(path: str, folder: str | None) -> int:
     return 0
 
 
-def _scene(result: Dispersion) -> SceneFile | None:
+def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
     """The scene file in a store, or `None`, with a sentence, where the campaign came from Python or
     its file is no longer understood."""
     try:
-        return stored_scene(result)
+        return stored_scene(result, modules)
     except (SceneError, InputError) as error:
         print(f"No nominal run and no trajectories: {error}", file=sys.stderr)
         return None

@@ -47,6 +47,8 @@ from ._linear import norm as norm
 from ._linear import scale as scale
 from ._linear import solve3 as solve3
 from ._linear import unit as unit
+from ._own_code import run_module as run_module
+from ._own_code import text_hash as text_hash
 from ._quantity import REQUIRED as REQUIRED
 from ._quantity import AbstractParameters as AbstractParameters
 from ._quantity import Quantity as Quantity

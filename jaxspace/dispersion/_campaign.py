@@ -70,6 +70,8 @@ class Campaign(eqx.Module):
     - `along`: how many states of each phase `outputs` reads, evenly from its start to its end; its
       ends alone by default. `greatest` and `least` need more.
     - `files`: texts of the files that the description names, by name, for the record.
+    - `modules`: texts of the Python files (`core.run_module`) whose classes and functions the
+      campaign uses, by name: workers run them, and the record has them with their hashes.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`, where a call does not say;
       that of a scene file is in its campaign.
 
@@ -93,6 +95,7 @@ class Campaign(eqx.Module):
     along: int = eqx.field(static=True, default=2)
     files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
     accuracy: Accuracy | None = eqx.field(converter=_as_optional_accuracy, default=None)
+    modules: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
 
     def __check_init__(self):
         if not self.inputs:

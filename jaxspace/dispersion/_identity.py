@@ -15,6 +15,7 @@ IDENTITY = {
     "method": "the method",
     "description": "the scene",
     "files": "the files that the scene names",
+    "modules": "the modules of its own physics",
     "inputs": "the inputs",
     "samples": "the states kept of each phase",
     "times": "the times of the states kept",
@@ -36,19 +37,26 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
     if changed[0] == "digest":
         return _cause(there, attributes)
     if changed[0] == "files":
-        return _file(there.get("files") or {}, attributes.get("files") or {})
+        return _file("file", there.get("files") or {}, attributes.get("files") or {})
+    if changed[0] == "modules":
+        return _file("module", _texts(there.get("modules")), _texts(attributes.get("modules")))
     was, now = _differing(str(there.get(changed[0])), str(attributes.get(changed[0])))
     return f"{IDENTITY[changed[0]]}: {was} in the store, {now} here."
 
 
-def _file(there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """The first file of the scene that is another one."""
+def _texts(modules: Mapping[str, Any] | None) -> dict[str, str]:
+    """The texts of modules by name, from their entry in a record."""
+    return {name: module["text"] for name, module in (modules or {}).items()}
+
+
+def _file(kind: str, there: Mapping[str, str], here: Mapping[str, str]) -> str:
+    """The first file of the scene, or module, that is another one."""
     name = next(x for x in (*there, *here) if there.get(x) != here.get(x))
     for own, other, where in ((there, here, "store"), (here, there, "campaign")):
         if name not in other and name in own:
-            return f"only the {where} has the file {name} of the scene."
+            return f"only the {where} has the {kind} {name} of the scene."
     was, now = _differing(there[name], here[name])
-    return f"the file {name} of the scene: {was} in the store, {now} here."
+    return f"the {kind} {name} of the scene: {was} in the store, {now} here."
 
 
 def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:

@@ -7,6 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
+from ..core import text_hash
 from ..integration import Accuracy
 from ._batch_runner import cores
 from ._campaign import Campaign
@@ -51,11 +52,13 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
     """Record of the campaign, its accuracy, the versions and the machine."""
     # Resolved values, not those given: defaults may change between versions of the library.
     method = accuracy.method
+    modules = {name: {"sha256": text_hash(text), "text": text} for name, text in campaign.modules}
     rtol = float(np.asarray(accuracy.rtol))
     return {
         "description": campaign.description,
         # Left out where there are none, so that a store of an earlier version goes on.
         **({"files": dict(campaign.files)} if campaign.files else {}),
+        **({"modules": modules} if modules else {}),
         "inputs": campaign.text(),
         "requirements": dict(campaign.requirements),
         "planned_runs": runs,

@@ -288,7 +288,8 @@ def _metadata(store: Store) -> dict[str, bytes]:
         from zarr.codecs import BytesCodec, Crc32cCodec
         from zarr.storage import MemoryStore
 
-    memory = MemoryStore()
+    files: dict[str, Any] = {}
+    memory = MemoryStore(files)
     group = zarr.create_group(memory, attributes=store.attributes)
     for name, column in store.columns.items():
         group.create_array(
@@ -306,4 +307,4 @@ def _metadata(store: Store) -> dict[str, bytes]:
         # zarr warns that other readers of format 3 may not know these metadata: they need not.
         warnings.filterwarnings("ignore", "Consolidated metadata")
         zarr.consolidate_metadata(memory)
-    return {name: data.to_bytes() for name, data in memory._store_dict.items()}
+    return {name: data.to_bytes() for name, data in files.items()}

@@ -13,7 +13,7 @@ from typing import NamedTuple, TypeAlias
 
 import jax
 
-from ..core import InputError
+from ..core import InputError, run_module
 from ._batch_runner import BatchRunner
 from ._run_results import PlannedCampaign, RunResults
 
@@ -123,22 +123,25 @@ def payload_of(planned: PlannedCampaign) -> bytes:
     except ImportError:
         pickler = pickle
     try:
-        pickler.dump((settings, arrays), buffer)
+        pickler.dump(arrays, buffer)
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InputError(
             f"The campaign cannot be sent to another process ({error}): install cloudpickle, which "
             f"comes with the extra cluster, or define its functions in a module."
         ) from error
-    return buffer.getvalue()
+    # Apart, because the campaign can be read only where the modules have run.
+    return pickle.dumps((settings, planned.campaign.modules, buffer.getvalue()))
 
 
 # One is enough: a worker serves one campaign after the other, each for a long time.
 @functools.lru_cache(maxsize=1)
 def _runner(payload: bytes) -> BatchRunner:
-    settings, planned = pickle.loads(payload)
+    settings, modules, planned = pickle.loads(payload)
     for name, value in settings.items():
         jax.config.update(name, value)
-    return BatchRunner(planned, jax.local_devices(), in_flight=1)
+    for name, text in modules:
+        run_module(name, text)
+    return BatchRunner(pickle.loads(planned), jax.local_devices(), in_flight=1)
 
 
 def compute_chunk(payload: bytes, extent: Extent) -> Done:

@@ -5,6 +5,7 @@ Nothing is registered. A final class or a declared function is known to files as
 
 import functools
 import inspect
+import os
 import typing
 from collections.abc import Iterable, Mapping
 from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
@@ -42,6 +43,7 @@ from ..core import (
 )
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
+from ._modules import defined_in, read_modules
 from ._objects import entry_of, foreign_fields, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
@@ -157,22 +159,29 @@ def output_methods(cls: type) -> dict[str, OutputFunction]:
     return {name: m for name, m in every.items() if isinstance(m, OutputFunction)}
 
 
-def catalog(also: Iterable[object] = ()) -> Catalog:
-    """What a scene file may name: everything in the rooms of the library, and what `also` gives.
+def catalog(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Catalog:
+    """What a scene file may name: everything in the rooms of the library, and what `also` and the
+    `modules` give.
 
     **Arguments**
 
     - `also`: further final classes (systems, effects, jumps, conditions, distributions, and parts
       of them such as steering laws) and declared functions (outputs, events, makers of initial
       states).
+    - `modules`: paths of Python files, which are run; all that they define may be named, as if
+      `also` held it.
 
-    **Raises** `InputError` for something that no file can name, or a name that is already there."""
-    return _catalog(tuple(also))
+    **Raises** `InputError` for something in `also` that no file can name, a name that is already
+    there, and a module that does not run or defines nothing to name."""
+    ran = tuple((m.path.name, tuple(defined_in(m))) for m in read_modules(modules))
+    return _catalog(tuple(also), ran)
 
 
 # Kept from call to call, because every file that is loaded asks for it.
 @functools.lru_cache(maxsize=32)
-def _catalog(also: tuple[object, ...]) -> Catalog:
+def _catalog(
+    also: tuple[object, ...], modules: tuple[tuple[str, tuple[object, ...]], ...]
+) -> Catalog:
     named: dict[str, Group] = {name: {} for name in (*BASES, *FUNCTIONS, "methods")}
     refused: dict[str, str] = {}
     kinds: dict[type, Object] = {}
@@ -192,12 +201,21 @@ def _catalog(also: tuple[object, ...]) -> Catalog:
     for thing in also:
         # A thing that is silently ignored would show later as an unknown name in a file.
         before = sum(map(len, named.values()))
-        _add(named, kinds, refused, thing, new=True)
+        _add(named, kinds, refused, thing, new="also")
         if sum(map(len, named.values())) == before and not _is_part(thing):
             raise InputError(
                 f"also holds {thing!r}: it must hold final classes of systems, effects, jumps, "
                 f"conditions, distributions or parts such as steering laws, whose fields are "
                 f"quantities, or declared functions."
+            )
+    for module, things in modules:
+        before = sum(map(len, (*named.values(), refused)))
+        for thing in things:
+            _add(named, kinds, refused, thing, new=module)
+        if sum(map(len, (*named.values(), refused))) == before and not any(map(_is_part, things)):
+            raise InputError(
+                f"{module} defines nothing that a file can name: it must have final classes, such "
+                f"as effects, whose fields are quantities, or declared functions."
             )
     return Catalog(**named, kinds=kinds, refused=refused)  # pyright: ignore[reportArgumentType]
 
@@ -219,9 +237,11 @@ def _add(
     kinds: dict[type, Object],
     refused: dict[str, str],
     thing: object,
-    new: bool = False,
+    new: str = "",
 ) -> None:
-    """Put a class or a function where it belongs, if it belongs anywhere."""
+    """Put a class or a function where it belongs, if it belongs anywhere.
+
+    `new`: what holds it, if it is not of the library."""
     for group, base in BASES.items():
         if not (isinstance(thing, type) and issubclass(thing, base)):
             continue
@@ -257,10 +277,10 @@ def _is_part(thing: object) -> bool:
     return special and getattr(thing, "__final__", False) and object_kind(thing) is not None
 
 
-def _name(group: Group, name: str, thing: object, new: bool) -> None:
+def _name(group: Group, name: str, thing: object, new: str) -> None:
     # The same thing twice is harmless: rooms give on the names of one another.
     if new and group.get(name, thing) is not thing:
-        raise InputError(f"also holds {name}: it must be another name, for this one is taken.")
+        raise InputError(f"{new} holds {name}: it must be another name, for this one is taken.")
     group[name] = thing
 
 

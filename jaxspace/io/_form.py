@@ -102,6 +102,9 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     """The form of a file of a kind, with the name of its `system` where it has one."""
     common = {
         "format": Entry(Whole(1, FORMAT), FORMAT, doc="of scene files, for which it is written"),
+        "modules": Entry(
+            ListOf(Text()), (), doc="Python files that it needs; each runs only by --with"
+        ),
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
         # Far below the data of a flight, and reached by every method in double precision.
         "accuracy": Entry(TOLERANCE, 1e-9, doc="relative tolerance of each step"),

@@ -1,27 +1,29 @@
 """What scene files may name, for people (a text) and for editors (a JSON schema)."""
 
+import os
 import re
 from collections.abc import Iterable, Mapping
+from typing import TypeAlias
 
 from ..bodies import BodyState
 from ..core import REQUIRED, InputError
 from ..vehicles import LaunchSite
 from ._catalog import Catalog, catalog, output_methods
-from ._errors import hint
 from ._flight import CLASSES, SITE, flight_kinds
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
 from ._value_kinds import FilePath, ListOf, Number, OneName
 
+Group: TypeAlias = tuple[str, list[str]]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
-def schema(also: Iterable[object] = ()) -> Schema:
+def schema(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Schema:
     """The JSON schema of all scene files. An editor completes and checks files with it.
 
-    `also`: as in `load`."""
-    known = catalog(also)
+    `also`, `modules`: as in `load`."""
+    known = catalog(also, modules)
     # One form for each system, because the name decides on all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
     body = [form_of(kind, known).schema() for kind in ("scene", "mission", "flight")]
@@ -29,16 +31,21 @@ def schema(also: Iterable[object] = ()) -> Schema:
     return {"$schema": DIALECT, "title": "jaxspace scene file", "anyOf": forms}
 
 
-def listing(also: Iterable[object] = (), only: str = "") -> str:
+def listing(
+    also: Iterable[object] = (),
+    modules: Iterable[str | os.PathLike[str]] = (),
+    word: str = "",
+) -> str:
     """What scene files may name: systems, effects, events and so on, with fields and units.
 
     **Arguments**
 
-    - `also`: as in `load`.
-    - `only`: the name of a group, or of something in one, which then is all that is listed.
+    - `also`, `modules`: as in `load`.
+    - `word`: only the group or the entries of this name are listed; where there are none, those
+      with it in their name or first sentence, or else in their fields.
 
-    **Raises** `InputError` for a name that nothing has."""
-    known = catalog(also)
+    **Raises** `InputError` for a word that no entry has."""
+    known = catalog(also, modules)
     groups = [
         ("flights", _classes({**known.kinds, **flight_kinds()}, CLASSES)),
         ("systems", _classes(known.kinds, known.systems, known)),
@@ -52,30 +59,48 @@ def listing(also: Iterable[object] = (), only: str = "") -> str:
         ("distributions", _classes(known.kinds, known.distributions)),
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]
-    chosen = {name: lines for name, lines in groups} if not only else _only(only, dict(groups))
-    return "\n\n".join("\n".join([name, *lines]) for name, lines in chosen.items())
+    if word:
+        groups = _with_word(groups, word)
+    return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
 
 
-def _only(name: str, groups: Mapping[str, list[str]]) -> dict[str, list[str]]:
-    """The group of a name; or of each group the entries of this name alone, where it has some."""
-    if name in groups:
-        return {name: groups[name]}
-    found: dict[str, list[str]] = {}
-    names = list(groups)
-    for group, lines in groups.items():
-        own = ""
-        for line in lines:
-            # The keys of an entry are further in than its name.
-            if not line.startswith("   "):
-                own = re.split(r"[ :]", line.strip())[0]
-                names.append(own)
-            if own == name:
-                found.setdefault(group, []).append(line)
-    if not found:
-        raise InputError(
-            f"{name} is nothing that a scene file may name: `jaxspace list` shows all of them."
-            f"{hint(name, names)}"
-        )
+def _with_word(groups: list[Group], word: str) -> list[Group]:
+    """The group or the entries of this name; or else those with this word, in the groups that have
+    some."""
+    named = [group for group in groups if group[0] == word]
+    if named:
+        return named
+    entries = [(group, entry) for group, lines in groups for entry in _entries(lines)]
+    exact = [(group, entry) for group, entry in entries if _name(entry) == word]
+    entries = exact or entries
+    # By all of its lines only then: fields of thrust are named in half of the entries.
+    for part in (slice(1), slice(None)):
+        found: dict[str, list[str]] = {}
+        for group, entry in entries:
+            if word.lower() in "\n".join(entry[part]).lower():
+                found.setdefault(group, []).extend(entry)
+        if found:
+            return list(found.items())
+    names = [*(name for name, _ in groups), *(_name(entry) for _, entry in entries)]
+    raise InputError(
+        f"{word} is in no entry: it must be a part of a name or of a description."
+        f"{InputError.hint(word, names)}"
+    )
+
+
+def _name(entry: list[str]) -> str:
+    """The name of an entry, with which its first line begins."""
+    return re.split(r"[ :]", entry[0].strip())[0]
+
+
+def _entries(lines: list[str]) -> list[list[str]]:
+    """The lines of each entry: its own, and those of its fields, which are indented further."""
+    found: list[list[str]] = []
+    for line in lines:
+        if line.startswith("   ") and found:
+            found[-1].append(line)
+        else:
+            found.append([line])
     return found
 
 

@@ -14,6 +14,7 @@ from ._flight import flight_errors
 from ._form import form, format_error, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Value, Values
+from ._modules import missing_module, read_modules
 from ._named_files import NamedFiles
 from ._optimize_table import read_task
 from ._output_entries import read_outputs
@@ -32,6 +33,7 @@ def load(
     path: str | os.PathLike[str],
     also: Iterable[object] = (),
     *,
+    modules: Iterable[str | os.PathLike[str]] = (),
     text: str | None = None,
     files: Mapping[str, str] | None = None,
 ) -> SceneFile:
@@ -43,6 +45,8 @@ def load(
     - `also`: classes and declared functions that the file may name besides those of the library:
       final systems, effects, jumps, conditions and distributions whose fields are quantities;
       outputs, events and makers of initial states.
+    - `modules`: paths of Python files, which are run; the file may name what they define. The key
+      `modules` of a file says which it needs, and lets none run.
     - `text`: of the file, if it is not to be read.
     - `files`: texts of files that it names, which then are not read either.
 
@@ -53,8 +57,11 @@ def load(
     # Alone: every other sentence about a later format would be a guess.
     if format_error(data):
         raise SceneError(path, format_error(data))
+    own = read_modules(modules)
+    if missing_module(data, own):
+        raise SceneError(path, missing_module(data, own))
     named = NamedFiles(Path(path).parent, files)
-    known = catalog(also).numbered(_named_effects(data))
+    known = catalog(also, own).numbered(_named_effects(data))
     table, errors = form(data, known)
     # If the form is unknown nothing can be read, and every further message would be a guess.
     if errors:
@@ -83,7 +90,7 @@ def load(
         task, errors = read_task(file, reading.units)
     if errors:
         raise SceneError(path, errors)
-    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task, named)
+    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task, named, own)
 
 
 def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: list) -> list[str]:

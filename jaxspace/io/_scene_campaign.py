@@ -55,6 +55,7 @@ def campaign_of(
         along,
         dict(texts),
         file.accuracy,
+        {module.path.name: module.text for module in file.modules},
     )
 
 

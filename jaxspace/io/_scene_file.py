@@ -32,20 +32,21 @@ from ..simulation.either import run_either
 from ..vehicles import LaunchSite
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
+from ._final_output import FinalOutput, function_of
 from ._flight import SITE
 from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
-from ._named_files import NamedFiles
+from ._named_files import NamedFile, NamedFiles
 from ._nominal import nominal_states, outputs_of
 from ._objects import Building, Runs
 from ._optimise import optimise
 from ._optimize_table import Task
 from ._optimum import Optimum
-from ._output_entries import applicable_outputs
+from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
-from ._units import WrittenUnits
+from ._units import WrittenUnits, in_unit
 
 
 @final
@@ -60,7 +61,8 @@ class SceneFile:
     - `outputs`: what is kept of each run of a campaign.
     - `units`: those in which the file gives its numbers.
     - `task`: what [optimize] asks for, or `None`.
-    - `files`: those that the file names."""
+    - `files`: those that the file names.
+    - `modules`: Python files that were run for it."""
 
     path: Path
     text: str
@@ -70,6 +72,7 @@ class SceneFile:
     units: WrittenUnits
     task: Task | None = None
     files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
+    modules: tuple[NamedFile, ...] = ()
 
     @property
     def kind(self) -> str:
@@ -347,6 +350,30 @@ class SceneFile:
           [dispersion] asks for."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
+
+    def shown_unit(self, name: str, si: str) -> tuple[str, float]:
+        """The unit in which a quantity of this name, with the unit `si`, is shown: the one that the
+        file gives it, or a quantity of its kind; and how many of it one `si` is."""
+        unit = self.units.of(name, si)
+        return unit, in_unit(si, unit)
+
+    def final_output(self, name: str) -> FinalOutput:
+        """An output of the final state of a run, as `effect_budget` takes it.
+
+        `name`: of a declared output, a method of an effect such as "drag.dynamic_pressure", or the
+        path of a number of the state such as "final.omega.2".
+
+        **Raises** `InputError` for a name of nothing, or of what the file has not all for."""
+        try:
+            spec = read_output("output", {"output": name}, self.parsed, self.units)
+        except ValueError as error:
+            raise InputError(str(error)) from None
+        if spec.at >= 0:
+            raise InputError(f"output is {name}: it must be one of the final state.")
+        reference = nominal_states(self.nominal_mission()) if needs_nominal((spec,)) else None
+        outputs = Outputs(self, (spec,), self._numbers({}), reference)
+        si = unit_of(spec, self.parsed)
+        return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
     def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
         """The body, from the numbers of the file and those of `runs` runs in `samples`."""

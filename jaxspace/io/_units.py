@@ -5,8 +5,7 @@ import math
 import re
 from typing import TYPE_CHECKING, NamedTuple
 
-from ..bodies import BodyState
-from ..core import InputError, Quantity, argument, extra, quantities
+from ..core import InputError, Quantity, extra
 
 if TYPE_CHECKING:
     import pint
@@ -164,17 +163,15 @@ def parse_unit(text: str, what: str) -> "pint.Unit":
         raise ValueError(f"{what}; {text} is no unit") from error
 
 
-def read_option(name: str, text: str, of: str) -> float:
+def read_option(name: str, text: str, quantity: Quantity) -> float:
     """A number of the command line in SI, of which a bare one is in SI already.
 
     **Arguments**
 
     - `name`: of what is read, for the sentence.
-    - `of`: "time", such as "10 min"; or the part of a `BodyState` whose size it is, such as "10 m"
-      for its position.
+    - `quantity`: what it is, such as a positive length for "10 m".
 
     **Raises** `InputError` for another kind of number."""
-    quantity = argument("s", doc="time") if of == "time" else _size(of)
     try:
         # The command line hands over text only.
         value = float(text)
@@ -184,17 +181,6 @@ def read_option(name: str, text: str, of: str) -> float:
         return read_number(value, quantity)[0]
     except ValueError as error:
         raise InputError(f'{name} is "{text}": it must be {error}.') from error
-
-
-def _size(part: str) -> Quantity:
-    """What the size of a part of a `BodyState` is."""
-    declared = quantities(BodyState).get(part)
-    if declared is None:
-        raise InputError(
-            f"output is {part!r}: it must be one of {', '.join(quantities(BodyState))}."
-        )
-    # The difference of two attitudes is an angle.
-    return argument(declared.unit or "rad", positive=True, doc="size")
 
 
 def in_unit(si: str, unit: str) -> float:

@@ -61,6 +61,9 @@ function drawScatter() {
   const traces = [points, ...[ellipse(a, b)].filter(Boolean),
     ...mark("mean", a, b, data.mean, "cross-thin", colour("--c1")),
     ...mark("nominal", a, b, data.nominal, "diamond-open", colour("--c2"))];
+  const aside = (data.ellipses?.one_sided || []).filter((name) => a !== b && [a, b].includes(name)).map(words);
+  $("scatter-words").textContent = aside.length ? `${aside.join(" and ")}: the runs lie to one side of their mean. ` +
+    "They are no normal distribution, and the ellipse does not bound them." : "";
   return Plotly.react("scatter", traces, layout(axis(label(a)), axis(label(b))), config());
 }
 
@@ -115,11 +118,18 @@ function drawHistogram() {
   const limits = [h.low, h.high].filter((x) => x !== null).map((x, k) => ({ ...upright(x, top, "limits of the middle 99 %",
     colour("--soft"), "dash"), legendgroup: "l", showlegend: k === 0 }));
   const lines = [upright(h.mean, top, "mean", colour("--c1"), "solid"), ...limits];
-  if (h.nominal !== null) lines.push(upright(h.nominal, top, "nominal", colour("--c2"), "dot"));
-  for (const [k, x] of h.required.entries())
-    lines.push({ ...upright(x, top, "requirement", colour("--bad"), "longdash"), showlegend: k === 0 });
+  // What lies far from the runs is marked at the edge: in its place it would squeeze them to a line.
+  const ends = [h.start, h.start + h.width * h.counts.length], room = 0.6 * (ends[1] - ends[0]), far = [];
+  const stand = (x, name, tint, dash, first = true) => {
+    if (x > ends[0] - room && x < ends[1] + room) return lines.push({ ...upright(x, top, name, tint, dash), showlegend: first });
+    const right = x > ends[1];
+    far.push({ text: right ? `${name} ${x} →` : `← ${name} ${x}`, x: right ? 1 : 0, xref: "paper", xanchor: right ? "right" : "left",
+      y: 0.98 - 0.07 * far.length, yref: "paper", showarrow: false, font: { color: tint, size: 12 }, bgcolor: colour("--ground") });
+  };
+  if (h.nominal !== null) stand(h.nominal, "nominal", colour("--c2"), "dot");
+  for (const [k, x] of h.required.entries()) stand(x, "requirement", colour("--bad"), "longdash", k === 0);
   $("histogram-words").textContent = h.words;
-  return Plotly.react("histogram", [bars, ...lines], layout(axis(label(name)), axis("runs"), { bargap: 0 }), config());
+  return Plotly.react("histogram", [bars, ...lines], layout(axis(label(name)), axis("runs"), { bargap: 0, annotations: far }), config());
 }
 
 function drawContributors() {

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from ..dispersion import Contributors, Dispersion, Row
 
+LEAST_SHARE = 5e-4
+"""The least share of the variance that is shown, with one digit of a percent."""
 MOST = 6
 """Outputs that one figure shows legibly."""
 
@@ -236,4 +238,6 @@ def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Co
         found = dispersion.contributors(name, count)
     except ValueError:
         return None
-    return found if found.shares else None
+    # What shows as 0.0 % is no contributor.
+    shares = {name: share for name, share in found.shares.items() if share >= LEAST_SHARE}
+    return found._replace(shares=shares) if shares else None

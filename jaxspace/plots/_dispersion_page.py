@@ -4,7 +4,8 @@ import base64
 import gzip
 import json
 import os
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -140,31 +141,42 @@ def _card(dispersion: "Dispersion") -> str:
     return f"<dl>{terms}</dl>"
 
 
-def _cells(cells: list[str], tag: str = "td", text: int = 2) -> str:
-    """A line of a table, whose first `text` cells are words."""
-    shown = (f"<{tag}{' class=text' * (k < text)}>{escape(c)}</{tag}>" for k, c in enumerate(cells))
+def _cells(cells: list[str], tag: str = "td", text: int = 2, heads: Sequence[str] = ()) -> str:
+    """A line of a table, whose first `text` cells are words.
+
+    `heads`: of the columns, which a narrow page shows before each cell."""
+    named = [f' data-head="{escape(head)}"' for head in heads] or [""] * len(cells)
+    shown = (
+        f"<{tag}{' class=text' * (k < text)}{named[k]}>{escape(cell)}</{tag}>"
+        for k, cell in enumerate(cells)
+    )
     return "<tr>" + "".join(shown) + "</tr>"
 
 
 def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
     required, violations = dispersion.requirements, dispersion.violations()
-    heads = ["output", "unit", "nominal", "mean", "deviation", "0.5 %", "99.5 %", "99.5 % from"]
-    heads += ["to", "least", "greatest", "runs"]
+    heads = ["output", "nominal", "mean", "deviation", "middle 99 %", "limit of 99.5 %"]
+    heads += ["least, greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
-    lines = [_cells(heads, "th")]
+    lines = [_cells(heads, "th", 1)]
     for row in dispersion.table():
-        cells = [row.name.replace("_", " "), row.unit, *_numbers(dispersion, row, nominal)]
-        cells.append(str(row.runs))
+        name = row.name.replace("_", " ") + (f" [{row.unit}]" if row.unit else "")
+        cells = [name, *_numbers(dispersion, row, nominal), str(row.runs)]
         if required:
             found = violations.get(row.name)
-            words = [f"{100.0 * x:.3g} %" for x in (found.value, found.high)] if found else ["", ""]
-            cells += [dispersion.required(row.name), *words]
-        lines.append(_cells(cells))
-    note = "“From … to” is the interval that holds the 99.5 % limit with 95 % confidence."
+            words = (
+                [f"{100.0 * x:.3g}\u00a0%" for x in (found.value, found.high)]
+                if found
+                else ["", ""]
+            )
+            # No sign stands at the end of a line.
+            cells += [re.sub("([≥≤]) ", "\\1\u00a0", dispersion.required(row.name)), *words]
+        lines.append(_cells(cells, text=1, heads=heads))
+    note = "The limit of 99.5 % lies in its interval with 95 % confidence."
     if required:
         note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
-    table = '<div class="wide"><table>' + "\n".join(lines) + "</table></div>"
+    table = '<table class="outputs">' + "\n".join(lines) + "</table>"
     doubts = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.doubts())
     return f'{table}{doubts}<p class="note">{note}</p>'
 
@@ -173,11 +185,13 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
     """The numbers of an output, all by the same rule."""
     if row.runs + row.above + row.below == 0:
         # As many cells as below, so that the columns stay.
-        return ["", *["none"] * 8]
+        return ["", *["none"] * 5]
     limit = dispersion.percentile(row.name, 0.995)
-    own = [row.shown(nominal[row.name])] if row.name in nominal else ["–"]
-    numbers = (row.mean, row.std, row.low, row.high, limit.low, limit.high, row.min, row.max)
-    return own + [row.shown(x) for x in numbers]
+    own = row.shown(nominal[row.name]) if row.name in nominal else "–"
+    spans = ((row.low, row.high), (limit.low, limit.high), (row.min, row.max))
+    # One break, which is not within a number.
+    shown = [" … ".join(row.shown(x) for x in span) for span in spans]
+    return [own, row.shown(row.mean), row.shown(row.std), *shown]
 
 
 def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
@@ -196,6 +210,7 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
             "Any two quantities",
             f'<div class="pickers">{pickers}</div>',
             _plot("scatter", "tall"),
+            '<p class="note bad" id="scatter-words"></p>',
             f'<p class="note">{ELLIPSE}{thinned}</p>',
         ),
         _section(

@@ -165,8 +165,21 @@ def _ellipses(
     return {
         "centre": centre,
         "half": half,
+        "one_sided": [name for name, row in zip(names, x, strict=True) if _one_sided(row)],
         "phase": [[p if np.isfinite(p) else None for p in row] for row in phase.tolist()],
     }
+
+
+def _one_sided(values: np.ndarray) -> bool:
+    """Whether the runs lie to one side of their mean, by the skewness of those that are there:
+    1 of the size of a normal number, 2 of an exponential law."""
+    own = values[~np.isnan(values)]
+    deviation = np.std(own) if own.size else 0.0
+    if not deviation > 0.0:
+        return False
+    skewness = float(np.mean(((own - own.mean()) / deviation) ** 3))
+    # Of a normal law it scatters by sqrt(6/n): what stands out by chance claims nothing.
+    return abs(skewness) > max(0.6, 4.0 * np.sqrt(6.0 / own.size))
 
 
 def _phase(x: np.ndarray) -> np.ndarray:

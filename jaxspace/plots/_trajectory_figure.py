@@ -1,6 +1,7 @@
 """A figure of a trajectory: every block of the state against time, with Euler angles."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 EULER_LABELS = ("ψ precession", "θ nutation", "φ spin")
 MOST_RUNS = 20
 """Lines of one component that a reader can still tell apart."""
+FAR = 1e5
+"""m: longer lengths would have an axis in powers of ten."""
+Scale: TypeAlias = Callable[[str, str], tuple[str, float]]
 MOST_LINES = 7
 """Components that one panel shows."""
 
@@ -49,13 +53,15 @@ def trajectory_figure(
     units: dict[str, str] | None = None,
     runs: int = MOST_RUNS,
     title: str = "",
+    scale: Scale | None = None,
 ) -> "Figure":
     """A matplotlib figure with a panel for each block of the state against time.
 
     `trajectory_figure(run).savefig("run.png")` draws a trajectory, or all phases of a mission. An
-    attitude is shown as a quaternion and as Euler's angles 3-1-3. Where the motion between two
-    saved times is more than a line would show, as of a fast spin, a run with a closed form or with
-    `dense=True` is drawn at more times; any other one as points, and its panel says so.
+    attitude is shown as Euler's angles 3-1-3, and the event that ended a run as a line. Where the
+    motion between two saved times is more than a line would show, as of a fast spin, a run with a
+    closed form or with `dense=True` is drawn at more times; any other one as points, and its panel
+    says so.
 
     **Arguments**
 
@@ -63,6 +69,8 @@ def trajectory_figure(
     - `units`: of blocks by name, where the class of the state declares none.
     - `runs`: how many runs of a batch are drawn.
     - `title`: of the whole figure.
+    - `scale`: of the name of a block, or "time", and its unit: the unit that is shown, and how many
+      of it one is. By default lengths in m beyond 100 km are shown in km.
 
     **Raises** `InputError` where the times are not behind the components.
     """
@@ -78,6 +86,8 @@ def trajectory_figure(
         drawn = resolved(phase)
         batched = np.ndim(phase.status) == 1
         parts.append((_times(drawn.ts, runs), _blocks(drawn, batched, runs, units or {})))
+    clock, seconds = ("s", 1.0) if scale is None else scale("time", "s")
+    parts = [(seconds * ts, _scaled(found, scale)) for ts, found in parts]
     # Phases may have states of different classes: a panel for each block of any of them.
     blocks = list(dict.fromkeys(name for _, found in parts for name in found))
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
@@ -89,12 +99,31 @@ def trajectory_figure(
         _panel(axes, present)
         block = present[0][1]
         label = name.replace("_", " ") + (f"\n[{block.unit}]" if block.unit else "")
-        dress(axes, "", "time [s]" if axes is panels[-1] else "", label)
+        dress(axes, "", f"time [{clock}]" if axes is panels[-1] else "", label)
         if block.wraps:
             axes.set_yticks([-180, -90, 0, 90, 180])
     _bounds(panels, [ts for ts, _ in parts], names)
+    ended = phases[-1]
+    # Of a batch each run may end by another event.
+    if np.ndim(ended.status) == 0 and int(getattr(ended, "event", -1)) >= 0:
+        _line(panels, float(parts[-1][0][-1, 0]), "event")
     figure.align_ylabels(list(panels))
     return figure
+
+
+def _scaled(blocks: dict[str, Block], scale: Scale | None) -> dict[str, Block]:
+    """The blocks in the units in which they are shown."""
+    found = {}
+    for name, block in blocks.items():
+        if block.wraps:
+            unit, factor = block.unit, 1.0
+        elif scale is not None:
+            unit, factor = scale(name, block.unit)
+        else:
+            far = block.unit == "m" and np.nanmax(np.abs(block.values), initial=0.0) > FAR
+            unit, factor = ("km", 1e-3) if far else (block.unit, 1.0)
+        found[name] = block._replace(unit=unit, values=factor * block.values)
+    return found
 
 
 def _times(ts: Any, runs: int) -> np.ndarray:
@@ -118,13 +147,15 @@ def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> di
             )
         # One axis for all components: none of a mass, several of a tensor.
         values = values.reshape(-1, times, values.shape[-1] if batched else 1)[:, :, :runs]
-        labels = _labels(len(values), quaternion)
         coarse = name in drawn.coarse
-        found[name] = Block(units.get(name, unit), labels, values, coarse=coarse)
+        # Nobody reads the four components of a quaternion.
         if quaternion:
             angles = _euler_degrees(values)
             prefix = "" if name == "attitude" else f"{name}, "
             found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, True, coarse)
+        else:
+            labels = _labels(len(values))
+            found[name] = Block(units.get(name, unit), labels, values, coarse=coarse)
     return found
 
 
@@ -139,10 +170,8 @@ def _euler_degrees(wxyz: np.ndarray) -> np.ndarray:
     return np.degrees(np.asarray(_euler(wxyz)))
 
 
-def _labels(count: int, quaternion: bool) -> tuple[str, ...]:
+def _labels(count: int) -> tuple[str, ...]:
     """The labels of the components of a block."""
-    if quaternion:
-        return ("w", "x", "y", "z")
     return {1: ("",), 3: ("x", "y", "z")}.get(count, tuple(str(k + 1) for k in range(count)))
 
 
@@ -210,5 +239,12 @@ def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> Non
             fontsize=9,
         )
         if ts is not times[-1]:
-            for axes in panels:
-                axes.axvline(end, color=MUTED, linewidth=0.9, linestyle="--")
+            _line(panels, end)
+
+
+def _line(panels: Any, time: float, words: str = "") -> None:
+    """A line at a time through all panels, with words on top."""
+    for axes in panels:
+        axes.axvline(time, color=MUTED, linewidth=0.9, linestyle="--")
+    where = {"xycoords": ("data", "axes fraction"), "textcoords": "offset points"}
+    panels[0].annotate(words, (time, 1.0), (0, 3), **where, ha="right", fontsize=9, color=MUTED)

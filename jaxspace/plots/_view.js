@@ -5,7 +5,9 @@ const canvas = $("view"), pen = canvas.getContext("2d");
 const ends = [data.times[0], data.times[data.times.length - 1]];
 const span = ends[1] - ends[0] || 1;
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
-const state = { t: ends[0], playing: !still, speed: 1, yaw: -0.9, pitch: 0.42, zoom: 1,
+// From the side on which the run begins, which a planet would hide from the other one.
+const seenFrom = () => data.planet > 0 ? Math.atan2(data.position[0][1], data.position[0][0]) + 0.7 : -0.9;
+const state = { t: ends[0], playing: !still, speed: 1, yaw: seenFrom(), pitch: 0.42, zoom: 1,
   near: !data.position, last: null, frames: 0, traces: {}, turned: null };
 // What the saved times do not resolve: nothing is known of the way from one of them to the next.
 const coarse = Object.fromEntries(data.coarse.map((name) => [name, true]));
@@ -69,6 +71,7 @@ function draw() {
   const unit = 0.43 * Math.min(w, h) * state.zoom / extent;
   const project = (p) => [w / 2 + unit * dot(axes[0], p), h / 2 - unit * dot(axes[1], p), dot(axes[2], p)];
   const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now, coarse.attitude) };
+  if (data.ground) ground(scene, extent);
   frame(scene, extent);
   if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
   $("clock").textContent = "t = " + state.t.toPrecision(6) + " s" + (data.phases ? ", " + phase() : "");
@@ -137,15 +140,37 @@ function trace({ project, now }, rows, style, front, held, hidden, size = 1) {
   pen.stroke();
 }
 
-function arrow({ project }, tip, style, name) {
-  const [a, b] = [project([0, 0, 0]), project(tip)];
-  line([a, b], style, 2);
+function arrow({ project }, from, tip, style, name, width = 2.5) {
+  const [a, b] = [project(from), project(add(from, tip))];
+  line([a, b], style, width);
+  const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
+  const [x, y] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length], head = Math.min(4 * width, 0.4 * length);
   pen.fillStyle = style;
   pen.beginPath();
-  pen.arc(b[0], b[1], 3.2, 0, 7);
+  pen.moveTo(b[0] + x * head * 0.4, b[1] + y * head * 0.4);
+  for (const side of [1, -1]) pen.lineTo(b[0] - head * (x - 0.45 * side * y), b[1] - head * (y + 0.45 * side * x));
   pen.fill();
-  pen.font = "12px system-ui, sans-serif";
-  pen.fillText(name, b[0] + 6, b[1] + 4);
+  pen.font = "13px system-ui, sans-serif";
+  pen.fillText(name, b[0] + 8, b[1] + 4);
+}
+
+// The axes of the body that no trace follows, and the vectors of the body, from its centre.
+function arrows(scene, centre, size, shown) {
+  if (state.traces.axis) [[1, 0, 0], [0, 1, 0]].forEach((axis, k) =>
+    arrow(scene, centre, scale(turn(scene.attitude, axis), 1.25 * size), colour("muted"), "xy"[k], 1.5));
+  for (const [name, rows] of shown)
+    arrow(scene, centre, scale(between(rows, scene.now, coarse[name]), size), colour(name), data.names[name]);
+}
+
+// The ground on which a top stands, as a disk about the origin.
+function ground({ project }, extent) {
+  pen.beginPath();
+  for (let k = 0; k <= 72; k++) {
+    const a = (k * Math.PI) / 36, q = project([0.75 * extent * Math.cos(a), 0.75 * extent * Math.sin(a), 0]);
+    if (k) pen.lineTo(q[0], q[1]); else pen.moveTo(q[0], q[1]);
+  }
+  pen.fillStyle = colour("ground");
+  pen.fill();
 }
 
 // Faces from the far ones to the near ones.
@@ -191,10 +216,8 @@ function drawBody(scene, centre, size) {
   const shown = Object.entries(data.traces).filter(([name]) => state.traces[name]);
   for (const [name, rows] of shown) trace(scene, rows, colour(name), false, coarse[name]);
   faces(scene, centre, size);
-  for (const [name, rows] of shown) {
-    trace(scene, rows, colour(name), true, coarse[name]);
-    arrow(scene, between(rows, scene.now, coarse[name]), colour(name), data.names[name]);
-  }
+  for (const [name, rows] of shown) trace(scene, rows, colour(name), true, coarse[name]);
+  arrows(scene, centre, size, shown);
 }
 
 function drawOrbit(scene, extent) {
@@ -204,8 +227,11 @@ function drawOrbit(scene, extent) {
   const at = project(position);
   const body = () => {
     if (hidden(at)) return;
-    if (data.attitude) faces(scene, position, data.size || 0.09 * extent / data.reach / state.zoom);
-    else {
+    const size = data.size || 0.16 * extent / data.reach / state.zoom;
+    if (data.attitude) {
+      faces(scene, position, size);
+      arrows(scene, position, size, Object.entries(data.traces).filter(([name]) => state.traces[name]));
+    } else {
       pen.fillStyle = colour("axis");
       pen.beginPath();
       pen.arc(at[0], at[1], 5, 0, 7);

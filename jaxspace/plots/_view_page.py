@@ -29,6 +29,10 @@ MOST_TURNING = 6000
 PLACE = {"direction": "position"}
 """Blocks of states that are shown as a position."""
 NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular momentum"}
+SIGNS = {"orbit": "path", "axis": "z", "rate": "ω", "momentum": "H"}
+"""What the controls and the tips of arrows say: short, so that the controls fit one line."""
+LENGTHS = {"axis": 1.3, "rate": 1.5, "momentum": 1.75}
+"""Of the arrows, in half-lengths of the body: beyond it, and so that those on one line are seen."""
 SPEEDS = {"0.1": "1/10", "0.25": "1/4", "0.5": "1/2", "1": "1", "2": "2", "4": "4", "10": "10"}
 
 
@@ -53,8 +57,8 @@ def view_page(
     - `trajectory`: of one run (`run.of(0)` of a batch), or a mission, whose phases follow one
       another.
     - `path`: of the HTML file.
-    - `planet_radius`: of the body at the origin, m; where something attracts (has a `mu`), a third
-      of the closest distance if left out.
+    - `planet_radius`: of the body at the origin, m. If left out, and something attracts (has a
+      `mu`), the radius that an effect states (`ground`), or a third of the closest distance.
     - `title`: of the page.
 
     **Returns** the path.
@@ -63,7 +67,8 @@ def view_page(
     """
     data = _data(trajectory, planet_radius)
     boxes = [
-        f"<label><input type=checkbox value={name} checked> {words}</label>"
+        f'<label title="{words}"><input type=checkbox value={name} checked '
+        f'aria-label="{words}"> {SIGNS[name]}</label>'
         for name, words in _traces(data).items()
     ]
     if data["position"] and data["attitude"]:
@@ -98,7 +103,11 @@ def view_page(
 
 
 def show_run(
-    trajectory: "Trajectory | MissionTrajectory", path: str | os.PathLike[str] | None = None
+    trajectory: "Trajectory | MissionTrajectory",
+    path: str | os.PathLike[str] | None = None,
+    *,
+    planet_radius: float | None = None,
+    title: str = "",
 ) -> Path:
     """Write the page of `view_page`, and open it in the browser.
 
@@ -106,13 +115,14 @@ def show_run(
 
     - `trajectory`: of one run, or a mission.
     - `path`: of the HTML file; a temporary one if left out.
+    - `planet_radius`, `title`: as in `view_page`.
 
     **Returns** the path.
     """
     if path is None:
         # Not removed: the browser reads it when this process may be gone.
         path = Path(tempfile.mkdtemp(prefix="jaxspace-")) / "run.html"
-    page = view_page(trajectory, path)
+    page = view_page(trajectory, path, planet_radius=planet_radius, title=title)
     webbrowser.open(page.resolve().as_uri())
     return page
 
@@ -228,8 +238,12 @@ def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[s
         return {"position": None}
     distance = np.linalg.norm(blocks["position"], axis=0)
     system = phase.system
-    attracts = any(hasattr(x, "mu") for x in (system, *getattr(system, "effects", ())))
-    fallback = float(np.min(distance)) / 3.0 if attracts else 0.0
+    effects = getattr(system, "effects", ())
+    attracts = any(hasattr(x, "mu") for x in (system, *effects))
+    grounds = [g for x in effects if (g := getattr(x, "ground", lambda: None)()) is not None]
+    # An effect that is meant above the ground knows where it is.
+    fallback = float(np.max(grounds)) if grounds else float(np.min(distance)) / 3.0
+    fallback = fallback if attracts else 0.0
     return {
         "position": rows["position"],
         "extent": float(np.max(distance)),
@@ -249,10 +263,8 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
         if name in rows:
             vectors = np.asarray(rows[name])
             size = np.max(np.linalg.norm(vectors, axis=1))
-            # Beyond the body, so that the tips are seen.
-            length = 1.3 if name == "axis" else 1.5
             # The vectors of a body at rest have no size to divide by.
-            traces[name] = _listed((length / (size or 1.0) * vectors).T)
+            traces[name] = _listed((LENGTHS[name] / (size or 1.0) * vectors).T)
     faces, wheels = _faces(phase), _wheels(phase.system, drawn, times, pick)
     corners = [point for face in faces for point in face["points"]]
     for k, wheel in enumerate(wheels):
@@ -260,10 +272,11 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
         # Outside of the body, where it is seen.
         wheel["at"] = ((np.max(corners @ along) + 0.1) * along).tolist()
         faces += wheel_faces(k, along)
-    names = {**NAMES, "rate": "omega", "momentum": "h", "axis": "z"}
-    reach = {"reach": 1.7, "faces": faces, "wheels": wheels, "traces": traces, "names": names}
+    reach = {"reach": 1.9, "faces": faces, "wheels": wheels, "traces": traces, "names": SIGNS}
+    # A top stands on the ground.
+    reach["ground"] = hasattr(phase.system, "weight_moment")
     return (
-        {"attitude": rows["attitude"], "extent": 1.7, **reach}
+        {"attitude": rows["attitude"], "extent": 1.9, **reach}
         if "position" not in rows
         else {"attitude": rows["attitude"], **reach}
     )

@@ -9,19 +9,20 @@ factor in forward mode.
 """
 
 import dataclasses
+import inspect
 from collections.abc import Callable
 
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core import InputError, Scalar, State, check_positive, quantities
+from ..core import InputError, Output, Scalar, State, check_positive, quantities
 from ..integration import Accuracy, SimulationError, Status, least_tolerance
 from ..integration.accuracy import DEFAULT_RTOL, as_accuracy, state_dtype
 from ..solvers import refine, solver_traits
 from ._budget_table import EffectBudget
 from ._effect_choice import negligible, timed_run, verified
 from ._effect_rows import influence_of, shares_of
-from ._runs import check_start
+from ._runs import OutputOfRun, check_start
 from ._scaled_runs import scaled_runs
 from ._scene_effects import Runnable, phases_by_effect
 
@@ -33,7 +34,7 @@ def effect_budget(
     y0: State,
     ts: Float[ArrayLike, " times"] | Float[ArrayLike, ""] = 0.0,
     *,
-    output: str | Callable[[State], Array] | None = None,
+    output: str | Callable[..., Array] | None = None,
     tolerance: float | None = None,
     accuracy: Accuracy | Scalar | None = None,
     repeats: int = REPEATS,
@@ -45,8 +46,9 @@ def effect_budget(
     - `scene`, `y0`, `ts`: as in `simulate`; or a mission, its state and the time of its start,
       s, as in `simulate_mission`.
     - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
-      (its change is an angle), "omega" or "mass", or a function of the final state; by default the
-      first part that the state holds.
+      (its change is an angle), "omega" or "mass"; a function of the final state; or one that
+      `core.output` has declared, of the final state `y`, its time `t` and parts of it by their
+      names. By default the first part that the state holds.
     - `tolerance`: how far the output may move, in its unit. With it, the effects that may be left
       out are found, from the least on, and a run of exactly the others confirms it.
     - `accuracy`: of the runs. Influences below the error of the integration are not resolved; a run
@@ -97,12 +99,13 @@ def effect_budget(
     return verified(table, runs, negligible(table, runs), scene, plain_run)
 
 
-def _output(
-    output: str | Callable[[State], Array] | None, y0: State
-) -> tuple[Callable[[State], Array], str, str]:
+def _output(output: str | Callable[..., Array] | None, y0: State) -> tuple[OutputOfRun, str, str]:
     """The output as a function, its name and its unit."""
     if callable(output):
-        return output, "output", ""
+        declared: Output | None = getattr(output, "output", None)
+        if declared is None:
+            return lambda t, y: output(y), "output", ""
+        return _by_name(output), getattr(output, "__name__", "output"), declared.unit
     units = {
         name: declared.unit
         for name, declared in quantities(type(y0)).items()
@@ -117,5 +120,26 @@ def _output(
         )
     if output == "attitude":
         # A small rotation moves the quaternion by half its angle.
-        return lambda y: 2.0 * y.attitude.wxyz, output, "rad"
-    return lambda y: getattr(y, output), output, units[output]
+        return lambda t, y: 2.0 * y.attitude.wxyz, output, "rad"
+    return lambda t, y: getattr(y, output), output, units[output]
+
+
+def _by_name(output: Callable[..., Array]) -> OutputOfRun:
+    """A declared output as a function of time and state.
+
+    Raises `InputError` for one that needs more than a run has."""
+    names = tuple(inspect.signature(output).parameters)
+
+    def of_run(t: Scalar, y: State) -> Array:
+        given = {"t": t, "y": y}
+        for name in names:
+            if name not in given:
+                given[name] = getattr(y, name, None)
+            if given[name] is None:
+                raise InputError(
+                    f"output {getattr(output, '__name__', '')} reads {name}: it must read parts of "
+                    f"the final state, the state y and the time t alone."
+                )
+        return output(**{name: given[name] for name in names})
+
+    return of_run

@@ -11,7 +11,7 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ..integration import Accuracy, Status
 from ._budget_table import EffectBudget
-from ._runs import aot_compile, run_once, timed
+from ._runs import OutputOfRun, aot_compile, run_once, timed
 from ._scaled_runs import ScaledRuns
 from ._scene_effects import Runnable, remove_effects
 
@@ -71,7 +71,7 @@ def timed_run(
     system: Runnable,
     y0: State,
     ts: Array,
-    output: Callable[[State], Array],
+    output: OutputOfRun,
     accuracy: Accuracy,
     repeats: int,
 ) -> tuple[np.ndarray, Status, float]:
@@ -82,7 +82,7 @@ def timed_run(
     def run(arrays: PyTree[Array], rtol: Array) -> tuple[Array, Array]:
         system, y0, ts = eqx.combine(arrays, static)
         outcome = run_once(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
-        return output(outcome.final), outcome.status
+        return outcome.value(output), outcome.status
 
     rtol = jnp.asarray(accuracy.rtol)
     program = aot_compile(run, arrays, rtol)

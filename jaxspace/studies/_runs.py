@@ -3,7 +3,7 @@ much memory it needs."""
 
 import time
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
-from ..core import AbstractSystem, State, check_finite
+from ..core import AbstractSystem, Scalar, State, check_finite
 from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
@@ -22,6 +22,8 @@ from ..simulation.legs import legs_of
 ENOUGH = 2.0
 
 Tree = TypeVar("Tree")
+OutputOfRun: TypeAlias = Callable[[Scalar, State], Array]
+"""An output of the time at which a run ends, and of its final state."""
 
 
 class RunOutcome(NamedTuple):
@@ -37,6 +39,10 @@ class RunOutcome(NamedTuple):
     status: Int[Array, ""]
     evaluations: tuple[Int[Array, ""], ...]
     steps: tuple[Int[Array, ""], ...]
+
+    def value(self, output: OutputOfRun) -> Array:
+        """An output of the end of the run."""
+        return output(self.phases[-1][0][-1], self.final)
 
 
 def run_once(

@@ -18,7 +18,7 @@ from jaxtyping import Array, Float, Int, PyTree
 from ..core import State
 from ..integration import Accuracy, Status
 from ..integration.accuracy import state_dtype
-from ._runs import RunOutcome, run_once
+from ._runs import OutputOfRun, RunOutcome, run_once
 from ._scene_effects import Runnable, scale_effects
 
 
@@ -66,15 +66,16 @@ class ScaledRuns(NamedTuple):
     def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
         """How far an output has moved; a quaternion and its negative are one attitude."""
         if self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(value - nominal):
-            return -value - nominal
-        return value - nominal
+            value = -value
+        # The difference of two single numbers would be no array.
+        return np.asarray(value - nominal)
 
 
 def scaled_runs(
     system: Runnable,
     y0: State,
     ts: Array,
-    output: Callable[[State], Array],
+    output: OutputOfRun,
     accuracy: Accuracy,
     names: tuple[str, ...],
     signless: bool,
@@ -84,7 +85,7 @@ def scaled_runs(
     **Arguments**
 
     - `system`, `y0`, `ts`: what runs.
-    - `output`: of the final state.
+    - `output`: of the end of a run.
     - `accuracy`: of the runs; its tolerance may be tightened later.
     - `names`: of the effects, in the order of their factors.
     - `signless`: whether an output and its negative are the same.
@@ -102,7 +103,7 @@ def scaled_runs(
         def value_of(factors: list[Array]) -> tuple[Array, RunOutcome]:
             scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
             outcome = run_once(scaled, y0, ts, own)
-            return output(outcome.final), outcome
+            return outcome.value(output), outcome
 
         return jax.jvp(value_of, (factors,), (direction,), has_aux=True)
 

@@ -30,6 +30,6 @@ lines = axes.contour(
     linestyles="--",
 )
 axes.clabel(lines, fontsize=7, fmt="%.0f deg")
-axes.set(xlabel="lambda, 1", ylabel="beta, deg")
+axes.set(xlabel="λ, 1", ylabel="β, deg")
 axes.set_title("Eccentricity (blue) and true anomaly (red)")
 plt.show()

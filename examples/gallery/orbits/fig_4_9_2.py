@@ -21,7 +21,7 @@ for degrees in (0.01, 10.0, 20.0, 30.0, 45.0, 60.0):
 left.axvline(2.0, color="0.6", lw=0.8, ls="--")
 left.text(2.02, 0.05, "escape", fontsize=8, color="0.4")
 left.set(xlabel="lambda, 1", ylabel="eccentricity, 1", ylim=(0.0, 1.65))
-left.legend(title="beta")
+left.legend(title="β")
 right.set(xlabel="lambda, 1", ylabel="true anomaly at burnout, deg")
 right.set(yticks=range(0, 181, 30))
 plt.show()

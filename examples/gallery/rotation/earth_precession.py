@@ -42,6 +42,6 @@ for f, tau in pulls.values():
     nod = nod + across * jnp.cos(4.0 * jnp.pi * t / tau)
 second = jnp.degrees(1.0) * 3600.0
 right.plot(psi * jnp.sin(theta) * second, nod * second, lw=1.0)
-right.set(xlabel="along the circle, arcsec", ylabel="change of theta, arcsec")
+right.set(xlabel="along the circle, arcsec", ylabel="change of θ, arcsec")
 right.set(aspect="equal", title="Nodding in a year")
 plt.show()

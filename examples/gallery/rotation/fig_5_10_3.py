@@ -59,6 +59,6 @@ for sign in (1.0, -1.0):
 axes.view_init(30, 31)
 axes.set(xlim=(-1, 1), ylim=(-0.75, 0.75), zlim=(-0.62, 0.62))
 axes.set_box_aspect((2.0, 1.5, 1.24))
-axes.set(xlabel="omega_1", ylabel="omega_2", zlabel="omega_3")
+axes.set(xlabel="ω₁", ylabel="ω₂", zlabel="ω₃")
 axes.set(xticks=[-1, 0, 1], yticks=[-0.5, 0, 0.5], zticks=[-0.5, 0, 0.5])
 plt.show()

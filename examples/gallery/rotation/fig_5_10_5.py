@@ -44,6 +44,6 @@ for axes, (i, j, name) in zip(
         color="0.6",
         lw=0.8,
     )
-    axes.set(xlabel=f"omega_{i + 1}", ylabel=f"omega_{j + 1}", aspect="equal")
+    axes.set(xlabel=f"$ω_{i + 1}$", ylabel=f"$ω_{j + 1}$", aspect="equal")
     axes.set_title(f"{name} moment")
 plt.show()

@@ -25,5 +25,5 @@ left.set(title="Body cone", ylabel="half-angle, deg")
 right.set(title="Space cone")
 left.legend(title="C / A")
 for axes in (left, right):
-    axes.set(xlabel="theta, deg", xticks=range(0, 91, 15))
+    axes.set(xlabel="θ, deg", xticks=range(0, 91, 15))
 plt.show()

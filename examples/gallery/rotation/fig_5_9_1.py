@@ -45,7 +45,7 @@ for k, (ratio, name) in enumerate(((0.4, "direct"), (1.6, "retrograde"))):
         *(jnp.cos(tilt), "k-"),
         lw=1.0,
     )
-    for angle, label in ((0.0, "h"), (tilt, "axis"), (tilt - gamma, "omega")):
+    for angle, label in ((0.0, "h"), (tilt, "axis"), (tilt - gamma, "ω")):
         x, z = 1.25 * jnp.sin(angle), 1.25 * jnp.cos(angle)
         axes.plot([0, x], [0, 0], [0, z], color="k", lw=1.2)
         axes.text(x, 0, z, label, fontsize=8)

@@ -27,7 +27,7 @@ for k, spin in enumerate((15.0, 25.0, 40.0)):
     least = top.pseudo_potential(rest, h_Z, spin)
     axes.plot(jnp.degrees(rest), least, "x", color=f"C{k}")
     axes.plot(ends, [weight * jnp.cos(tilt)] * 2, "o-", color=f"C{k}", lw=0.8)
-axes.set(xlabel="theta, deg", ylabel="V', J", ylim=(0.0, 0.2))
+axes.set(xlabel="θ, deg", ylabel="V', J", ylim=(0.0, 0.2))
 axes.set(xticks=range(0, 181, 30))
 axes.legend(title="spin")
 plt.show()

@@ -26,5 +26,5 @@ for k, degrees in enumerate((0.01, 30.0, 60.0, 80.0, 120.0)):
 axes.plot(spin, 0.08 / (6.0e-4 * spin), "--", color="0.5", lw=1.0)
 axes.set(xlabel="spin, rad/s", ylabel="rate of precession, rad/s")
 axes.set(ylim=(-30.0, 80.0), xlim=(0.0, 100.0))
-axes.legend(title="theta")
+axes.legend(title="θ")
 plt.show()

@@ -29,6 +29,6 @@ figure, axes = plt.subplots(figsize=(7.6, 3.8))
 for k, name in enumerate(("steady", "waves", "cusps", "loops")):
     axes.plot(psi[:, k], theta[:, k], label=name)
 axes.invert_yaxis()
-axes.set(xlabel="precession psi, deg", ylabel="nutation theta, deg")
+axes.set(xlabel="precession ψ, deg", ylabel="nutation θ, deg")
 axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=4)
 plt.show()

@@ -22,7 +22,7 @@ for share in (0.6, 0.8, 1.0, 1.2):
     turning = (C * share * critical * jnp.tan(0.5 * theta)) ** 2 / (2.0 * A)
     V = turning + weight * (jnp.cos(theta) - 1.0)
     left.plot(jnp.degrees(theta), V / weight, label=f"{share:g}")
-left.set(xlabel="theta, deg", ylabel="V' / m g h, 1", ylim=(-0.5, 0.5))
+left.set(xlabel="θ, deg", ylabel="V' / m g h, 1", ylim=(-0.5, 0.5))
 left.legend(title="spin / critical")
 share = jnp.linspace(0.0, 1.3, 400)
 right.plot(share, top.sleeping_growth_rate(share * critical))

@@ -1,0 +1,56 @@
+"""Python files with a user's own physics, run by their text."""
+
+import functools
+import hashlib
+import linecache
+import re
+import sys
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from ._check import InputError
+
+
+def text_hash(text: str) -> str:
+    """The SHA-256 of a text in UTF-8, in hexadecimal digits."""
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+# Once in a process, so that a class of the file is the same one wherever the file is named.
+@functools.cache
+def run_module(name: str, text: str) -> ModuleType:
+    """The module of a Python file, which is run.
+
+    **Arguments**
+
+    - `name`: of the file, such as "my_effects.py".
+    - `text`: of the file.
+
+    **Returns** the module. Its name follows from the arguments, so that what it defines can be sent
+    to a process that has run the same text.
+
+    **Raises** `InputError` with the line where the text raises an error."""
+    # With the hash: a worker may serve campaigns of two versions of the file in turn.
+    title = re.sub(r"\W", "_", Path(name).stem)
+    module = ModuleType(f"jaxspace_module_{title}_{text_hash(text)[:16]}")
+    module.__file__ = name
+    # Before it runs: dataclasses look their module up by its name.
+    sys.modules[module.__name__] = module
+    # Tracebacks show lines of a file that a worker does not have.
+    linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
+    try:
+        exec(compile(text, name, "exec"), module.__dict__)
+    except (Exception, SystemExit) as error:
+        del sys.modules[module.__name__]
+        lines = [
+            frame.lineno
+            for frame in traceback.extract_tb(error.__traceback__)
+            if frame.filename == name
+        ]
+        number = error.lineno if isinstance(error, SyntaxError) else lines[-1]
+        said = error.msg if isinstance(error, SyntaxError) else error
+        raise InputError(
+            f"{name} cannot be run: line {number} raises {type(error).__name__}: {said}"
+        ) from error
+    return module

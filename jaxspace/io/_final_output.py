@@ -1,0 +1,35 @@
+"""An output of a scene file at the end of a run, as a function for studies of that run."""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import Scalar, State, output
+from ._outputs import FINAL, Outputs, OutputSpec
+
+
+class FinalOutput(NamedTuple):
+    """An output of the final state of a run.
+
+    - `function`: of the state `y` and its time `t`, s; its unit is the one of the file.
+    - `si`: the unit in SI; `factor`: how many units of the file that is."""
+
+    function: Callable[..., Array]
+    si: str
+    factor: float
+
+
+def function_of(outputs: Outputs, spec: OutputSpec) -> Callable[..., Array]:
+    """The function of the output of the `spec`, which is among the `outputs`, for one run."""
+
+    def of_end(y: State, t: Scalar) -> Array:
+        # Outputs are written for runs on the last axis: this is a batch of one.
+        y, t = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (y, t))
+        return outputs.numbers({-1: y}, {-1: t}, {})[spec.name][0]
+
+    # A table of it says already that it is final.
+    of_end.__name__ = spec.name.removeprefix(f"{FINAL}.")
+    return output(spec.unit)(of_end)

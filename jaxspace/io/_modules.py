@@ -1,0 +1,69 @@
+"""Modules of own physics: Python files whose classes and declared functions scene files may name.
+
+A module runs because a caller names it. A scene file may say in `modules` which it needs, and a
+store which it was computed with: neither makes one run."""
+
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from ..core import InputError, read_text, run_module, text_hash
+from ._named_files import NamedFile
+
+
+def read_modules(paths: Iterable[str | os.PathLike[str]]) -> tuple[NamedFile, ...]:
+    """The modules at these paths. Raises `InputError` for one that cannot be read."""
+    found: dict[str, NamedFile] = {}
+    for path in paths:
+        try:
+            module = NamedFile(Path(os.fspath(path)), read_text(path))
+        except OSError as error:
+            raise InputError(f"{path} cannot be read: {error.strerror}.") from None
+        # A store has them by their names, which therefore must differ.
+        if found.setdefault(module.path.name, module) != module:
+            raise InputError(f"{path} has the name of another module: it must be another name.")
+    return tuple(found.values())
+
+
+def defined_in(module: NamedFile) -> list[object]:
+    """The classes and functions that a module defines, without those that it imports; runs it."""
+    ran = run_module(module.path.name, module.text)
+    return [
+        thing
+        for name, thing in vars(ran).items()
+        if not name.startswith("_") and getattr(thing, "__module__", None) == ran.__name__
+    ]
+
+
+def missing_module(data: Mapping[str, Any], given: Iterable[NamedFile]) -> str:
+    """The sentence for the first module that a file needs and that was not given; empty for none.
+
+    `given`: the modules that the caller allows to run."""
+    names, needed = [module.path.name for module in given], data.get("modules")
+    # What is no list of texts is reported by reading it.
+    for k, name in enumerate(needed if isinstance(needed, list) else []):
+        if isinstance(name, str) and Path(name).name not in names:
+            return (
+                f'modules.{k} is "{name}", which is code: it must be allowed by the command, as '
+                f'--with {name} (in Python modules=["{name}"]), for a file alone runs none.'
+            )
+    return ""
+
+
+def check_stored(record: Mapping[str, Any], given: Iterable[NamedFile]) -> None:
+    """Raise `InputError` unless the modules are those of the record of a store."""
+    here = {module.path.name: text_hash(module.text) for module in given}
+    there = {name: module["sha256"] for name, module in record.get("modules", {}).items()}
+    for name in (*there, *here):
+        if there.get(name) == here.get(name):
+            continue
+        was, now = (
+            f"SHA-256 {own[name][:16]}..." if name in own else "none" for own in (there, here)
+        )
+        raise InputError(
+            f"The module {name} is {now}: it must be the one of the store, {was} (--with {name}; "
+            f"the store has its text)."
+            if name in there
+            else f"The module {name} is none of the store: it must be left out."
+        )
