@@ -39,7 +39,7 @@ LONG = (
 )
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
-GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
+GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md", "equations.md"}
 
 
 def test_there_is_something_to_run():

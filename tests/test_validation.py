@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
-sys.path.insert(0, str(ROOT))
+sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
+
+import _wall_page  # noqa: E402
+import hunt_page  # noqa: E402
 
 from validation import nesc, page  # noqa: E402
 from validation._from_tests import OfTest  # noqa: E402
@@ -69,3 +72,15 @@ def test_a_course_is_held_against_the_nearest_simulator():
     assert row.allowed == pytest.approx(89.9) and "3 simulators" in row.why
     turned = nesc.against(np.array([359.95, 0.0, 0.0]), theirs, True, **said)
     assert turned.difference == pytest.approx(0.05) and isinstance(turned, Row)
+
+
+def test_the_wall_has_every_closed_form_with_its_errors_and_nearly_all_with_their_equations():
+    rows = [row for row in hunt_page.stored().values() if row["room"] != "systems"]
+    wall = _wall_page.wall()
+    for row in rows:
+        assert _wall_page.line(row) in wall, row["name"]
+    sections = wall.split("\n### ")[1:]
+    plain = [section.partition("\n")[0] for section in sections if "```text" not in section]
+    # Vector algebra, and what gathers the formulas of other files.
+    assert len(sections) > 100 and len(plain) < 8, plain
+    assert sum("\nSource: " in section for section in sections) > len(sections) - 8

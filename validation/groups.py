@@ -1,9 +1,17 @@
 """The groups of comparisons, in the order of the page."""
 
-from . import nesc, optima, rockets, textbooks
+from . import measured, nesc, optima, peers, programs, rockets, textbooks
 from ._row import Row
 
-GROUPS = {"textbooks": textbooks, "nesc": nesc, "optima": optima, "rockets": rockets}
+GROUPS = {
+    "textbooks": textbooks,
+    "nesc": nesc,
+    "programs": programs,
+    "peers": peers,
+    "rockets": rockets,
+    "optima": optima,
+    "measured": measured,
+}
 ABOUT = {name: group.ABOUT for name, group in GROUPS.items()}
 
 
