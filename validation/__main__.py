@@ -6,6 +6,8 @@ import sys
 import jax
 
 jax.config.update("jax_enable_x64", True)
+# As the tests run: the compiler's optimisations change no result, and take most of the time.
+jax.config.update("jax_disable_most_optimizations", True)
 
 from . import page  # noqa: E402
 from .groups import ABOUT, rows_of  # noqa: E402

@@ -1,11 +1,12 @@
 """The groups of comparisons, in the order of the page."""
 
-from . import measured, nesc, optima, peers, programs, rockets, textbooks
+from . import case_17, measured, nesc, optima, peers, programs, rockets, textbooks
 from ._row import Row
 
 GROUPS = {
     "textbooks": textbooks,
     "nesc": nesc,
+    "case_17": case_17,
     "programs": programs,
     "peers": peers,
     "rockets": rockets,
