@@ -149,11 +149,21 @@ def closed_forms() -> list[Row]:
     return found
 
 
+def days_of_brahe() -> list[Row]:
+    """Ellipses a day later, beside brahe."""
+    r, v = of_others.orbits(FEW)
+    theirs = of_others.by_brahe(_measure.optional("brahe"), np.concatenate([r, v]))()
+    ours = kepler_flow(r, v, of_others.DAY, of_others.MU)[0]
+    words = ("Ellipses a day later, closed form", "position, in its length", "flow", 1e-12)
+    return [relative(ours, theirs[:3], "brahe", *words)]
+
+
 PARTS: dict[Callable[[], list[Row]], tuple[str, ...]] = {
     orbits: ("heyoka", "scipy"),
     rotations: ("heyoka",),
     eccentric: ("heyoka", "rebound"),
     closed_forms: ("pykep",),
+    days_of_brahe: ("brahe",),
 }
 
 
