@@ -7,7 +7,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from benchmarks import _measure, eccentric_orbit, free_body, kepler, low_orbits, top, torqued_body
+from benchmarks import (
+    _measure,
+    eccentric_orbit,
+    free_body,
+    kepler,
+    low_orbits,
+    of_others,
+    top,
+    torqued_body,
+)
 from benchmarks import lambert as lambert_pairs
 from benchmarks.eccentric_orbit import START
 from jaxspace import Accuracy, BodyState, simulate_batch
