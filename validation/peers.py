@@ -35,7 +35,7 @@ as it grows along the motion, and no tolerance that was asked for.
 """
 FEW = 16
 GROWN = {
-    "orbit": "1e-11 of the distance: roundings grow with the square of fifteen revolutions",
+    "orbit": "1e-11 of the distance: roundings grow with the square of some fifteen revolutions",
     "body": "1e-11: roundings of some hundred turns",
     "top": "1e-9: roundings of a hundred nutations, some of them past the upright",
     "eccentric": "1e-9 of the semi-major axis: roundings of a hundred periapses",
@@ -163,7 +163,7 @@ def days_of_brahe() -> list[Row]:
     r, v = of_others.orbits(FEW)
     theirs = of_others.by_brahe(_measure.optional("brahe"), np.concatenate([r, v]))()
     ours = kepler_flow(r, v, of_others.DAY, of_others.MU)[0]
-    words = ("Ellipses a day later, closed form", "position, in its length", "flow", 1e-12)
+    words = ("Ellipses a day later, closed form", "position, in its length", "orbit", 1e-11)
     return [relative(ours, theirs[:3], "brahe", *words)]
 
 
