@@ -16,7 +16,7 @@ export NO_MKDOCS_2_WARNING := true
 # The tests start Python a hundred times: each start would compile all sources of the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench
+.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench validation
 .PHONY: lowest release-check manual keep-bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
@@ -66,6 +66,9 @@ costs: $(VENV)/.test  ## measure what each test takes, and so which of them `tes
 hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, and for a silent NaN
 	@$(BIN)/python tests/hunt.py
 	@$(BIN)/python tests/nan_hunt.py
+
+validation: $(VENV)/.test $(VENV)/.bench  ## the numbers of others beside ours, and their page of the manual
+	@$(BIN)/python -m validation
 
 bench: $(VENV)/.bench  ## speed and accuracy on this machine
 	@$(BIN)/python -m benchmarks

@@ -1,11 +1,11 @@
 """Runs the benchmarks, prints what was measured, and keeps it beside the versions: `python -m
-benchmarks [NAME ...]`."""
+benchmarks [NAME ...]`. With `--device gpu` it runs the work for accelerators on that device."""
 
+import argparse
 import importlib
 import json
 import os
 import platform
-import sys
 from pathlib import Path
 
 import jax
@@ -20,7 +20,7 @@ NAMES = (
     *("ascent", "choice", "eccentric_orbits", "dragged_orbits", "short_pulses", "gradients"),
     *("hybrid_training", "first_call", "first_answers", "kick_stage", "elements", "porkchop"),
     *("effects", "crossings", "model_rocket", "campaign", "closed_loops"),
-    *("environment_steps", "instruments", "dispersion_methods", "rocket_campaign"),
+    *("environment_steps", "instruments", "dispersion_methods", "rocket_campaign", "of_others"),
 )
 RESULTS = Path(__file__).parent / "results"
 
@@ -38,24 +38,42 @@ def machine() -> dict:
     }
 
 
-def main() -> None:
-    """One file of results for each benchmark named, or for all."""
-    names = sys.argv[1:] or NAMES
-    if unknown := set(names) - set(NAMES):
-        sys.exit(
+def keep(name: str, what: str, rows: dict) -> None:
+    """Store the rows of one benchmark, and print them."""
+    RESULTS.mkdir(exist_ok=True)
+    seen = {"what": what.split("\n\n")[0], "machine": machine(), "rows": rows}
+    (RESULTS / f"{name}.json").write_text(json.dumps(seen, indent=1) + "\n")
+    print(json.dumps({name: seen}, indent=1), flush=True)
+
+
+def arguments() -> argparse.Namespace:
+    """What the command line asks for."""
+    parser = argparse.ArgumentParser(prog="python -m benchmarks")
+    parser.add_argument("names", nargs="*", metavar="NAME", help=f"of {', '.join(NAMES)}")
+    parser.add_argument("--device", choices=("cpu", "gpu", "tpu"), help="for wide batches")
+    parser.add_argument("--widths", type=int, nargs="+", help="runs of a wide batch")
+    asked = parser.parse_args()
+    if unknown := set(asked.names) - set(NAMES):
+        parser.error(
             f"There is no benchmark {', '.join(sorted(unknown))}: choose from {', '.join(NAMES)}."
         )
-    RESULTS.mkdir(exist_ok=True)
-    for name in names:
-        benchmark = importlib.import_module(f".{name}", __package__)
-        seen = {
-            "what": benchmark.__doc__.split("\n\n")[0],
-            "machine": machine(),
-            "rows": benchmark.measure(),
-        }
-        (RESULTS / f"{name}.json").write_text(json.dumps(seen, indent=1) + "\n")
-        print(json.dumps({name: seen}, indent=1), flush=True)
-    page.write(RESULTS, NAMES)
+    if asked.widths and not asked.device:
+        parser.error("--widths is of a --device.")
+    return asked
+
+
+def main() -> None:
+    """One file of results for each benchmark named, or for all; or that of a device."""
+    asked = arguments()
+    if asked.device:
+        accelerator = importlib.import_module(".accelerator", __package__)
+        rows = accelerator.measure(asked.device, asked.widths or accelerator.WIDTHS)
+        keep(f"accelerator_{asked.device}", accelerator.__doc__, rows)
+    else:
+        for name in asked.names or NAMES:
+            benchmark = importlib.import_module(f".{name}", __package__)
+            keep(name, benchmark.__doc__, benchmark.measure())
+    page.write(RESULTS, (*NAMES, "accelerator_gpu"))
 
 
 if __name__ == "__main__":

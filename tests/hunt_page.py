@@ -121,7 +121,7 @@ def _summary(rows) -> str:
     return (
         f"The last search looked at {len(rows)} functions and systems, at {places:,} places. Over "
         f"100 in value: {counts[0]}; over 100 in a derivative: {counts[1]}. The others are within "
-        f"{_figure(rest[0])} in value and {_figure(rest[1])} in derivatives."
+        f"{figure(rest[0])} in value and {figure(rest[1])} in derivatives."
     )
 
 
@@ -129,7 +129,7 @@ def _listed(rows) -> str:
     return ", ".join(f"`{r.name}`" for r in rows)
 
 
-def _figure(number: float) -> str:
+def figure(number: float) -> str:
     """Two digits, and no power of ten below ten thousand."""
     return f"{float(f'{number:.2g}'):.0f}" if 99.5 <= number < 1e4 else f"{number:.2g}"
 
@@ -137,16 +137,16 @@ def _figure(number: float) -> str:
 def _row(r) -> str:
     names = ", ".join(f"`{name.partition('.')[2]}`" for name in r.computes)
     names = f"{r.name}: {names}" if r.room == "systems" else f"{names} ({r.name})"
-    cells = (names, r.places, _figure(r.value), r.slope_places, _figure(r.slopes))
+    cells = (names, r.places, figure(r.value), r.slope_places, figure(r.slopes))
     return "| " + " | ".join(map(str, cells)) + " |"
 
 
 def _place(r) -> str:
     lines = [f"**{r.name}**" + (f": {NOTES[r.name]}" if r.name in NOTES else "")]
-    for what, figure, x in (
+    for what, size, x in (
         ("value", r.value, r.inputs),
         ("derivatives", r.slopes, r.slope_inputs),
     ):
-        if figure > SHOWN:
-            lines.append(f"{what} {_figure(figure)} at `({', '.join(f'{c:.17g}' for c in x)})`")
+        if size > SHOWN:
+            lines.append(f"{what} {figure(size)} at `({', '.join(f'{c:.17g}' for c in x)})`")
     return "- " + "; ".join(lines) + "\n"

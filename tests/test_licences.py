@@ -8,7 +8,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PAGE = (ROOT / "docs" / "licences.md").read_text()
 # Sources, and pages and figures of the manual, are under the licence of the whole.
 OURS = {".md", ".pyc", ".png", ".py"}
-FOLDERS = ("benchmarks", "docs", "examples", "jaxspace", "tests")
+FOLDERS = ("benchmarks", "docs", "examples", "jaxspace", "tests", "validation")
 # Without content, or settings of tools.
 PLAIN = {"py.typed", "ruff.toml"}
 

@@ -42,7 +42,10 @@ LONG = (
 )
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
-GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md", "from_the_textbook.md"}
+GENERATED = {
+    *("scene_files.md", "command_line.md", "hard_cases.md"),
+    *("from_the_textbook.md", "equations.md"),
+}
 
 
 def test_there_is_something_to_run():

@@ -1,0 +1,91 @@
+"""Writes the wall of equations: each closed form beside its source and the worst errors that the
+hunt has found."""
+
+import importlib
+import inspect
+import re
+import sys
+from pathlib import Path
+
+from mkdocs.structure.files import File
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
+
+import hunt_page  # noqa: E402
+
+PAGE = "explanation/equations.md"
+HEAD = """\
+# A wall of equations
+
+Each closed form of the library: its equations as the docstring of its file has
+them, where they come from, and the worst errors that [the hunt](hunt.md) has
+found in looking for them, of the value and of its derivatives in both modes. They
+are in roundings (2.2e-16) times the condition number of the place: about 1 is
+what the rounding of the inputs alone does. The hunt looked at {places:,} places of
+{functions} functions; which inputs were the worst stands on its page, and the
+symbols, with their units, in the docstrings.
+"""
+TABLE = """\
+| Computed by | Value | Derivatives |
+|---|--:|--:|
+"""
+# Paragraphs of equations are indented, as the table of symbols is, which is left out.
+EQUATIONS = re.compile(r"^ {4}(?!\s*symbol\b)")
+SOURCE = re.compile(r"^Sources?: (.*?)(?=\n\n|\Z)", re.MULTILINE | re.DOTALL)
+
+
+def on_files(files, config):
+    """Add the generated page to the site."""
+    files.append(File.generated(config, PAGE, content=wall()))
+    return files
+
+
+def wall() -> str:
+    """The page: a section of each package, in it one of each file."""
+    rows = [r for r in hunt_page.stored().values() if r["room"] != "systems"]
+    places = sum(row["places"] for row in rows)
+    parts = [HEAD.format(places=places, functions=len(rows))]
+    for room, title in hunt_page.TITLES.items():
+        files: dict[str, list[dict]] = {}
+        for row in rows:
+            if row["room"] == room:
+                module = module_of(row["computes"][0])
+                files.setdefault(module, []).append(row)
+        sections = [section(module, some) for module, some in files.items()]
+        if sections:
+            parts += [f"## {title}\n", *sections]
+    return "\n".join(parts)
+
+
+def module_of(name: str) -> str:
+    """The module of the file that a public name, "room.name", stands in."""
+    room, *path = name.split(".")
+    found = importlib.import_module(f"jaxspace.{room}")
+    for part in path:
+        # Of a class its own name is enough, where a method may be inherited.
+        if inspect.isclass(found):
+            break
+        found = getattr(found, part)
+    return found.__module__
+
+
+def section(module: str, rows: list[dict]) -> str:
+    """Title, equations and source of a file, and a line of each of its forms."""
+    text = inspect.getdoc(importlib.import_module(module)) or ""
+    title, *paragraphs = text.split("\n\n")
+    equations = "\n\n".join(x for x in paragraphs if EQUATIONS.match(x))
+    parts = [f"### {' '.join(title.split()).rstrip('.').partition(':')[0]}\n"]
+    if equations:
+        parts.append(f"```text\n{inspect.cleandoc(equations)}\n```\n")
+    if source := SOURCE.search(text):
+        parts.append(f"Source: {' '.join(source[1].split())}\n")
+    parts.append(TABLE + "\n".join(map(line, rows)) + "\n")
+    return "\n".join(parts)
+
+
+def line(row: dict) -> str:
+    """The names that a form computes, and its worst errors."""
+    names = (name.partition(".")[2] for name in row["computes"])
+    figures = (hunt_page.figure(row[key]) for key in ("value", "slopes"))
+    cells = (", ".join(f"`{name}`" for name in names), *figures)
+    return f"| {' | '.join(cells)} |"

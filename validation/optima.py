@@ -1,0 +1,57 @@
+"""Optimal flights whose optimum is published."""
+
+from ._from_tests import OfTest
+from ._from_tests import rows as rows_of_tests
+from ._row import Row
+
+ABOUT = """## Optimal flight
+
+Found by gradients from a rough guess, without the structure of the optimum; `examples/known_optima`
+has the programs.
+"""
+KNOWN = "test_optimization_known.py::test_"
+
+WANTED = (
+    OfTest(
+        f"{KNOWN}the_ascent_of_a_delta_iii",
+        "Ascent of a Delta III, 37 unknowns in four phases",
+        "Benson, MIT 2005; Rao et al., GPOPS, ACM TOMS 37 (2010)",
+        "mass in orbit, kg",
+        "1e-6 of the mass",
+    ),
+    OfTest(
+        f"{KNOWN}the_ascent_of_a_delta_iii",
+        "Ascent of a Delta III, 37 unknowns in four phases",
+        "Benson, MIT 2005; Rao et al., GPOPS, ACM TOMS 37 (2010)",
+        "time of the end, s",
+        "what 1e-6 of the mass leaves of the time, 2 ms",
+        1,
+    ),
+    OfTest(
+        f"{KNOWN}goddards_rocket",
+        "Goddard's rocket with drag",
+        "Bryson and Ho, *Applied Optimal Control*; Dolan, More, Munson, COPS 3.0",
+        "greatest height, radii",
+        "the last digit printed",
+    ),
+    OfTest(
+        f"{KNOWN}linear_tangent_steering",
+        "Linear-tangent steering",
+        "Betts, *Practical Methods for Optimal Control*",
+        "least time",
+        "half the last digit printed",
+    ),
+    OfTest(
+        f"{KNOWN}a_three_stage_launch_with_a_coast",
+        "Launch of three stages with a coast",
+        "Pontryagin's conditions, solved by SciPy",
+        "mass in orbit, kg",
+        "1e-5 of the mass, for a steering of polynomials",
+        1,
+    ),
+)
+
+
+def rows() -> list[Row]:
+    """One row of each optimum."""
+    return rows_of_tests(WANTED)

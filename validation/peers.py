@@ -1,0 +1,193 @@
+"""Other libraries beside this one: the same inputs, each as accurate as it goes."""
+
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from benchmarks import (
+    _measure,
+    eccentric_orbit,
+    free_body,
+    kepler,
+    low_orbits,
+    of_others,
+    top,
+    torqued_body,
+)
+from benchmarks import lambert as lambert_pairs
+from benchmarks.eccentric_orbit import START
+from jaxspace import Accuracy, BodyState, simulate_batch
+from jaxspace.orbits import kepler_flow, lambert
+from jaxspace.rotations import Quaternion
+from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
+
+from . import page
+from ._row import Row, compared
+
+ABOUT = """## Beside other libraries
+
+Run by this command on the same inputs, from their wheels: the first orbits and bodies of the
+benchmarks, where the speeds stand. Each takes its tightest tolerance. What is allowed is rounding
+as it grows along the motion, and no tolerance that was asked for.
+"""
+FEW = 16
+GROWN = {
+    "orbit": "1e-11 of the distance: roundings grow with the square of some fifteen revolutions",
+    "body": "1e-11: roundings of some hundred turns",
+    "top": "1e-9: roundings of a hundred nutations, some of them past the upright",
+    "eccentric": "1e-9 of the semi-major axis: roundings of a hundred periapses",
+    "flow": "1e-12 of the distance",
+    "transfer": "1e-12 of the speed",
+}
+
+
+def tight(system, y0, span: float, method) -> BodyState:
+    """The ends of runs at a tolerance of 1e-13."""
+    accuracy = Accuracy(1e-13, method=method, max_steps=2**16)
+    return simulate_batch(system, y0, jnp.array([0.0, span]), accuracy=accuracy, throw=True).final
+
+
+def first(tree, count: int = FEW):
+    """The first runs of a batch."""
+    return jax.tree.map(lambda x: x[..., :count], tree)
+
+
+def relative(ours, theirs, peer: str, what: str, quantity: str, why: str, allowed: float) -> Row:
+    """The row of vectors (components, runs): the component and run that differ most, each vector in
+    units of its length."""
+    ours, theirs = np.asarray(ours), np.asarray(theirs)
+    size = np.linalg.norm(theirs, axis=0)
+    return compared(
+        ours / size,
+        theirs / size,
+        allowed,
+        what=what,
+        source=f"{peer} {version(peer)}",
+        quantity=quantity,
+        why=GROWN[why],
+    )
+
+
+def orbits() -> list[Row]:
+    """A day of low orbits under oblateness."""
+    y0 = first(low_orbits.orbits())
+    states = np.concatenate([y0.position, y0.velocity])
+    ours = tight(low_orbits.SCENE, y0, low_orbits.DAY, RKN1210()).position
+    words = ("Low orbits with J2 over a day", "position, in its length", "orbit", 1e-11)
+    theirs = _measure.heyoka_ends(low_orbits.equations, states, low_orbits.DAY, 1e-18)()[:3]
+    found = [relative(ours, theirs, "heyoka", *words)]
+    theirs = low_orbits.by_scipy(states, "DOP853", 1e-13)()
+    found.append(relative(first(ours, low_orbits.ALONE), theirs, "scipy", *words))
+    if (astrojax := _measure.optional("astrojax")) is not None:
+        theirs = low_orbits.by_astrojax(astrojax, y0, 1e-13)()
+        found.append(relative(ours, theirs, "astrojax", *words))
+    return found
+
+
+def rotations() -> list[Row]:
+    """A free body, a heavy top and a body in the gravity gradient, beside heyoka."""
+    found = []
+    for module, system, what, why, allowed in (
+        (free_body, free_body.BODY, "Free body over a hundred precessions", "body", 1e-11),
+        (top, top.TOP, "Heavy tops over a hundred nutations", "top", 1e-9),
+    ):
+        start = first(module.starts())
+        y0 = BodyState(omega=jnp.asarray(start[:3]), attitude=Quaternion(jnp.asarray(start[3:])))
+        span = free_body.SPAN
+        if module is top:
+            span = 100.0 * float(jnp.mean(top.TOP.nutation(y0).period()))
+        theirs = _measure.heyoka_ends(module.equations, start, span, 1e-18)()
+        ends = tight(system, y0, span, DOP853())
+        ours = {"integrated": ends}
+        if (closed := system.closed_form()) is not None:
+            ours["closed form"] = closed.flow(jnp.full(FEW, span), y0)
+        for how, end in ours.items():
+            found.append(
+                relative(
+                    end.attitude.wxyz,
+                    theirs[3:],
+                    "heyoka",
+                    f"{what}, {how}",
+                    "quaternion",
+                    why,
+                    allowed,
+                )
+            )
+    start, span = torqued_body.starts(torqued_body.RATE), free_body.SPAN / torqued_body.RATE
+    start = first(start)
+    parts = (jnp.asarray(start[a:b]) for a, b in ((0, 3), (3, 6), (6, 9), (9, 13)))
+    r, v, omega, q = parts
+    end = tight(torqued_body.SCENE, BodyState(r, v, Quaternion(q), omega), span, DOP853())
+    theirs = _measure.heyoka_ends(torqued_body.equations, start, span, 1e-18)()
+    what = "Body tumbling in the gravity gradient"
+    words = (what, "quaternion", "body", 1e-11)
+    return [*found, relative(end.attitude.wxyz, theirs[9:], "heyoka", *words)]
+
+
+def eccentric() -> list[Row]:
+    """A hundred revolutions at an eccentricity of 0.95."""
+    ours = eccentric_orbit.ours(AdaptiveRegularised(), 1e-13)
+    what = "Orbit of e = 0.95 over a hundred revolutions"
+    exact = eccentric_orbit.by_heyoka(1e-19, np.longdouble)
+    allowed = 1e-9 / np.linalg.norm(START[:3])
+    words = ("position, in its length", "eccentric", float(allowed))
+    j2 = eccentric_orbit.J2
+    pairs = [
+        (0.0, eccentric_orbit.by_rebound(0.0), "rebound", what),
+        (j2, exact(j2), "heyoka", f"{what}, with J2"),
+    ]
+    return [relative(ours(x), theirs, peer, name, *words) for x, theirs, peer, name in pairs]
+
+
+def closed_forms() -> list[Row]:
+    """Kepler's and Lambert's problems of the benchmarks, beside pykep."""
+    found = []
+    r, v, t = first(kepler.states(), 256)
+    if peer := _measure.pykep("propagate_lagrangian", r, v, t):
+        ours = kepler_flow(r, v, t, 1.0)[0]
+        words = ("Ellipses and hyperbolas, closed form", "position, in its length", "flow", 1e-12)
+        found.append(relative(ours, peer[1], "pykep", *words))
+    start, end, duration = first(lambert_pairs.pairs(), 256)
+    if peer := _measure.pykep("lambert_problem", start, end, duration):
+        ours = lambert(start, end, duration, 1.0)[0]
+        words = ("Lambert's problem", "velocity, in its length", "transfer", 1e-12)
+        found.append(relative(ours, peer[1], "pykep", *words))
+    return found
+
+
+def days_of_brahe() -> list[Row]:
+    """Ellipses a day later, beside brahe."""
+    r, v = of_others.orbits(FEW)
+    theirs = of_others.by_brahe(_measure.optional("brahe"), np.concatenate([r, v]))()
+    ours = kepler_flow(r, v, of_others.DAY, of_others.MU)[0]
+    words = ("Ellipses a day later, closed form", "position, in its length", "orbit", 1e-11)
+    return [relative(ours, theirs[:3], "brahe", *words)]
+
+
+PARTS: dict[Callable[[], list[Row]], tuple[str, ...]] = {
+    orbits: ("heyoka", "scipy"),
+    rotations: ("heyoka",),
+    eccentric: ("heyoka", "rebound"),
+    closed_forms: ("pykep",),
+    days_of_brahe: ("brahe",),
+}
+
+
+def installed(name: str) -> bool:
+    """Whether a peer is there."""
+    try:
+        version(name)
+    except PackageNotFoundError:
+        return False
+    return True
+
+
+def rows() -> list[Row]:
+    """The rows of the peers that are installed, and those of the record for the others."""
+    found = [row for part, needed in PARTS.items() if all(map(installed, needed)) for row in part()]
+    there = {(row.what, row.source.partition(" ")[0]) for row in found}
+    old = page.stored("peers")
+    return found + [x for x in old if (x.what, x.source.partition(" ")[0]) not in there]

@@ -1,0 +1,61 @@
+"""Model rockets from the rail to the ground beside RocketPy."""
+
+from ._from_tests import OfTest
+from ._from_tests import rows as rows_of_tests
+from ._row import Row
+
+ABOUT = """## Model rockets beside RocketPy
+
+Three rockets that RocketPy 1.13 ships, with its own tables, flown by both. `python
+benchmarks/_rocketpy.py` computes the numbers of RocketPy: as it is, and with the centre of mass on
+the right side of the nozzle. RocketPy 1.13 gives propellant and nozzle to its equations of motion
+as if they were ahead of the centre of dry mass (its issue 1186 reports a part of it). The first
+three of the six rockets in a row are held against the corrected flights; the other three, mirrored
+in the same way, against RocketPy as it is. The numbers of the rockets are under RocketPy's MIT
+licence.
+"""
+SOURCE = "RocketPy 1.13.0"
+MODELS = "models that differ: added mass of the parachutes, Coriolis force of the gas, sine of the \
+angle of attack in place of the angle"
+ROCKETS = ("Calisto", "NDRT 2020", "Valetudo")
+FLIGHTS = tuple(f"{rocket}, {how}" for how in ("corrected", "as it is") for rocket in ROCKETS)
+QUANTITIES = (
+    "apogee, m",
+    "time of the apogee, s",
+    "speed off the rail, m/s",
+    "time of the landing, s",
+    "drift, m",
+)
+
+WANTED = (
+    *(
+        OfTest(
+            "test_vehicles.py::test_three_rockets_fly_as_in_rocketpy",
+            flight,
+            SOURCE,
+            quantity,
+            MODELS,
+            index,
+            part,
+        )
+        for part, flight in enumerate(FLIGHTS)
+        for index, quantity in enumerate(QUANTITIES)
+    ),
+    *(
+        OfTest(
+            "test_vehicles.py::test_slopes_and_centres_of_calisto_are_those_of_rocketpy",
+            f"Calisto's {part}",
+            SOURCE,
+            quantity,
+            "1e-13: the same formulas of Barrowman",
+            2 * k + which,
+        )
+        for k, part in enumerate(("nose", "fins", "tail"))
+        for which, quantity in enumerate(("slope of the lift times area, m^2", "station, m"))
+    ),
+)
+
+
+def rows() -> list[Row]:
+    """One row of each comparison."""
+    return rows_of_tests(WANTED)
