@@ -27,6 +27,7 @@ from ..core import (
     Scalar,
     Vector,
     as_float,
+    event,
     quantity,
     with_rank,
 )
@@ -122,7 +123,8 @@ class _Above(eqx.Module):
         return y.position[2] - self.height
 
 
-def climb_rate(t: Scalar, y: BodyState) -> Scalar:
+@event("m/s", direction=-1, needs=("velocity",))
+def apogee(t: Scalar, y: BodyState) -> Scalar:
     """v_z, m/s: it falls through zero at the apogee over flat ground."""
     del t
     return y.velocity[2]
@@ -180,9 +182,7 @@ def sounding_flight(
         Phase(
             scene(*burning, rail), Event(rail.rail_exit, 1, leaving, samples=SAMPLES), name="rail"
         ),
-        Phase(
-            scene(*burning), Event(climb_rate, -1, ascent_within, samples=SAMPLES), name="ascent"
-        ),
+        Phase(scene(*burning), Event(apogee, -1, ascent_within, samples=SAMPLES), name="ascent"),
     ]
     flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
     for number, chute in enumerate(recovery):
