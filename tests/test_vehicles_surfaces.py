@@ -15,7 +15,7 @@ from jaxspace.control import ApogeeControl, FinControl, LandingControl, drag_apo
 from jaxspace.core import InputError
 from jaxspace.rockets import ColdGasThrusters, ThrottledEngine, servo_rate
 from jaxspace.rotations import Quaternion, from_euler_angles
-from jaxspace.vehicles import Aerodynamics, AirBrake, FinSet, LocalAir, MovableFins, Wind
+from jaxspace.vehicles import Aerodynamics, AirBrake, FinSet, LocalAir, MovableFins, Wind, apogee
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 AIR = LocalAir(
@@ -39,10 +39,11 @@ def with_part(effect, y=Y, **part):
 
 
 def test_a_servo_is_late_and_within_its_limits():
-    """By hand: proportional below the rate limit, and towards the stop beyond the range."""
-    command = jnp.array([0.05, 0.9, -3.0, 0.2])
-    found = servo_rate(command, jnp.array([0.0, 0.0, -0.3, 0.2]), -0.3, 0.3, 2.0, 0.1)
-    np.testing.assert_allclose(found, [0.5, 2.0, 0.0, 0.0], atol=1e-14)
+    """Proportional to a small lag, at its greatest rate by a large one, and at rest at its stop."""
+    command = jnp.array([1e-4, 0.9, -3.0, 0.2])
+    found = servo_rate(command, jnp.array([0.0, -0.3, -0.3, 0.2]), -0.3, 0.3, 0.5, 0.1)
+    # The hyperbolic tangent of 12 is 1 but for 8e-11; that of x is x but for a third of its cube.
+    np.testing.assert_allclose(found, [1e-3, 0.5, 0.0, 0.0], rtol=2e-6, atol=1e-14)
 
 
 @pytest.mark.parametrize("count", [3, 4])
@@ -103,7 +104,7 @@ def test_an_air_brake_drags_by_its_share():
     w = np.asarray(y.velocity - moving)
     expected = -0.5 * air.density * np.linalg.norm(w) * 0.4 * 0.01 * 1.2 * w
     np.testing.assert_allclose(load.force_N, expected, rtol=1e-13)
-    np.testing.assert_allclose(load.parts_rate["air_brake"], 2.0)
+    np.testing.assert_allclose(load.parts_rate["air_brake"], 2.0 * np.tanh(3.0), rtol=1e-13)
     # It starts where its command holds it, within its stops.
     wide = dataclasses.replace(brake, command=jnp.asarray(3.0))
     assert with_part(wide).part("air_brake") == 1.0
@@ -126,7 +127,9 @@ def test_an_engine_pushes_turns_and_burns():
     np.testing.assert_allclose(load.mass_rate, -1.2e4 / 2800.0, rtol=1e-14)
     # Commands beyond the stops are met at the stops, at the greatest rates.
     wild = dataclasses.replace(engine, command=jnp.array([-4.0, 9.0, -9.0]))
-    np.testing.assert_allclose(wild.load(0.0, y, body).parts_rate["engine"], [-1.0, 0.5, -0.4])
+    rates = np.array([1.0, 0.5, 0.5])
+    expected = rates * np.tanh(np.array([-0.3, 0.05, -0.02]) / (0.05 * rates))
+    np.testing.assert_allclose(wild.load(0.0, y, body).parts_rate["engine"], expected, rtol=1e-12)
     first = wild.start(y, body)["engine"]
     np.testing.assert_allclose(first, [0.3, 0.1, -0.1])
     dry = engine.load(0.0, dataclasses.replace(y, mass=jnp.asarray(810.0)), body)
@@ -233,3 +236,59 @@ def test_fin_control_softens_with_the_pressure_of_the_air():
     )
     np.testing.assert_allclose(slow, [0.0, 0.0, -0.2], atol=1e-15)
     np.testing.assert_allclose(fast, 0.25 * slow, atol=1e-15)
+
+
+def test_an_air_brake_from_a_file_ends_a_climb_at_its_height():
+    run = jaxspace.load(SCENES / "air_brake.toml").simulate()
+    share = np.asarray(run.states.part("air_brake"))
+    # Shut while the motor burns, and never faster than its servo.
+    assert np.all(share[run.ts < 3.5] == 0.0) and 0.0 < share.max() < 1.0
+    assert np.max(np.diff(share) / np.maximum(np.diff(run.ts), 1e-9)) <= 2.0 + 1e-9
+    assert abs(run.final.position[2] - 3000.0) < 5.0 and abs(run.final.velocity[2]) < 1e-9
+
+
+@pytest.mark.sweep
+def test_an_upright_landing_from_a_file():
+    run = jaxspace.load(SCENES / "upright_landing.toml").simulate()
+    y = run.final
+    assert abs(y.position[2]) < 1e-9 and np.hypot(*y.position[:2]) < 1.0
+    assert np.linalg.norm(y.velocity) < 2.5
+    up = y.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
+    assert np.degrees(np.arccos(up[2])) < 3.0 and abs(y.omega[2]) < 1e-3
+    throttle, *angles = np.asarray(run.states.part("engine"))
+    # The stops hold, and the rocket equation by the throttle that was flown.
+    assert np.all((throttle >= 0.25) & (throttle <= 1.0))
+    assert np.max(np.abs(angles)) <= np.radians(8.0)
+    burnt = np.trapezoid(throttle, run.ts) * 22e3 / 2700.0
+    np.testing.assert_allclose(1100.0 - y.mass, burnt, rtol=5e-3)
+
+
+@pytest.mark.sweep
+def test_a_roll_controller_from_a_file():
+    run = jaxspace.load(SCENES / "roll_control.toml").simulate()
+    fins, rate = np.asarray(run.states.part("fins")), np.asarray(run.states.omega[2])
+    assert np.max(np.abs(fins)) <= np.radians(8.0)
+    np.testing.assert_allclose(fins, fins[:1] + 0.0 * fins, atol=1e-12)
+    w, _, _, z = run.final.attitude.wxyz
+    assert abs(rate[-1]) < 0.02 and abs(np.degrees(2.0 * np.arctan2(z, w))) < 2.0
+
+
+@pytest.mark.sweep
+def test_slopes_of_a_closed_flight_are_its_differences():
+    """Of the apogee under an air brake, by the gain and by the drag that its law believes in."""
+    file = jaxspace.load(SCENES / "air_brake.toml")
+    y0, events = file.y0, jaxspace.Event(apogee, direction=-1)
+
+    @jax.jit
+    def height(x):
+        law = ApogeeControl(3000.0, 4e-4 * x[1], 0.02 * x[0], 0.3, 3.5)
+        loop = dataclasses.replace(file.loop, controller=law)
+        run = loop.simulate(y0, np.linspace(0.0, 40.0, 5), accuracy=1e-5, events=events)
+        return run.final.position[2]
+
+    slope = jax.jit(jax.jacfwd(height))(jnp.ones(2))
+    h = 1e-4
+    for k, along in enumerate(np.eye(2)):
+        expected = (height(1.0 + h * along) - height(1.0 - h * along)) / (2.0 * h)
+        # The truncation of the difference, and the tolerance of the steps.
+        np.testing.assert_allclose(slope[k], expected, rtol=1e-3)

@@ -1,7 +1,7 @@
 """Laws that move the surfaces and engines of vehicles: to an apogee, about the axes, to the ground.
 
     h_a = z + ln(1 + b v^2/g)/(2 b),      s = k (h_a - h) + s_0                 air brake
-    d   = q (k e - c (omega - n)),        q = min(1, (v_r/|v|)^2)               fins
+    d   = -q (k e + c (omega - n) + i int(e dt)),   q = min(1, (v_r/|v|)^2)     fins
     a   = 12 (r - x)/t_g^2 - 6 (v_f + v)/t_g + a_f                              landing
     T   = m (a - g),    (s, alpha, beta) = (T . z/F, K (z x d) - C omega)
 
@@ -42,6 +42,7 @@ from ..core import (
 )
 from ._attitude_laws import error_vector
 from ._controller import AbstractController, measurement
+from ._integral import Integral, integrated, integrating, unwound
 
 
 def drag_apogee(height: Scalar, climb: Scalar, drag: Scalar, gravity: Scalar) -> Scalar:
@@ -86,10 +87,14 @@ class FinControl(AbstractController):
 
     Reads attitude, omega and velocity. The command is the angle of the fins about each axis, rad,
     (3, *runs). Fins ahead of the centre of mass take positive gains, fins behind it negative ones
-    about x and y. A gain of zero leaves its axis alone."""
+    about x and y. A gain of zero leaves its axis alone. The integral waits while the command is cut
+    by the limit of the loop."""
 
     gain: Float[Array, "3 *#runs"] = quantity("", doc="k, angle of the fins over that of the error")
     damping: Float[Array, "3 *#runs"] = quantity("s", doc="c, angle of the fins over the rate")
+    integral: Float[Array, "3 *#runs"] | None = quantity(
+        "1/s", optional=True, doc="i, angle of the fins over the integral of the error"
+    )
     target: Float[Array, "4 *#runs"] = quantity(
         "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
     )
@@ -100,17 +105,27 @@ class FinControl(AbstractController):
         "m/s", positive=True, optional=True, doc="v_r; without it the gains hold at any speed"
     )
 
-    def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Vector, None]:
-        del t
+    def start(self, measured: PyTree) -> Integral | None:
+        return None if self.integral is None else integrating(measurement(measured, "omega"))
+
+    def act(
+        self, t: Scalar, memory: Integral | None, measured: PyTree
+    ) -> tuple[Vector, Integral | None]:
         attitude, omega = measurement(measured, "attitude"), measurement(measured, "omega")
         rank = omega.ndim - 1
         gain, damping, rate = (with_rank(x, rank) for x in (self.gain, self.damping, self.rate))
         error = error_vector(attitude, self.target)
         angles = -gain * error - damping * (omega - rate)
+        if memory is not None and self.integral is not None:
+            memory = integrated(memory, t, error)
+            angles = angles - with_rank(self.integral, rank) * memory.total
         if self.full_speed is None:
             return angles, memory
         v, full = measurement(measured, "velocity"), self.full_speed
         return full * full / jnp.maximum(dot(v, v), full * full) * angles, memory
+
+    def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
+        return None if memory is None else unwound(memory, asked != applied)
 
 
 @final

@@ -43,6 +43,3 @@ class ColdGasThrusters(AbstractEffect):
         torque = jnp.where(y.mass > self.empty_mass, torque, 0.0)
         blown = jnp.sum(jnp.abs(torque), axis=0)
         return Load(torque_B=torque, mass_rate=-blown / (self.lever * self.exhaust_velocity))
-
-    def switches(self) -> dict[str, str]:
-        return {"ColdGasThrusters.empty_mass": "mass"}

@@ -1,15 +1,16 @@
 """How a surface, a nozzle or a valve follows its command: late, no faster than its servo, and no
 farther than its stops.
 
-    x' = clip((clip(u, a, b) - x)/tau, -v, v)
+    x' = v tanh((clip(u, a, b) - x)/(tau v))
 
     symbol   meaning                          unit
     x, u     position, command                that of the part: rad, 1
     a, b     stops                            as x
     tau, v   time constant, greatest rate     s, as x per second
 
-Below the greatest rate a step of the command is met as 1 - e^(-t/tau). A position between the stops
-stays between them.
+A small step of the command is met as 1 - e^(-t/tau), a large one at the rate v. The limit is
+approached smoothly, so that steps of the integration and derivatives see no corner. A position
+between the stops stays between them.
 
 Source: Franklin, Powell and Emami-Naeini, Feedback Control of Dynamic Systems, 9.3 (saturation).
 """
@@ -36,4 +37,4 @@ def servo_rate(
 
     **Returns** the rate, in the unit of the part per second."""
     behind = jnp.clip(command, low, high) - position
-    return jnp.clip(behind / time_constant, -rate_limit, rate_limit)
+    return rate_limit * jnp.tanh(behind / (time_constant * rate_limit))

@@ -109,6 +109,3 @@ class ThrottledEngine(AbstractEffect):
                 self.PART: servo_rate(command, engine, low, high, rate, self.time_constant)
             },
         )
-
-    def switches(self) -> dict[str, str]:
-        return {"ThrottledEngine.burnout_mass": "mass"}
