@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+import jaxspace
 from jaxspace import BodyState, Scene
 from jaxspace.bodies import BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.control import ApogeeControl, FinControl, LandingControl, drag_apogee

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, State, breaks_of, count_operations
+from ..core import AbstractSystem, InputError, State, breaks_of, count_operations, with_rank
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
@@ -129,7 +129,10 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
     late = 0.0 if late < SLACK * period else late
     clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
     breaks = breaks_of(system)
-    nodes = nodes_of(ts, clocks, None if breaks is None else breaks - start)
+    if breaks is not None:
+        # Of a phase every run may start at another time.
+        breaks = with_rank(breaks, start.ndim) - start
+    nodes = nodes_of(ts, clocks, breaks)
     if end is not None:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
