@@ -1,9 +1,9 @@
 """An upright landing
 
 A stage of a tonne lands by an engine that is throttled and turned at limited
-rates, in winds that scatter. On the left the paths of some flights with the
-axis of the body every two seconds; on the right where a thousand touch the
-ground, by their tilt there."""
+rates, in winds that scatter. On the left the paths of some flights, in the
+middle how far their axes lean, on the right where a thousand touch the ground
+about the centre of the pad."""
 
 from pathlib import Path
 
@@ -40,17 +40,15 @@ for name, x in {
     print(name, jnp.mean(x), jnp.percentile(x, 99.0), jnp.max(x))
 print("burnt, kg", jnp.mean(1100.0 - final.mass), jnp.std(final.mass))
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 4.4))
+figure, (left, middle, right) = plt.subplots(1, 3, figsize=(8.4, 3.2))
 x, _, z = phase.states.position
+left.plot(x[:, :12], z[:, :12], lw=0.9, color="C0")
+left.set(xlabel="east of the pad, m", ylabel="height, m")
 axis = phase.states.attitude.rotate(up[:, None, None])
-for k in range(6):
-    left.plot(x[:, k], z[:, k], lw=0.9, color="C0")
-    # As long as 40 m, so that it is seen.
-    for i in range(0, 61, 4):
-        tip = x[i, k] + 40.0 * axis[0, i, k], z[i, k] + 40.0 * axis[2, i, k]
-        left.plot((x[i, k], tip[0]), (z[i, k], tip[1]), color="C1", lw=1.2)
-left.set(xlabel="east of the pad, m", ylabel="height, m", aspect="equal")
-dots = right.scatter(*final.position[:2], c=tilt, s=5, cmap="YlOrBr")
-figure.colorbar(dots, label="tilt at the ground, deg")
+lean = jnp.degrees(jnp.arccos(jnp.minimum(axis[2], 1.0)))
+middle.plot(phase.ts[:, :12], lean[:, :12], lw=0.9, color="C1")
+middle.set(xlabel="time, s", ylabel="tilt, deg")
+right.plot(*final.position[:2], ".", ms=2)
+right.plot(0.0, 0.0, "k+", ms=8)
 right.set(xlabel="east, m", ylabel="north, m", aspect="equal")
 plt.show()
