@@ -13,7 +13,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, State
 from ..integration.events import Event, newton_correct
-from ..solvers import FixedSteps, small_program
+from ..solvers import FixedSteps
 from ._advance import advance, select
 
 # A `Setting`, whose module imports this one.
@@ -65,7 +65,7 @@ def crossed(
     - `t`, `duration`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
     events = setting.events
     # The search takes a few steps of each run: what it costs is its compilation.
-    method = small_program(setting.method)
+    method = setting.method.small_program()
     values = values_of(events, t + duration, y1, still)
     hits = jnp.stack(
         [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]
