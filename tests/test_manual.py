@@ -6,14 +6,17 @@ A block of another library carries a title (```{.python title="SciPy"}), and is 
 import ast
 import importlib
 import inspect
+import json
 import pkgutil
 import re
+import runpy
 from pathlib import Path
 
 import jax
 import pytest
 
 import jaxspace
+from jaxspace import cli
 
 ROOT = Path(__file__).parents[1]
 CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -39,7 +42,7 @@ LONG = (
 )
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
-GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
+GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md", "from_the_textbook.md"}
 
 
 def test_there_is_something_to_run():
@@ -62,6 +65,32 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     with jax.numpy_dtype_promotion("standard"):
         for block in CODE.findall((ROOT / page).read_text()):
             exec(compile(block, page, "exec"), names)
+
+
+HOW_DO_I = (ROOT / "docs" / "howto" / "how_do_i.md").read_text()
+ROW = re.compile(r"^\| (.*?) ?\| `(.*)` \|$", re.MULTILINE)
+GROUPS = [group.partition("\n")[::2] for group in HOW_DO_I.split("\n## ")[1:]]
+
+
+def test_how_do_i_has_a_hundred_rows():
+    assert len(ROW.findall(HOW_DO_I)) >= 100
+
+
+@pytest.mark.parametrize(
+    "group",
+    [pytest.param(k, id=g[0], marks=pytest.mark.slow if k else ()) for k, g in enumerate(GROUPS)],
+)
+def test_every_line_of_how_do_i_runs(group, tmp_path, monkeypatch, settings_stay):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    names = {"__name__": "page"}
+    with jax.numpy_dtype_promotion("standard"):
+        exec(CODE.findall(HOW_DO_I)[0], names)
+        for question, line in ROW.findall(GROUPS[group][1]):
+            if line.startswith("$ jaxspace "):
+                cli.parser().parse_args(line.split()[2:])
+            else:
+                exec(compile(line, f"how do I {question}?", "exec"), names)
 
 
 @pytest.mark.parametrize("page", PAGES)
@@ -104,3 +133,27 @@ def test_pages_need_no_network():
         # What a reader may follow is not fetched: the address of the manual, and of its sources.
         fetched = re.sub(r"^site_url: .*$|link: [^}]*", "", path.read_text(), flags=re.MULTILINE)
         assert not re.search(r"https?:|//cdn|repo_url", fetched.replace("`repo_url`", "")), path
+
+
+def test_files_on_the_way_of_a_run_are_there():
+    text = (ROOT / "docs" / "explanation" / "how_a_run_goes.md").read_text()
+    files = re.findall(r"\b[a-z]+/[a-z_]+\.py", text)
+    assert len(files) >= 25
+    for name in files:
+        assert (ROOT / "jaxspace" / name).exists(), f"how_a_run_goes.md names {name}"
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("docs/tutorials/*.md")), ids=lambda p: p.stem)
+def test_notebook_of_a_tutorial_has_its_blocks(page):
+    make = runpy.run_path(str(ROOT / "docs" / "_notebooks.py"))["notebook"]
+    made = json.loads(make(page.read_text()))
+    code = ["".join(c["source"]) for c in made["cells"] if c["cell_type"] == "code"]
+    assert code == [block.strip("\n") for block in CODE.findall(page.read_text())]
+    assert "```python" not in json.dumps(made)
+    # A link of the manual leads nowhere from a notebook.
+    assert not [target for target in LINK.findall(json.dumps(made)) if target.endswith(".md")]
+    # What the format asks of a cell.
+    for cell in made["cells"]:
+        needed = {"id", "metadata", "source", "cell_type"}
+        needed |= {"outputs", "execution_count"} if cell["cell_type"] == "code" else set()
+        assert set(cell) == needed
