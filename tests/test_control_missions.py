@@ -151,7 +151,8 @@ def test_breaks_that_all_runs_share_are_ends_of_their_steps():
         jnp.ones(2),
     )
     waits = jnp.array([0.1, 0.35])
-    run = simulate_mission_batch(Mission([Phase(coast, waits), Phase(guided, 5.0 * T)]), y0)
+    mission = Mission([Phase(coast, waits, name="wait"), Phase(guided, 5.0 * T, name="burn")])
+    run = simulate_mission_batch(mission, y0)
     np.testing.assert_allclose(run.final.velocity[2], 3.0 * (1.05 - waits), rtol=1e-8)
 
 
