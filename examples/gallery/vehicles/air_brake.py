@@ -3,7 +3,7 @@
 A sounding rocket whose motor, mass and drag scatter: how high a thousand
 flights climb, with the gains of a first guess, and with those of a descent
 along the derivatives of 64 flights. On the right what the brake does in ten
-of them: it asks a prediction of the apogee ten times a second."""
+of them: it asks a prediction of the apogee twenty times a second."""
 
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from jaxspace import simulate_mission_batch
 jaxspace.enable_x64()
 file = jaxspace.load(Path("examples") / "scenes" / "air_brake.toml")
 campaign, target = file.campaign(), 3000.0
-guess = jnp.array([0.02, 4e-4, 0.3])
+guess = jnp.array([0.05, 4e-4, 0.3])
 
 
 def gains(mission):
