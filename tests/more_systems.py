@@ -1,6 +1,8 @@
 """Samples of the systems and effects beside the registry of `systems.py`, which the hunts search
 too. Their laws have tests of their own."""
 
+import dataclasses
+
 import jax.numpy as jnp
 import numpy as np
 from systems import MU, RADIUS, Sample, orbit, turned
@@ -47,16 +49,19 @@ from jaxspace.rockets import (
     AlongVelocity,
     AttitudeControl,
     BackPressure,
+    ColdGasThrusters,
     FixedDirection,
     Gimbal,
     GimballedThrust,
     MassStream,
     SteeredThrust,
+    ThrottledEngine,
 )
 from jaxspace.scene import Scaled
 from jaxspace.vehicles import (
     Aerodynamics,
     AerodynamicTable,
+    AirBrake,
     AirDrag,
     DrydenGusts,
     FinSet,
@@ -64,6 +69,7 @@ from jaxspace.vehicles import (
     LocalAir,
     MachTable,
     MeasuredAtmosphere,
+    MovableFins,
     NoseCone,
     Parachute,
     RadiusChange,
@@ -148,6 +154,30 @@ MISSILE = FlexibleMissile(
 )
 FLIGHT = FlightState(*jnp.array([100.0, 2000.0, 300.0, 200.0]))
 CARRIER = GeneralisedState(jnp.array([0.1, 0.2, 0.5, 0.7]), jnp.array([0.3, -0.1, 0.4, 0.2]))
+
+# Surfaces and an engine on their way to a command.
+SURFACES = Scene(
+    (
+        GroundGravity(9.79, RADIUS),
+        MovableFins(
+            FinSet(4, 0.05, 0.06, 0.03, 0.02, 0.0635, 0.9),
+            [0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi],
+            air=AIR,
+            command=[0.02, -0.03, 0.05],
+        ),
+        AirBrake(0.01, 1.2, air=AIR, command=0.4),
+    ),
+    RigidBody(16.0, [8.0, 8.0, 0.04]),
+)
+STAGE = Scene(
+    (
+        ThrottledEngine(2e4, 2800.0, 1200.0, -2.5, command=[0.6, 0.02, -0.03]),
+        ColdGasThrusters(40.0, 0.6, 600.0, 1200.0, command=[5.0, -8.0, 12.0]),
+        UniformGravity([0.0, 0.0, -9.8]),
+    ),
+    BurningBody(1100.0, [520.0, 560.0, 340.0], [0.42, 0.42, 0.4], -0.6),
+)
+HEAVY = dataclasses.replace(ROCKET, mass=jnp.array(1700.0))
 
 MORE = [
     Sample(
@@ -276,6 +306,13 @@ MORE = [
         orbit(attitude=turned(), omega=jnp.array([0.02, -0.1, 0.2]), mass=jnp.array(1700.0)),
         5.0,
     ),
+    Sample(
+        "movable_surfaces",
+        SURFACES,
+        SURFACES.start(ROCKET),
+        0.5,
+    ),
+    Sample("throttled_stage", STAGE, STAGE.start(HEAVY), 0.5),
     Sample(
         "pushed_relative_motion",
         PushedRelativeMotion(ClohessyWiltshire(1.13e-3), [1e-3, -2e-3, 5e-4]),

@@ -25,12 +25,15 @@ from jaxspace.control import (
     PID,
     ClosedLoop,
     CommandedAcceleration,
+    CommandedTorque,
     Sensor,
 )
 from jaxspace.core import AbstractSystem, InputError, Scalar, quantity, with_rank
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError
 from jaxspace.orbits import UniformGravity
+from jaxspace.rockets import Thrust
+from jaxspace.rotations import Quaternion
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 POINT = Scene([CommandedAcceleration()])
@@ -127,6 +130,30 @@ def test_runs_of_a_batch_end_at_their_own_times():
         alone = loop().simulate(own, [0.0, float(spans[k])]).final
         np.testing.assert_allclose(run.final.position[:, k], alone.position, atol=ROUNDING)
     assert run.of(1)["loop"].control["commands"].shape == (3, 2)
+
+
+def test_breaks_that_all_runs_share_are_ends_of_their_steps():
+    """A motor that stops for all at one time, in runs that begin at their own: the speed is that of
+    its impulse."""
+    motor = Thrust(3.0, 1e9, 1.05)
+    guided = ClosedLoop(
+        Scene([motor, CommandedTorque()], RigidBody(inertia=[1.0, 1.0, 1.0])),
+        lambda y: 0.0 * y.omega,
+        period=T,
+    )
+    coast = Scene(
+        [], guided.system.body, carry=("position", "velocity", "attitude", "omega", "mass")
+    )
+    y0 = BodyState(
+        *(jnp.zeros((3, 2)),) * 2,
+        Quaternion(jnp.zeros((4, 2)).at[0].set(1.0)),
+        jnp.zeros((3, 2)),
+        jnp.ones(2),
+    )
+    waits = jnp.array([0.1, 0.35])
+    mission = Mission([Phase(coast, waits, name="wait"), Phase(guided, 5.0 * T, name="burn")])
+    run = simulate_mission_batch(mission, y0)
+    np.testing.assert_allclose(run.final.velocity[2], 3.0 * (1.05 - waits), rtol=1e-8)
 
 
 def test_noise_in_a_mission():

@@ -17,7 +17,14 @@ GOALS: dict[str, tuple[str, ...]] = {
         "lunar_distance",
         "low_thrust_spiral",
     ),
-    "control a vehicle": ("powered_landing", "sampled_slew", "wheel_slew"),
+    "control a vehicle": (
+        "powered_landing",
+        "upright_landing",
+        "air_brake",
+        "roll_control",
+        "sampled_slew",
+        "wheel_slew",
+    ),
     "watch a body turn": (
         "top",
         "top_loops",

@@ -112,16 +112,6 @@ def _report_options(report: argparse.ArgumentParser) -> None:
     report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
 
 
-def _list_options(listed: argparse.ArgumentParser) -> None:
-    listed.add_argument(
-        "name",
-        metavar="NAME",
-        nargs="?",
-        default="",
-        help="of a group, or of something in one, such as vehicle (default: all)",
-    )
-
-
 def _optimize_options(optimize: argparse.ArgumentParser) -> None:
     optimize.add_argument(
         "--sensitivities",

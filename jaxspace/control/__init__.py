@@ -31,3 +31,7 @@ from ._slew_task import SlewTask as SlewTask
 from ._step import StepPlan as StepPlan
 from ._step import plan_step as plan_step
 from ._step import step as step
+from ._vehicle_laws import ApogeeControl as ApogeeControl
+from ._vehicle_laws import FinControl as FinControl
+from ._vehicle_laws import LandingControl as LandingControl
+from ._vehicle_laws import drag_apogee as drag_apogee

@@ -13,6 +13,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, State
 from ..integration.events import Event, newton_correct
+from ..solvers import FixedSteps
 from ._advance import advance, select
 
 # A `Setting`, whose module imports this one.
@@ -63,6 +64,8 @@ def crossed(
     - `still`: the runs that have ended before.
     - `t`, `duration`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
     events = setting.events
+    # The search takes a few steps of each run: what it costs is its compilation.
+    method = setting.method.small_program()
     values = values_of(events, t + duration, y1, still)
     hits = jnp.stack(
         [_hit(event, stop.values[k], values[k]) & ~still for k, event in enumerate(events)]
@@ -77,7 +80,7 @@ def crossed(
                 jnp.where(
                     hits[k],
                     _share(
-                        setting, held, event, t, duration, y0, hits[k], stop.values[k], values[k]
+                        method, held, event, t, duration, y0, hits[k], stop.values[k], values[k]
                     ),
                     2.0,
                 )
@@ -86,7 +89,7 @@ def crossed(
         which = jnp.where(any_hit, jnp.argmin(shares, axis=0), -1).astype(jnp.int32)
         share = jnp.where(any_hit, jnp.min(shares, axis=0), 1.0)
         dt = jax.lax.stop_gradient(share) * duration
-        y, _ = advance(held, y0, t, dt, setting.method)
+        y, _ = advance(held, y0, t, dt, method)
         te, ye = newton_correct(held, events, which, t + dt, y)
         return select(any_hit, ye, y1), jnp.where(any_hit, te, stop.t), which
 
@@ -107,7 +110,7 @@ def _hit(event: Event, before: Array, after: Array) -> Array:
 
 
 def _share(
-    setting: Setting,
+    method: FixedSteps,
     held: AbstractSystem,
     event: Event,
     t: Array,
@@ -124,7 +127,7 @@ def _share(
     rounding = 4.0 * jnp.finfo(before.dtype).eps
 
     def value(x: Array) -> Array:
-        y, _ = advance(held, y0, t, x * duration, setting.method)
+        y, _ = advance(held, y0, t, x * duration, method)
         return jnp.broadcast_to(event.condition(t + x * duration, y), x.shape)
 
     def unfinished(c: tuple) -> Array:

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import InputError, State, breaks_of
+from ..core import AbstractSystem, InputError, State, breaks_of, count_operations, with_rank
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
@@ -16,10 +16,16 @@ from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ..simulation.run_result import RunResult
-from ..solvers import FixedSteps, Tolerance
+from ..solvers import FixedSteps, Tolerance, small_program
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._commands import Actuate
 from ._samples import Left, Setting, run_samples
+
+LARGE = 200
+"""Operations of a vector field from which many runs, too, take the program that compiles sooner.
+
+A loop holds a step at three places. With a field of 650 operations that program takes 10 s of a
+processor to compile, the other one over a minute; 256 flights of a minute then take 0.4 s."""
 
 
 class Known(NamedTuple):
@@ -123,11 +129,17 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
     late = 0.0 if late < SLACK * period else late
     clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
     breaks = breaks_of(system)
-    nodes = nodes_of(ts, clocks, None if breaks is None else breaks - start)
+    if breaks is not None:
+        # Of a phase every run may start at another time.
+        breaks = with_rank(breaks, start.ndim) - start
+    nodes = nodes_of(ts, clocks, breaks)
     if end is not None:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
     method = config.solver
+    # One run is over before a larger program is compiled.
+    if run_axes == 0 or _operations(system, start, y0) >= LARGE:
+        method = small_program(method)
     assert isinstance(method, FixedSteps)
     setting = Setting(
         system=system,
@@ -159,6 +171,11 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
         "evaluations": jnp.full(left.status.shape, passes * method.traits.evaluations),
     }
     return _flown(left, nodes, times, stats, len(events), run_axes)
+
+
+def _operations(system: AbstractSystem, t: Array, y: State) -> int:
+    """Number of operations in one evaluation of the vector field."""
+    return count_operations(jax.make_jaxpr(lambda y: system.vector_field(t, y))(y).jaxpr)
 
 
 def _flown(

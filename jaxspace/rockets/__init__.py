@@ -5,6 +5,7 @@ from ._angle_of_attack import angle_of_attack as angle_of_attack
 from ._angle_of_attack import complex_angle_of_attack as complex_angle_of_attack
 from ._attitude_control import AttitudeControl as AttitudeControl
 from ._back_pressure import BackPressure as BackPressure
+from ._cold_gas import ColdGasThrusters as ColdGasThrusters
 from ._gimballed_thrust import Gimbal as Gimbal
 from ._gimballed_thrust import GimballedThrust as GimballedThrust
 from ._gravity_turn import GravityTurn as GravityTurn
@@ -25,6 +26,7 @@ from ._rocket_equation import propulsive_efficiency as propulsive_efficiency
 from ._rocket_equation import rocket_equation as rocket_equation
 from ._rocket_equation import vertical_burnout_height as vertical_burnout_height
 from ._rocket_equation import vertical_burnout_velocity as vertical_burnout_velocity
+from ._servo import servo_rate as servo_rate
 from ._spinning_rocket import SpinningRocket as SpinningRocket
 from ._sprinkler import sprinkler_moment as sprinkler_moment
 from ._sprinkler import sprinkler_speed as sprinkler_speed
@@ -38,6 +40,7 @@ from ._steering import PitchPolynomial as PitchPolynomial
 from ._steering import PitchTable as PitchTable
 from ._steering import TangentSteering as TangentSteering
 from ._steering import UserSteering as UserSteering
+from ._throttled_engine import ThrottledEngine as ThrottledEngine
 from ._thrust import Thrust as Thrust
 from ._thrust_profile import ThrustProfile as ThrustProfile
 from ._variable_mass import MassStream as MassStream

@@ -14,7 +14,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
-from ._protocol import AbstractFixedStep, SolverTraits, Step, bind, check_steps, solver_traits
+from ._protocol import (
+    AbstractFixedStep,
+    SolverTraits,
+    Step,
+    bind,
+    check_steps,
+    small_program,
+    solver_traits,
+)
 from ._tolerance import Tolerance
 
 # Beyond this a loop: written out, the steps would take longer to compile than they save.
@@ -66,6 +74,9 @@ class FixedSteps(AbstractFixedStep):
     def name(self) -> str:
         """Name of the method in tables."""
         return type(self.solver).__name__
+
+    def small_program(self) -> "FixedSteps":
+        return FixedSteps(small_program(self.solver), self.steps)
 
     def refined(self, factor: int) -> "FixedSteps":
         return FixedSteps(self.solver, factor * self.steps)

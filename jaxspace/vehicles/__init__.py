@@ -3,6 +3,7 @@
 from ._aerodynamic_table import AerodynamicTable as AerodynamicTable
 from ._aerodynamic_table import read_aerodynamics as read_aerodynamics
 from ._aerodynamics import Aerodynamics as Aerodynamics
+from ._air_brake import AirBrake as AirBrake
 from ._air_drag import AirDrag as AirDrag
 from ._air_drag import Parachute as Parachute
 from ._air_drag import descent_rate as descent_rate
@@ -25,11 +26,13 @@ from ._local_air import LocalAir as LocalAir
 from ._local_air import Wind as Wind
 from ._measured_air import MeasuredAtmosphere as MeasuredAtmosphere
 from ._measured_air import MeasuredWind as MeasuredWind
+from ._movable_fins import MovableFins as MovableFins
 from ._rail import Rail as Rail
 from ._sounding import Sounding as Sounding
 from ._sounding import read_sounding as read_sounding
 from ._sounding_flight import LaunchSite as LaunchSite
 from ._sounding_flight import Recovery as Recovery
+from ._sounding_flight import apogee as apogee
 from ._sounding_flight import flight_phases as flight_phases
 from ._sounding_flight import sounding_flight as sounding_flight
 from ._tabulated_aerodynamics import TabulatedAerodynamics as TabulatedAerodynamics

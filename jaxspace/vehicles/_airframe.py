@@ -175,13 +175,15 @@ class FinSet(AbstractSurface):
         behind = self.sweep_length / 3.0 * (root + 2.0 * tip) / both
         return self.leading_edge - behind - (both - root * tip / both) / 6.0
 
-    def roll_forcing(self, mach: Scalar) -> Scalar | None:
-        """Moment about the axis over rho |w|^2/2, m^3; `None` for straight fins."""
-        if self.cant is None:
-            return None
+    def roll_slope(self, mach: Scalar) -> Scalar:
+        """Moment about the axis over rho |w|^2/2 and the angle of all fins, m^3."""
         arm = self.span / 3.0 * (self.root_chord + 2.0 * self.tip_chord)
         arm = arm / (self.root_chord + self.tip_chord) + self.radius
-        return self.count * self._forcing_share() * arm * self.single_slope(mach) * self.cant
+        return self.count * self._forcing_share() * arm * self.single_slope(mach)
+
+    def roll_forcing(self, mach: Scalar) -> Scalar | None:
+        """Moment about the axis over rho |w|^2/2, m^3; `None` for straight fins."""
+        return None if self.cant is None else self.roll_slope(mach) * self.cant
 
     def roll_damping(self, mach: Scalar) -> Scalar:
         """Moment against the roll over rho |w| omega_z/2, m^4."""

@@ -27,6 +27,7 @@ from ..core import (
     Scalar,
     Vector,
     as_float,
+    event,
     norm,
     output,
     quantity,
@@ -168,7 +169,8 @@ class _Above(eqx.Module):
         return y.position[2] - self.height
 
 
-def climb_rate(t: Scalar, y: BodyState) -> Scalar:
+@event("m/s", direction=-1, needs=("velocity",))
+def apogee(t: Scalar, y: BodyState) -> Scalar:
     """v_z, m/s: it falls through zero at the apogee over flat ground."""
     del t
     return y.velocity[2]
@@ -240,7 +242,7 @@ def sounding_flight(
         ),
         Phase(
             scene(*burning),
-            Event(climb_rate, -1, ascent_within, samples=SAMPLES),
+            Event(apogee, -1, ascent_within, samples=SAMPLES),
             name=next(names),
         ),
     ]
