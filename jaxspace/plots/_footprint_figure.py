@@ -34,10 +34,10 @@ def wind_rose(east: ArrayLike, north: ArrayLike) -> tuple[np.ndarray, np.ndarray
     classes, m/s, (classes + 1,)."""
     east, north = (np.asarray(x, float).reshape(-1) for x in (east, north))
     speed = np.hypot(east, north)
-    # Of 1, 2 and 5 times a power of ten, so that the legend has round numbers.
+    # Of 1, 2, 2.5 and 5 times a power of ten, so that the legend has round numbers.
     least = max(float(speed.max(initial=0.0)), 1e-3) / CLASSES
     power = 10.0 ** np.floor(np.log10(least))
-    step = next(power * x for x in (1.0, 2.0, 5.0, 10.0) if power * x >= least)
+    step = next(power * x for x in (1.0, 2.0, 2.5, 5.0, 10.0) if power * x >= least)
     edges = step * np.arange(CLASSES + 1)
     # The wind is called by where it comes from.
     angle = np.degrees(np.arctan2(-east, -north)) % 360.0

@@ -150,7 +150,7 @@ class Vehicle(AbstractParameters):
         case_station: Scalar,
         case_inertia: Vector | Sequence[Scalar] = (0.0, 0.0, 0.0),
         propellant_station: Scalar,
-        grain: tuple[Scalar, Scalar, Scalar],
+        grain: Vector | tuple[Scalar, Scalar, Scalar],
         exit_station: Scalar,
         exit_radius: Scalar,
         propellant_mass: Scalar | None = None,
@@ -327,7 +327,10 @@ class Vehicle(AbstractParameters):
 
 
 def _check_room(
-    motor: Motor, radius: Scalar, tube_length: Scalar | None, grain: tuple[Scalar, Scalar, Scalar]
+    motor: Motor,
+    radius: Scalar,
+    tube_length: Scalar | None,
+    grain: Vector | tuple[Scalar, Scalar, Scalar],
 ) -> None:
     """Raise `InputError` for a motor or a grain that has no room where it belongs, as far as the
     lengths are known."""
