@@ -1,0 +1,455 @@
+"""Thirty problems of Hock and Schittkowski (1981) from their starts: found optima (objective and
+violation to 1e-6), steps, evaluations of the problem and processor seconds with compilation, by
+the two methods of `minimise` and by SLSQP and trust-constr of SciPy; by slsqp-jax and Ipopt where
+these are installed.
+
+SciPy and Ipopt are given the compiled objective and constraints with their derivatives. A method is
+as good at a problem as its defaults: tolerance 1e-9, at most 500 steps."""
+
+import importlib.util
+import time
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import scipy.optimize
+
+from jaxspace.optimization import Criterion, minimise
+
+FREE = (None, None)
+TOLERANCE, MOST, CLOSE = 1e-9, 500, 1e-6
+
+
+class Problem(NamedTuple):
+    """A problem by its number in the collection: objective, constraints c = 0 and d >= 0, start,
+    least objective, bounds of each unknown."""
+
+    number: int
+    f: Callable
+    start: list[float]
+    best: float
+    equal: Callable | None = None
+    above: Callable | None = None
+    bounds: list | None = None
+
+
+def rosenbrock(x):
+    return 100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2
+
+
+def of_78(x):
+    return x @ x - 10.0, x[1] * x[2] - 5.0 * x[3] * x[4], x[0] ** 3 + x[1] ** 3 + 1.0
+
+
+def of_100(x):
+    squares = 127.0 - 2.0 * x[0] ** 2 - 3.0 * x[1] ** 4 - x[2] - 4.0 * x[3] ** 2 - 5.0 * x[4]
+    return (
+        squares,
+        282.0 - 7.0 * x[0] - 3.0 * x[1] - 10.0 * x[2] ** 2 - x[3] + x[4],
+        196.0 - 23.0 * x[0] - x[1] ** 2 - 6.0 * x[5] ** 2 + 8.0 * x[6],
+        -4.0 * x[0] ** 2
+        - x[1] ** 2
+        + 3.0 * x[0] * x[1]
+        - 2.0 * x[2] ** 2
+        - 5.0 * x[5]
+        + 11.0 * x[6],
+    )
+
+
+def rosen_suzuki(x):
+    a, b, c, d = x
+    return (
+        8.0 - x @ x - a + b - c + d,
+        10.0 - a**2 - 2.0 * b**2 - c**2 - 2.0 * d**2 + a + d,
+        5.0 - 2.0 * a**2 - b**2 - c**2 - 2.0 * a + b + d,
+    )
+
+
+def f_77(x):
+    return (
+        (x[0] - 1.0) ** 2
+        + (x[0] - x[1]) ** 2
+        + (x[2] - 1.0) ** 2
+        + (x[3] - 1.0) ** 4
+        + (x[4] - 1.0) ** 6
+    )
+
+
+def f_100(x):
+    a, b, c, d, e, g, h = x
+    first = (a - 10.0) ** 2 + 5.0 * (b - 12.0) ** 2 + c**4 + 3.0 * (d - 11.0) ** 2 + 10.0 * e**6
+    return first + 7.0 * g**2 + h**4 - 4.0 * g * h - 10.0 * g - 8.0 * h
+
+
+ABOVE_0 = (0.0, None)
+PROBLEMS = (
+    Problem(1, rosenbrock, [-2.0, 1.0], 0.0, bounds=[FREE, (-1.5, None)]),
+    Problem(
+        5,
+        lambda x: jnp.sin(x[0] + x[1]) + (x[0] - x[1]) ** 2 - 1.5 * x[0] + 2.5 * x[1] + 1.0,
+        [0.0, 0.0],
+        -np.sqrt(3.0) / 2.0 - np.pi / 3.0,
+        bounds=[(-1.5, 4.0), (-3.0, 3.0)],
+    ),
+    Problem(6, lambda x: (1 - x[0]) ** 2, [-1.2, 1.0], 0.0, lambda x: (10.0 * (x[1] - x[0] ** 2),)),
+    Problem(
+        7,
+        lambda x: jnp.log(1.0 + x[0] ** 2) - x[1],
+        [2.0, 2.0],
+        -np.sqrt(3.0),
+        lambda x: ((1.0 + x[0] ** 2) ** 2 + x[1] ** 2 - 4.0,),
+    ),
+    Problem(
+        10,
+        lambda x: x[0] - x[1],
+        [-10.0, 10.0],
+        -1.0,
+        above=lambda x: (-3.0 * x[0] ** 2 + 2.0 * x[0] * x[1] - x[1] ** 2 + 1.0,),
+    ),
+    Problem(
+        11,
+        lambda x: (x[0] - 5.0) ** 2 + x[1] ** 2 - 25.0,
+        [4.9, 0.1],
+        -8.498464223,
+        above=lambda x: (x[1] - x[0] ** 2,),
+    ),
+    Problem(
+        12,
+        lambda x: 0.5 * x[0] ** 2 + x[1] ** 2 - x[0] * x[1] - 7.0 * x[0] - 7.0 * x[1],
+        [0.0, 0.0],
+        -30.0,
+        above=lambda x: (25.0 - 4.0 * x[0] ** 2 - x[1] ** 2,),
+    ),
+    Problem(
+        13,
+        lambda x: (x[0] - 2.0) ** 2 + x[1] ** 2,
+        [-2.0, -2.0],
+        1.0,
+        above=lambda x: ((1.0 - x[0]) ** 3 - x[1],),
+        bounds=[ABOVE_0] * 2,
+    ),
+    Problem(
+        14,
+        lambda x: (x[0] - 2.0) ** 2 + (x[1] - 1.0) ** 2,
+        [2.0, 2.0],
+        9.0 - 2.875 * np.sqrt(7.0),
+        lambda x: (x[0] - 2.0 * x[1] + 1.0,),
+        lambda x: (1.0 - 0.25 * x[0] ** 2 - x[1] ** 2,),
+    ),
+    Problem(
+        18,
+        lambda x: 0.01 * x[0] ** 2 + x[1] ** 2,
+        [2.0, 2.0],
+        5.0,
+        above=lambda x: (x[0] * x[1] - 25.0, x @ x - 25.0),
+        bounds=[(2.0, 50.0), (0.0, 50.0)],
+    ),
+    Problem(
+        19,
+        lambda x: (x[0] - 10.0) ** 3 + (x[1] - 20.0) ** 3,
+        [20.1, 5.84],
+        -6961.81387558,
+        above=lambda x: (
+            (x[0] - 5.0) ** 2 + (x[1] - 5.0) ** 2 - 100.0,
+            82.81 - (x[1] - 5.0) ** 2 - (x[0] - 6.0) ** 2,
+        ),
+        bounds=[(13.0, 100.0), (0.0, 100.0)],
+    ),
+    Problem(
+        22,
+        lambda x: (x[0] - 2.0) ** 2 + (x[1] - 1.0) ** 2,
+        [2.0, 2.0],
+        1.0,
+        above=lambda x: (2.0 - x[0] - x[1], x[1] - x[0] ** 2),
+    ),
+    Problem(
+        24,
+        lambda x: ((x[0] - 3.0) ** 2 - 9.0) * x[1] ** 3 / (27.0 * np.sqrt(3.0)),
+        [1.0, 0.5],
+        -1.0,
+        above=lambda x: (
+            x[0] / np.sqrt(3.0) - x[1],
+            x[0] + np.sqrt(3.0) * x[1],
+            6.0 - x[0] - np.sqrt(3.0) * x[1],
+        ),
+        bounds=[ABOVE_0] * 2,
+    ),
+    Problem(
+        26,
+        lambda x: (x[0] - x[1]) ** 2 + (x[1] - x[2]) ** 4,
+        [-2.6, 2.0, 2.0],
+        0.0,
+        lambda x: ((1.0 + x[1] ** 2) * x[0] + x[2] ** 4 - 3.0,),
+    ),
+    Problem(
+        27,
+        lambda x: 0.01 * (x[0] - 1.0) ** 2 + (x[1] - x[0] ** 2) ** 2,
+        [2.0, 2.0, 2.0],
+        0.04,
+        lambda x: (x[0] + x[2] ** 2 + 1.0,),
+    ),
+    Problem(
+        28,
+        lambda x: (x[0] + x[1]) ** 2 + (x[1] + x[2]) ** 2,
+        [-4.0, 1.0, 1.0],
+        0.0,
+        lambda x: (x[0] + 2.0 * x[1] + 3.0 * x[2] - 1.0,),
+    ),
+    Problem(
+        29,
+        lambda x: -x[0] * x[1] * x[2],
+        [1.0, 1.0, 1.0],
+        -16.0 * np.sqrt(2.0),
+        above=lambda x: (48.0 - x[0] ** 2 - 2.0 * x[1] ** 2 - 4.0 * x[2] ** 2,),
+    ),
+    Problem(
+        34,
+        lambda x: -x[0],
+        [0.0, 1.05, 2.9],
+        -np.log(np.log(10.0)),
+        above=lambda x: (x[1] - jnp.exp(x[0]), x[2] - jnp.exp(x[1])),
+        bounds=[(0.0, 100.0), (0.0, 100.0), (0.0, 10.0)],
+    ),
+    Problem(
+        35,
+        lambda x: (
+            9.0
+            - 8.0 * x[0]
+            - 6.0 * x[1]
+            - 4.0 * x[2]
+            + 2.0 * (x[0] ** 2 + x[1] ** 2 + x[0] * x[1] + x[0] * x[2])
+            + x[2] ** 2
+        ),
+        [0.5, 0.5, 0.5],
+        1.0 / 9.0,
+        above=lambda x: (3.0 - x[0] - x[1] - 2.0 * x[2],),
+        bounds=[ABOVE_0] * 3,
+    ),
+    Problem(
+        39,
+        lambda x: -x[0],
+        [2.0] * 4,
+        -1.0,
+        lambda x: (x[1] - x[0] ** 3 - x[2] ** 2, x[0] ** 2 - x[1] - x[3] ** 2),
+    ),
+    Problem(
+        40,
+        lambda x: -x[0] * x[1] * x[2] * x[3],
+        [0.8] * 4,
+        -0.25,
+        lambda x: (x[0] ** 3 + x[1] ** 2 - 1.0, x[0] ** 2 * x[3] - x[2], x[3] ** 2 - x[1]),
+    ),
+    Problem(
+        43,
+        lambda x: x @ x + x[2] ** 2 - 5.0 * x[0] - 5.0 * x[1] - 21.0 * x[2] + 7.0 * x[3],
+        [0.0] * 4,
+        -44.0,
+        above=rosen_suzuki,
+    ),
+    Problem(
+        46,
+        lambda x: (x[0] - x[1]) ** 2 + (x[2] - 1.0) ** 2 + (x[3] - 1.0) ** 4 + (x[4] - 1.0) ** 6,
+        [np.sqrt(0.5), 1.75, 0.5, 2.0, 2.0],
+        0.0,
+        lambda x: (
+            x[0] ** 2 * x[3] + jnp.sin(x[3] - x[4]) - 1.0,
+            x[1] + x[2] ** 4 * x[3] ** 2 - 2.0,
+        ),
+    ),
+    Problem(
+        64,
+        lambda x: jnp.sum(jnp.array([5.0, 20.0, 10.0]) * x + jnp.array([5e4, 7.2e4, 1.44e5]) / x),
+        [1.0] * 3,
+        6299.842428,
+        above=lambda x: (1.0 - 4.0 / x[0] - 32.0 / x[1] - 120.0 / x[2],),
+        bounds=[(1e-5, None)] * 3,
+    ),
+    Problem(
+        65,
+        lambda x: (x[0] - x[1]) ** 2 + (x[0] + x[1] - 10.0) ** 2 / 9.0 + (x[2] - 5.0) ** 2,
+        [-5.0, 5.0, 0.0],
+        0.9535288567,
+        above=lambda x: (48.0 - x @ x,),
+        bounds=[(-4.5, 4.5), (-4.5, 4.5), (-5.0, 5.0)],
+    ),
+    Problem(
+        71,
+        lambda x: x[0] * x[3] * (x[0] + x[1] + x[2]) + x[2],
+        [1.0, 5.0, 5.0, 1.0],
+        17.0140173,
+        lambda x: (x @ x - 40.0,),
+        lambda x: (x[0] * x[1] * x[2] * x[3] - 25.0,),
+        [(1.0, 5.0)] * 4,
+    ),
+    Problem(
+        77,
+        f_77,
+        [2.0] * 5,
+        0.24150513,
+        lambda x: (
+            x[0] ** 2 * x[3] + jnp.sin(x[3] - x[4]) - 2.0 * np.sqrt(2.0),
+            x[1] + x[2] ** 4 * x[3] ** 2 - 8.0 - np.sqrt(2.0),
+        ),
+    ),
+    Problem(78, jnp.prod, [-2.0, 1.5, 2.0, -1.0, -1.0], -2.91970041, of_78),
+    Problem(
+        80,
+        lambda x: jnp.exp(jnp.prod(x)),
+        [-2.0, 2.0, 2.0, -1.0, -1.0],
+        0.0539498478,
+        of_78,
+        bounds=[(-2.3, 2.3)] * 2 + [(-3.2, 3.2)] * 3,
+    ),
+    Problem(100, f_100, [1.0, 2.0, 0.0, 4.0, 0.0, 1.0, 1.0], 680.6300573, above=of_100),
+)
+
+
+class Found(NamedTuple):
+    """Where a method ended, its steps, and how often it evaluated the problem."""
+
+    x: np.ndarray
+    steps: int
+    evaluations: int
+
+
+def ours(problem: Problem, method: str) -> Found:
+    """By `minimise`."""
+    calls = []
+
+    def criterion(x):
+        jax.debug.callback(lambda: calls.append(1))
+        return Criterion(
+            problem.f(x),
+            None if problem.equal is None else jnp.stack(problem.equal(x)),
+            None if problem.above is None else jnp.stack(problem.above(x)),
+        )
+
+    low, high = (
+        jnp.array([side * np.inf if b[k] is None else b[k] for b in problem.bounds or ()])
+        for k, side in enumerate((-1.0, 1.0))
+    )
+    # Where steps are many each descent may take them all.
+    found = minimise(
+        criterion,
+        jnp.array(problem.start),
+        bounds=None if problem.bounds is None else (low, high),
+        method=method,
+        tolerance=TOLERANCE,
+        max_steps=MOST,
+    )
+    jax.effects_barrier()
+    return Found(np.asarray(found.x), int(found.steps), len(calls))
+
+
+def compiled(problem: Problem) -> tuple[Callable, Callable, list[dict[str, Any]]]:
+    """Objective, gradient, and the constraints with their Jacobians, as SciPy takes them."""
+    sides = [("eq", problem.equal), ("ineq", problem.above)]
+    constraints = []
+    for kind, function in sides:
+        if function is not None:
+            values = jax.jit(lambda x, function=function: jnp.stack(function(x)))
+            constraints.append({"type": kind, "fun": values, "jac": jax.jit(jax.jacfwd(values))})
+    return jax.jit(problem.f), jax.jit(jax.grad(problem.f)), constraints
+
+
+def scipys(problem: Problem, method: str) -> Found:
+    """By SciPy, or by Ipopt, which is called like it."""
+    f, slope, constraints = compiled(problem)
+    options: dict[str, Any] = {"maxiter": MOST}
+    given: Any = constraints
+    if method == "trust-constr":
+        options |= {"gtol": TOLERANCE, "xtol": 1e-12}
+        given = [
+            scipy.optimize.NonlinearConstraint(
+                c["fun"], 0.0, 0.0 if c["type"] == "eq" else np.inf, jac=c["jac"]
+            )
+            for c in constraints
+        ]
+    elif method == "SLSQP":
+        options |= {"ftol": TOLERANCE}
+    start = np.array(problem.start)
+    arguments = {"jac": slope, "bounds": problem.bounds, "constraints": given}
+    if method == "Ipopt":
+        import cyipopt
+
+        options |= {"tol": TOLERANCE, "print_level": 0, "sb": "yes"}
+        found = cyipopt.minimize_ipopt(f, start, options=options, **arguments)
+    else:
+        found = scipy.optimize.minimize(f, start, method=method, options=options, **arguments)
+    return Found(np.asarray(found.x), int(found.nit), int(found.nfev))
+
+
+def slsqp_jax(problem: Problem, method: str) -> Found:
+    """By slsqp-jax."""
+    from slsqp_jax import minimize_like_scipy
+
+    del method
+    _, _, constraints = compiled(problem)
+    found = minimize_like_scipy(
+        problem.f,
+        jnp.array(problem.start),
+        bounds=problem.bounds,
+        constraints=constraints,
+        options={"max_steps": MOST, "rtol": TOLERANCE, "atol": TOLERANCE},
+    )
+    # It counts no evaluations.
+    return Found(np.asarray(found.value), int(found.stats["num_steps"]), -1)
+
+
+METHODS: dict[str, tuple[Callable[[Problem, str], Found], str]] = {
+    "ours, sqp": (ours, "sqp"),
+    "ours, multipliers": (ours, "multipliers"),
+    "SciPy, SLSQP": (scipys, "SLSQP"),
+    "SciPy, trust-constr": (scipys, "trust-constr"),
+    "slsqp-jax": (slsqp_jax, "slsqp_jax"),
+    "Ipopt, limited memory": (scipys, "Ipopt"),
+}
+NEEDED = {"slsqp-jax": "slsqp_jax", "Ipopt, limited memory": "cyipopt"}
+
+
+def is_found(problem: Problem, x: np.ndarray) -> bool:
+    """Whether this is the optimum, to `CLOSE` in the objective and in every constraint."""
+    violations = [0.0]
+    if problem.equal is not None:
+        violations += [abs(float(c)) for c in problem.equal(jnp.asarray(x))]
+    if problem.above is not None:
+        violations += [-float(d) for d in problem.above(jnp.asarray(x))]
+    for value, (low, high) in zip(x, problem.bounds or [FREE] * len(x), strict=True):
+        violations += [] if low is None else [low - value]
+        violations += [] if high is None else [value - high]
+    off = abs(float(problem.f(jnp.asarray(x))) - problem.best)
+    return off <= CLOSE * max(1.0, abs(problem.best)) and max(violations) <= CLOSE
+
+
+def measure(problems: tuple[Problem, ...] = PROBLEMS) -> dict:
+    """For each method how many optima it finds, and what that takes."""
+    rows = {}
+    for name, (search, method) in METHODS.items():
+        if name in NEEDED and importlib.util.find_spec(NEEDED[name]) is None:
+            continue
+        missed, steps, evaluations, seconds = [], [], [], 0.0
+        for problem in problems:
+            started = time.process_time()
+            try:
+                found = search(problem, method)
+            # Whatever a library raises, it has not found the optimum.
+            except Exception as error:
+                print(name, problem.number, type(error).__name__, error)
+                missed.append(problem.number)
+                continue
+            seconds += time.process_time() - started
+            steps.append(found.steps)
+            evaluations.append(found.evaluations)
+            if not is_found(problem, found.x):
+                missed.append(problem.number)
+        rows[name] = {
+            "found": f"{len(problems) - len(missed)} of {len(problems)}",
+            "missed": ", ".join(map(str, missed)),
+            "median_steps": float(np.median(steps)),
+            "median_evaluations": float(np.median(evaluations)) if min(evaluations) >= 0 else None,
+            "cpu_seconds": seconds,
+        }
+        print(name, rows[name], flush=True)
+    return rows
