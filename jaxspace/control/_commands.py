@@ -73,6 +73,9 @@ class Held(AbstractSystem):
     def vector_field(self, t: Scalar, y: State) -> State:
         return self.at(t).vector_field(t, y)
 
+    def breaks(self) -> Array | None:
+        return self.system.breaks()
+
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
         del t, y
         return {}
