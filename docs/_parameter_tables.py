@@ -6,7 +6,7 @@ Unit, range and meaning stand where the class declares them, and nowhere else.
 import importlib
 import re
 
-from jaxspace.core import Quantity, quantities
+from jaxspace.core.quantities import Quantity, quantities
 
 MARK = re.compile(r"<!-- parameters: (\w+)\.(\w+) -->")
 

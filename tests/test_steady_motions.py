@@ -11,10 +11,12 @@ from numpy.testing import assert_allclose
 
 from jaxspace import BodyState
 from jaxspace.attitude import RollingDisk, ShaftPendulum, SphericalPendulum, Top
-from jaxspace.core import axis, cross, dot
+from jaxspace.core.vectors import axis, cross, dot
 from jaxspace.gyros import Gyrocompass, PlatformAxis, RateGyro, RateGyroState, StablePlatform
 from jaxspace.mechanics import ArmPendulum, ArmState, BarOnSpring, RotatingHoop
-from jaxspace.orbits import TwoBody, circular_rate, circular_speed
+from jaxspace.orbits import TwoBody
+from jaxspace.orbits.burnout import circular_speed
+from jaxspace.orbits.radial_motion import circular_rate
 
 COMPASS = Gyrocompass(339.0, 0.2, 0.25, 8.5, 0.8, damping_moment=0.17, speed=8.0, course=0.3)
 SOUTHERN = Gyrocompass(339.0, 0.2, 0.2, 8.5, -0.8)

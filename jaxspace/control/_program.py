@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import InputError, State, breaks_of
+from ..core import InputError, State
+from ..core.tables import breaks_of
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
@@ -16,10 +17,11 @@ from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ..simulation.run_result import RunResult
-from ..solvers import FixedSteps, Tolerance
+from ..solvers import FixedSteps
+from ..solvers.tolerances import Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
-from ._commands import Actuate
 from ._samples import Left, Setting, run_samples
+from .commands import Actuate
 
 
 class Known(NamedTuple):

@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ..integration import Accuracy
+from ..integration.accuracy import Accuracy
 from ._batch_runner import cores
 from ._campaign import Campaign
 

@@ -28,18 +28,9 @@ from .. import (
 )
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, AbstractJump, BodyState
 from ..control import AbstractController
-from ..core import (
-    AbstractParameters,
-    AbstractSystem,
-    EventCondition,
-    Initial,
-    InputError,
-    Output,
-    Quantity,
-    Scalar,
-    State,
-    quantities,
-)
+from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, State
+from ..core.declarations import EventCondition, Initial, Output
+from ..core.quantities import Quantity, quantities
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
 from ._objects import entry_of, foreign_fields, function_way, object_kind, snake_case

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterable, Mapping
 
 from ..bodies import BodyState
-from ..core import REQUIRED
+from ..core.quantities import REQUIRED
 from ._catalog import Catalog, catalog
 from ._form import form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema

@@ -4,14 +4,14 @@ where along the run they are taken."""
 from typing import NamedTuple
 
 from ..bodies import BodyState
-from ..core import Quantity
+from ..core.quantities import Quantity
 from ._catalog import OutputFunction, part_quantities, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
 from ._kinds import Values
 from ._objects import at
 from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
-from ._units import WrittenUnits, in_unit, read_number
+from .units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
 TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")

@@ -10,7 +10,8 @@ from ._bins import bins
 from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights, Row
+    from ..dispersion import Dispersion, Flights
+    from ..dispersion.table import Row
 
 MOST_POINTS = 2000
 """Runs of the scatter plots: more hide one another."""

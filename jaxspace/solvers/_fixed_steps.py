@@ -14,8 +14,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
-from ._protocol import AbstractFixedStep, SolverTraits, Step, bind, check_steps, solver_traits
-from ._tolerance import Tolerance
+from .protocol import AbstractFixedStep, SolverTraits, Step, bind, check_steps, solver_traits
+from .tolerances import Tolerance
 
 # Beyond this a loop: written out, the steps would take longer to compile than they save.
 UNROLLED = 2

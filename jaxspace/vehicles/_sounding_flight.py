@@ -26,20 +26,20 @@ from ..core import (
     OptionalNumberField,
     Scalar,
     Vector,
-    as_float,
     quantity,
-    with_rank,
 )
+from ..core.shapes import with_rank
+from ..core.types import as_float
 from ..orbits import RotatingFrame
 from ..rotations import Quaternion
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
-from ._air_drag import Parachute
 from ._dryden_gusts import DrydenGusts
-from ._ground_gravity import GroundGravity
-from ._local_air import AbstractWind, LocalAir
 from ._rail import Rail
 from ._vehicle import Vehicle
+from .air_drag import Parachute
+from .ground_gravity import GroundGravity
+from .local_air import AbstractWind, LocalAir
 
 EARTH_RATE = 7.2921159e-5  # rad/s
 # Of the search for the end of the rail and the apogee, which each happen once: more would only

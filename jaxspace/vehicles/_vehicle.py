@@ -24,12 +24,10 @@ from ..core import (
     OptionalNumberField,
     Scalar,
     Vector,
-    as_float,
-    as_optional_float,
     quantity,
 )
+from ..core.types import as_float, as_optional_float
 from ..rockets import (
-    AbstractSteering,
     AttitudeControl,
     Gimbal,
     GimballedThrust,
@@ -38,13 +36,14 @@ from ..rockets import (
     SteeredThrust,
     Thrust,
 )
-from ._aerodynamic_table import AerodynamicTable
+from ..rockets.steering import AbstractSteering
 from ._aerodynamics import Aerodynamics
-from ._air_drag import AirDrag
-from ._airframe import FinSet, NoseCone, RadiusChange
-from ._coefficient import MachTable, as_optional_coefficient
-from ._local_air import LocalAir
 from ._tabulated_aerodynamics import TabulatedAerodynamics
+from .aerodynamic_table import AerodynamicTable
+from .air_drag import AirDrag
+from .airframe import FinSet, NoseCone, RadiusChange
+from .coefficient import MachTable, as_optional_coefficient
+from .local_air import LocalAir
 
 
 @final
