@@ -3,7 +3,6 @@ declared quantities, checks of input. Imports jax and equinox only."""
 
 from typing import TYPE_CHECKING
 
-from .modules import modules_of as _modules_of
 from ._system import AbstractClosedForm as AbstractClosedForm
 from ._system import AbstractDecoupled as AbstractDecoupled
 from ._system import AbstractRegularised as AbstractRegularised
@@ -22,6 +21,7 @@ from .declarations import output as output
 from .declarations import reference as reference
 from .extras import MissingExtra as MissingExtra
 from .groups import AbstractGroupElement as AbstractGroupElement
+from .modules import modules_of as _modules_of
 from .quantities import AbstractParameters as AbstractParameters
 from .quantities import argument as argument
 from .quantities import quantity as quantity

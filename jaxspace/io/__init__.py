@@ -18,10 +18,7 @@ from ._stored import stored_scene as stored_scene
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
-    from . import campaign_report as campaign_report
     from . import ephemeris as ephemeris
     from . import mean_elements as mean_elements
-    from . import report as report
-    from . import units as units
 else:
     __getattr__, __dir__ = _modules_of(__name__)

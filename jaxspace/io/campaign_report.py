@@ -1,8 +1,6 @@
 """What a campaign reports besides its table: one of its runs in detail, those that failed, and the
 methods that need no runs."""
 
-__all__ = ["comparison_table", "failures_report", "moments_report", "replay_report"]
-
 import math
 from collections.abc import Mapping, Sequence
 

@@ -1,13 +1,5 @@
 """What a run of a file reports: states, numbers of interest, errors and tables, in its units."""
 
-__all__ = [
-    "dispersion_report",
-    "mission_report",
-    "optimum_report",
-    "run_report",
-    "sensitivity_report",
-]
-
 import math
 from collections.abc import Mapping, Sequence
 from typing import SupportsFloat, SupportsInt

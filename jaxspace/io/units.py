@@ -1,7 +1,5 @@
 """Units of a scene file: numbers with or without one, read into SI."""
 
-__all__ = ["read_option"]
-
 import functools
 import math
 import re

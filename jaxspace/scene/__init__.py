@@ -14,6 +14,5 @@ from ._scene import Scene as Scene
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
     from . import outputs as outputs
-    from . import reading as reading
 else:
     __getattr__, __dir__ = _modules_of(__name__)

@@ -5,8 +5,6 @@ velocity, an orientation with its rate, a mass, then two of them, then all. What
 parts from which some operation leads to its result; what it adds is what its result holds.
 """
 
-__all__ = ["Reading", "read_effects"]
-
 import dataclasses
 import functools
 import itertools

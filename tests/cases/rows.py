@@ -86,8 +86,9 @@ CHAPTERS_1_TO_4 = (
     Row("4.7", "Kepler's problem", "T4.7", "orbits.kepler.kepler_flow orbits.TwoBody"),
     Row(
         *("4.8", "Geometry of conics", "T4.8"),
-        "orbits.ClassicalElements orbits.elements.elements_from_state orbits.elements.state_from_elements "
-        "orbits.conic.conic_radius orbits.conic.eccentric_anomaly orbits.conic.mean_anomaly",
+        "orbits.ClassicalElements orbits.elements.elements_from_state "
+        "orbits.elements.state_from_elements orbits.conic.conic_radius "
+        "orbits.conic.eccentric_anomaly orbits.conic.mean_anomaly",
     ),
     Row(
         *("4.9", "Orbit from the burnout", "T4.9"),
@@ -95,20 +96,21 @@ CHAPTERS_1_TO_4 = (
     ),
     Row(
         *("4.10", "Launch along the horizon, period, escape", "T4.10"),
-        "orbits.time_of_flight.period orbits.burnout.escape_speed orbits.initial.orbit_from_radius orbits.burnout.excess_speed "
+        "orbits.time_of_flight.period orbits.burnout.escape_speed "
+        "orbits.initial.orbit_from_radius orbits.burnout.excess_speed "
         "orbits.conic.turning_angle",
     ),
     Row(
         *("4.11", "Hohmann transfer, planets", "T4.11"),
-        "orbits.transfers.bielliptic_transfer orbits.bielliptic.bielliptic_break_even orbits.planets.synodic_period "
-        "orbits.planets.departure_phase constants.PLANETS",
+        "orbits.transfers.bielliptic_transfer orbits.bielliptic.bielliptic_break_even "
+        "orbits.planets.synodic_period orbits.planets.departure_phase constants.PLANETS",
     ),
     Row("4.12", "Coaxial ellipses", "T4.12"),
     Row(
         *("4.13", "Change by an impulse, time of flight", "T4.13"),
         "orbits.impulses.apse_line_impulse orbits.impulses.plane_change_impulse orbits.Impulse "
-        "orbits.time_of_flight.time_of_flight orbits.time_of_flight.true_anomaly_after orbits.impulses.eccentricities_through "
-        "orbits.small_impulse.impulse_change",
+        "orbits.time_of_flight.time_of_flight orbits.time_of_flight.true_anomaly_after "
+        "orbits.impulses.eccentricities_through orbits.small_impulse.impulse_change",
     ),
     Row(
         *("4.14", "Small impulses", "T4.14"),
@@ -117,9 +119,11 @@ CHAPTERS_1_TO_4 = (
     Row("4.15", "Stability of circular orbits", "T4.15"),
     Row(
         *("4.16", "Interception and rendezvous", "T4.16"),
-        "orbits.lambert.lambert orbits.lambert.least_duration orbits.clohessy_wiltshire.clohessy_wiltshire_flow "
-        "orbits.clohessy_wiltshire.clohessy_wiltshire_transfer orbits.interception.interception orbits.phasing.phasing "
-        "orbits.interception.porkchop orbits.ClohessyWiltshire optimization.least_rendezvous",
+        "orbits.lambert.lambert orbits.lambert.least_duration "
+        "orbits.clohessy_wiltshire.clohessy_wiltshire_flow "
+        "orbits.clohessy_wiltshire.clohessy_wiltshire_transfer "
+        "orbits.interception.interception orbits.phasing.phasing orbits.interception.porkchop "
+        "orbits.ClohessyWiltshire optimization.least_rendezvous",
     ),
     Row(
         *("4.17", "Ballistic trajectory", "T4.17"),
@@ -127,8 +131,9 @@ CHAPTERS_1_TO_4 = (
     ),
     Row(
         *("4.18", "Oblate body: moment, secular rates", "T4.18"),
-        "orbits.Oblateness orbits.oblateness.node_regression_rate orbits.oblateness.apsidal_rate orbits.Zonals "
-        "orbits.secular_rates.secular_rates orbits.secular_rates.sun_synchronous_inclination",
+        "orbits.Oblateness orbits.oblateness.node_regression_rate "
+        "orbits.oblateness.apsidal_rate orbits.Zonals orbits.secular_rates.secular_rates "
+        "orbits.secular_rates.sun_synchronous_inclination",
     ),
     Row(
         "H 5.2",
@@ -143,12 +148,13 @@ CHAPTERS_1_TO_4 = (
 CHAPTER_5 = (
     Row(
         *("5.1", "Euler's theorem, composition of rotations", "T5.1"),
-        "rotations.Quaternion rotations.interpolation.slerp rotations.interpolation.interpolate_attitude "
-        "rotations.mean.mean_attitude",
+        "rotations.Quaternion rotations.interpolation.slerp "
+        "rotations.interpolation.interpolate_attitude rotations.mean.mean_attitude",
     ),
     Row(
         *("5.2 to 5.5", "Momentum, energy, tensor and ellipsoid of inertia", "T5.2 T5.5 T5.12-P2"),
-        "bodies.InertiaTensor bodies.inertia.parallel_axes bodies.principal_axes.principal_axes bodies.mass_properties.combined "
+        "bodies.InertiaTensor bodies.inertia.parallel_axes "
+        "bodies.principal_axes.principal_axes bodies.mass_properties.combined "
         "bodies.mass_properties.inertia_ellipsoid bodies.inertia.kinetic_energy",
     ),
     Row("5.5 P10", "Landing on a pivot", "T5.5-P10"),
@@ -271,7 +277,8 @@ VEHICLES = (
 CHAPTER_8 = (
     Row(
         *("8.1", "Single stage, vertical: burnout, height, coast, partial derivatives", "T8.1"),
-        "rockets.rocket_equation.vertical_burnout_velocity rockets.rocket_equation.vertical_burnout_height rockets.rocket_equation.coast_height "
+        "rockets.rocket_equation.vertical_burnout_velocity "
+        "rockets.rocket_equation.vertical_burnout_height rockets.rocket_equation.coast_height "
         "rockets.rocket_equation.propulsive_efficiency",
     ),
     Row(
@@ -281,12 +288,14 @@ CHAPTER_8 = (
     Row(
         *("8.2", "Staging: shares of the velocity, stages that vanish, their number", "T8.2"),
         "optimization.optimal_staging optimization.staging.optimal_staging_by_gradient "
-        "optimization.fixed_masses.number_of_stages optimization.flown_staging.staging_with_losses "
+        "optimization.fixed_masses.number_of_stages "
+        "optimization.flown_staging.staging_with_losses "
         "optimization.staging.equal_stages_payload optimization.staging.stationary_mass_ratio",
     ),
     Row(
         *("8.3", "Linear-tangent steering; the least time, direct shooting", "T8.3"),
-        "optimization.steering.linear_tangent_steering optimization.steering.maximum_velocity_steering "
+        "optimization.steering.linear_tangent_steering "
+        "optimization.steering.maximum_velocity_steering "
         "optimization.steering.minimum_time_steering optimization.optimise_steering "
         "optimization.optimise_insertion",
     ),
@@ -357,8 +366,8 @@ CHAPTER_6 = (
     Row("6.10", "Inertial navigator", "", "gyros.InertialNavigator gyros.Place"),
     Row(
         *("6.11", "Errors of inertial navigation", "T6.11"),
-        "gyros.navigation_errors.NavigationErrors gyros.InertialNavigator.error_equations gyros.navigation_errors.coupled_rates "
-        "gyros.navigation_errors.table_rates",
+        "gyros.navigation_errors.NavigationErrors gyros.InertialNavigator.error_equations "
+        "gyros.navigation_errors.coupled_rates gyros.navigation_errors.table_rates",
     ),
 )
 
@@ -430,7 +439,8 @@ CHAPTER_9 = (
 VARIABLE_MASS = (
     Row(
         *("7.7", "Balance of momentum with inflow and outflow: rocket, jet engine", "T7.7-4"),
-        "rockets.rocket_equation.rocket_equation rockets.rocket_equation.mass_ratio_for rockets.variable_mass.variable_mass_acceleration "
+        "rockets.rocket_equation.rocket_equation rockets.rocket_equation.mass_ratio_for "
+        "rockets.variable_mass.variable_mass_acceleration "
         "rockets.variable_mass.jet_engine_thrust rockets.Thrust rockets.SteeredThrust",
     ),
     Row(
