@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from jaxspace import mechanics, orbits, rotations
+from jaxspace.core.modules import public_names
 from jaxspace.orbits import ClassicalElements, EquinoctialElements, ModifiedEquinoctialElements
 from jaxspace.rotations import MovingFrame, Quaternion
 
@@ -168,7 +169,7 @@ def test_the_functions_are_public():
     rooms = (orbits, rotations, mechanics)
     for function, _ in FORMULAS.values():
         if inspect.isfunction(function) and function.__module__.startswith("jaxspace"):
-            found = [getattr(room, function.__name__, None) for room in rooms]
+            found = [public_names(room).get(function.__name__) for room in rooms]
             assert function in found, function.__name__
 
 

@@ -11,6 +11,7 @@ from numpy.testing import assert_allclose
 
 from jaxspace import BodyState
 from jaxspace.attitude import RollingDisk, ShaftPendulum, SphericalPendulum, Top
+from jaxspace.core.modules import public_names
 from jaxspace.core.vectors import axis, cross, dot
 from jaxspace.gyros import Gyrocompass, PlatformAxis, RateGyro, RateGyroState, StablePlatform
 from jaxspace.mechanics import ArmPendulum, ArmState, BarOnSpring, RotatingHoop
@@ -194,9 +195,8 @@ def test_every_steady_motion_is_fed_back():
     )
     names = set()
     for package in "attitude bodies control gyros mechanics orbits rockets vehicles".split():
-        for name, found in vars(importlib.import_module(f"jaxspace.{package}")).items():
-            if name.startswith("_") or inspect.ismodule(found):
-                continue
+        module = importlib.import_module(f"jaxspace.{package}")
+        for name, found in public_names(module).items():
             members = vars(found) if inspect.isclass(found) else ()
             full = [f"{package}.{name}", *(f"{package}.{name}.{member}" for member in members)]
             names.update(x for x in full if word.search(x.rpartition(".")[2]))

@@ -5,12 +5,14 @@ import inspect
 from collections.abc import Iterable
 from fnmatch import fnmatch
 
+from jaxspace.core import modules
+
 ROOMS = (
     "core rotations bodies orbits attitude gyros mechanics rockets vehicles control"
     " optimization".split()
 )
 # Of core only these files hold formulas.
-FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
+FLOOR = ("safe", "special", "elliptic", "vectors", "tables")
 
 # Patterns of names, by why there is nothing to search.
 LEFT_OUT: dict[str, list[str]] = {
@@ -115,8 +117,8 @@ def public_names() -> set[str]:
     names = set()
     for room in ROOMS:
         module = importlib.import_module(f"jaxspace.{room}")
-        for name, found in vars(module).items():
-            if name.startswith("_") or inspect.ismodule(found) or not callable(found):
+        for name, found in modules.public_names(module).items():
+            if not callable(found):
                 continue
             if room == "core" and found.__module__.rpartition(".")[2] not in FLOOR:
                 continue
