@@ -92,8 +92,8 @@ HEAVY = {
 MAY_BE_HEAVY = {"simulation", "studies", "dispersion", "io", "plots", "cli"}
 LIGHT = HEAVY - {"tomllib"}
 
-# Names that the root of a package gives: what a user meets first. The rest stands in modules named by
-# their subject.
+# Names that the root of a package gives: what a user meets first. The rest stands in modules named
+# by their subject.
 MOST_NAMES = 40
 # Of all roots, and of the package itself.
 MOST_OF_ALL = 350
