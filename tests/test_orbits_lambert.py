@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from jaxspace.orbits.lambert.transfer_status import TransferStatus
 from test_orbits_kepler import condition, conics, exact_flow, relative
 from test_orbits_kepler import forward as slope_of_flow
 
@@ -19,7 +18,7 @@ from jaxspace.orbits._conic_of_time import conic_of_time, least_time
 from jaxspace.orbits._transfer_time import transfer_time
 from jaxspace.orbits.elements import eccentricity_vector, periapsis_radius, semi_major_axis
 from jaxspace.orbits.kepler import kepler_flow
-from jaxspace.orbits.lambert import lambert, least_duration, transfer_status
+from jaxspace.orbits.lambert import TransferStatus, lambert, least_duration, transfer_status
 
 EPS = np.finfo(float).eps
 

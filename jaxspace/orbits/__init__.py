@@ -67,7 +67,6 @@ if TYPE_CHECKING:
     from . import steps as steps
     from . import third_body as third_body
     from . import time_of_flight as time_of_flight
-    from . import transfer_status as transfer_status
     from . import transfers as transfers
     from . import two_masses as two_masses
     from . import uniform_gravity as uniform_gravity

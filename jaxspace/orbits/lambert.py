@@ -20,7 +20,7 @@ must decide the plane, and derivatives are those within this plane. Where the pl
 `normal`, this does not decide which way is meant.
 """
 
-__all__ = ["lambert", "least_duration", "transfer_status"]
+__all__ = ["TransferStatus", "lambert", "least_duration", "transfer_status"]
 
 from typing import NamedTuple
 
@@ -34,13 +34,13 @@ from ..core.shapes import with_rank
 from ..core.tracing import is_traced
 from ..core.vectors import axis, cross, dot, norm, unit
 from ._conic_of_time import conic_of_time, least_time
-from ._transfer_time import transfer_time
-from .transfer_status import (
+from ._transfer_status import (
     TransferStatus,
     geometry_status,
     rounding_of_directions,
     way_is_undecided,
 )
+from ._transfer_time import transfer_time
 
 
 class _Chord(NamedTuple):

@@ -1,7 +1,5 @@
 """Why a transfer of Lambert's problem does not exist, or is not the only one."""
 
-__all__ = ["TransferStatus"]
-
 import enum
 
 import jax.numpy as jnp
