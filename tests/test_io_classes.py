@@ -1,6 +1,7 @@
 """Every effect and system of the library stands in scene files, or the reason stands here."""
 
 import importlib
+import inspect
 
 import jax.numpy as jnp
 import numpy as np
