@@ -75,10 +75,24 @@ def on_files(files, config):
 def theory(page: str) -> str:
     """The page of a group of chapters: a line for each row of the theory."""
     title, rows = PAGES[page]
+    lines = [ROWS_START.format(title=title, books=BOOKS[page])]
+    for row, functions, names, reached in computed(rows):
+        cells = (
+            *(row.section, row.title),
+            ", ".join(f"`{f}`" for f in functions) or "-",
+            ", ".join(names) or "-",
+            _error(max(reached)) if reached else "-",
+        )
+        lines.append(_line(cells))
+    return "\n".join(lines) + "\n"
+
+
+def computed(rows):
+    """Each row of the theory with the functions that compute it, the names of its cases, and the
+    errors that these reached."""
     tables = [case for c in CHAPTERS.values() for case in c.CASES]
     # A case that stands in a test and in no table is known by its error.
     used = {**dict.fromkeys(ERRORS, ()), **{c.id: c.uses for c in tables}}
-    lines = [ROWS_START.format(title=title, books=BOOKS[page])]
     for row in rows:
         names = sorted(name for name in used if row_of(name, rows) is row)
         functions = row.functions.split()
@@ -88,14 +102,7 @@ def theory(page: str) -> str:
             for name in names
             if "error" in ERRORS.get(name, {})
         ]
-        cells = (
-            *(row.section, row.title),
-            ", ".join(f"`{f}`" for f in dict.fromkeys(functions)) or "-",
-            ", ".join(names) or "-",
-            _error(max(reached)) if reached else "-",
-        )
-        lines.append(_line(cells))
-    return "\n".join(lines) + "\n"
+        yield row, list(dict.fromkeys(functions)), names, reached
 
 
 def cases() -> str:

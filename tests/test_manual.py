@@ -14,6 +14,7 @@ import jax
 import pytest
 
 import jaxspace
+from jaxspace import cli
 from jaxspace.core.modules import public_names
 
 ROOT = Path(__file__).parents[1]
@@ -40,7 +41,7 @@ LONG = (
 )
 ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
 # Written by a hook when the site is built.
-GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md"}
+GENERATED = {"scene_files.md", "command_line.md", "hard_cases.md", "from_the_textbook.md"}
 
 
 def test_there_is_something_to_run():
@@ -63,6 +64,32 @@ def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     with jax.numpy_dtype_promotion("standard"):
         for block in CODE.findall((ROOT / page).read_text()):
             exec(compile(block, page, "exec"), names)
+
+
+HOW_DO_I = (ROOT / "docs" / "howto" / "how_do_i.md").read_text()
+ROW = re.compile(r"^\| (.*?) ?\| `(.*)` \|$", re.MULTILINE)
+GROUPS = [group.partition("\n")[::2] for group in HOW_DO_I.split("\n## ")[1:]]
+
+
+def test_how_do_i_has_a_hundred_rows():
+    assert len(ROW.findall(HOW_DO_I)) >= 100
+
+
+@pytest.mark.parametrize(
+    "group",
+    [pytest.param(k, id=g[0], marks=pytest.mark.slow if k else ()) for k, g in enumerate(GROUPS)],
+)
+def test_every_line_of_how_do_i_runs(group, tmp_path, monkeypatch, settings_stay):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "examples").symlink_to(ROOT / "examples")
+    names = {"__name__": "page"}
+    with jax.numpy_dtype_promotion("standard"):
+        exec(CODE.findall(HOW_DO_I)[0], names)
+        for question, line in ROW.findall(GROUPS[group][1]):
+            if line.startswith("$ jaxspace "):
+                cli.parser().parse_args(line.split()[2:])
+            else:
+                exec(compile(line, f"how do I {question}?", "exec"), names)
 
 
 @pytest.mark.parametrize("page", PAGES)

@@ -2,7 +2,7 @@
 
 $U + L^2/(2r^2)$ for attractions $k/r^n$ with the same circular orbit at
 $r = 1$. Up to $n = 3$ the circle lies in a hollow; beyond it stands on a
-summit, from which every disturbance leads away."""
+summit, from which every disturbance leads away (H 5.4)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -2,7 +2,8 @@ r"""H 5.7: closed orbits and orbits that turn
 
 The angle between periapsis and apoapsis for attractions $k/r^n$, from nearly
 circular orbits, where it is $\pi/\sqrt{3 - n}$, to long ones. Two lines are
-level: the orbits of the spring and of gravity close whatever their shape."""
+level: the orbits of the spring and of gravity close whatever their
+shape (H 5.4)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -3,7 +3,7 @@ r"""H 4.14 to 4.16: Binet's diagrams
 In the axes of the body the angular momentum lies on a sphere, since its size
 stays, and on the ellipsoid of its energy, whose semi-axes are $\sqrt{2TI}$.
 Their intersection is its path: about the shortest semi-axis, or from the
-middle one on about the longest."""
+middle one on about the longest (H 4.9)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -3,7 +3,7 @@ r"""H 4.19: pseudo-potential of the top
 $V' = (p_\phi - p_\psi\cos\theta)^2/(2I_1\sin^2\theta) + mgh\cos\theta$: the
 axis stays where $V'$ lies below the energy. The dots are the turning points
 of a top that is let go at rest, the crosses the steady precession with its
-momenta."""
+momenta (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -2,7 +2,7 @@ r"""H 4.20: steady precession against spin
 
 At each angle a slow and a fast precession, from the least spin on; a hanging
 top (above 90 degrees) precesses at any spin, to either side. The dashed line
-is the gyroscopic rate $mgh/(I_3\omega)$."""
+is the gyroscopic rate $mgh/(I_3\omega)$ (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

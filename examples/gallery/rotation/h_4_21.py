@@ -2,7 +2,7 @@
 
 Nutation against precession for one spin and several first rates of
 precession: steady at its own rate, else waves, cusps and loops between two
-circles."""
+circles (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

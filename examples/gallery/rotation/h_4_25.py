@@ -3,7 +3,7 @@ r"""H 4.25: the sleeping top
 The pseudo-potential of a top that spins upright: above the critical spin,
 $2\sqrt{mghI_1}/I_3$, it has a hollow at the vertical, and the top sleeps;
 below it the top falls away to a new hollow. On the right the rate at which it
-leaves."""
+leaves (H 4.11)."""
 
 import jax.numpy as jnp
 import matplotlib.pyplot as plt

@@ -1,0 +1,94 @@
+"""Writes the page that leads from a number of the two books to function, picture and proof."""
+
+import ast
+import re
+
+from _case_pages import computed
+from _gallery_pages import SCRIPTS
+from cases.rows import PAGES
+from mkdocs.structure.files import File
+
+START = """\
+---
+hide: [toc]
+---
+# From the textbook
+
+You have the number of a section, a problem or a figure. Here is what computes it.
+
+- Numbers are those of Thomson, *Introduction to Space Dynamics*; those with an H of Harrison and
+  Nettleton, *Advanced Engineering Dynamics*.
+- A picture links to the script that draws it, *cases* to the numbers of the book that the tests
+  compute."""
+HEAD = """\
+| Section | What it is | Computed by | Pictures | Proof |
+|---|---|---|---|---|"""
+TOOLS = ("core.", "simulation.", "scene.")
+SECTION = re.compile(r"\((?:Ex\. )?((?:H )?\d+\.\d+)[^)]*\)")
+
+
+def on_files(files, config):
+    """Add the generated page to the site."""
+    files.append(
+        File.generated(
+            config, "reference/from_the_textbook.md", content=textbook()
+        )
+    )
+    return files
+
+
+def textbook() -> str:
+    """The page: a table for each group of chapters."""
+    pictures = _pictures()
+    parts = [START]
+    for page, (title, rows) in PAGES.items():
+        lines = [
+            _line(row, functions, page, names, pictures)
+            for row, functions, names, _ in computed(rows)
+        ]
+        parts.append("\n".join([f"## {title}\n", HEAD, *lines]))
+    return "\n\n".join(parts) + "\n"
+
+
+def _line(row, functions, page, names, pictures) -> str:
+    links = [
+        f"[{title}](../gallery/{folder}.md#{_anchor(title)})"
+        for title, folder in pictures.get(_section(row.section), ())
+    ]
+    count = f"{len(names)} case{'s' * (len(names) != 1)}"
+    proof = f"[{count}]({page}.md)" if names else "-"
+    # The tools of every computation say nothing, but where they are all there is.
+    theory = [f for f in functions if not f.startswith(TOOLS)]
+    cells = (
+        *(row.section, row.title),
+        ", ".join(f"`{f}`" for f in theory or functions) or "-",
+        ", ".join(links) or "-",
+        proof,
+    )
+    return "| " + " | ".join(c.replace("|", "\\|") for c in cells) + " |"
+
+
+def _section(text: str) -> str:
+    """The section of a row such as 7.6 P3: 7.6."""
+    return re.match(r"(?:H )?[\w.]+", text)[0].rstrip(",")
+
+
+def _pictures() -> dict[str, list[tuple[str, str]]]:
+    """Titles and folders of the gallery's pictures by section."""
+    found = {}
+    for script in sorted(SCRIPTS.glob("*/*.py")):
+        words = ast.get_docstring(ast.parse(script.read_text())) or ""
+        title = words.partition("\n")[0]
+        sections = set(SECTION.findall(words))
+        number = re.match(r"fig_(\d+)_(\d+)", script.stem)
+        if number:
+            sections.add(f"{number[1]}.{number[2]}")
+        for section in sections:
+            found.setdefault(section, []).append((title, script.parent.name))
+    return found
+
+
+def _anchor(title: str) -> str:
+    """The anchor that the site gives to a heading."""
+    words = re.sub(r"[^\w\s-]", "", title.lower())
+    return re.sub(r"[\s-]+", "-", words.strip())
