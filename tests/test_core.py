@@ -46,7 +46,6 @@ def test_runs_trail(runs, key):
     # The condition number of these matrices is below 1e3.
     np.testing.assert_allclose(core.vectors.matvec(m, core.vectors.solve3(m, a)), a, atol=1e-12)
     assert core.vectors.axis(1, a[0]).shape == a.shape
-    assert core.vectors.expand(a[0], 2).shape == (1, 1, *runs)
     np.testing.assert_allclose(core.vectors.norm(core.vectors.unit(a)), np.ones(runs), rtol=1e-15)
 
 

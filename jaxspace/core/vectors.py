@@ -9,7 +9,6 @@ __all__ = [
     "components",
     "cross",
     "dot",
-    "expand",
     "inverse_norm",
     "matvec",
     "norm",
@@ -24,7 +23,7 @@ from typing import TypeAlias
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from .barrier import barrier
 from .safe import safe_sqrt
@@ -190,9 +189,3 @@ def axis(index: int, like: Scalar) -> Vector:
     one = jnp.ones_like(like)
     zero = jnp.zeros_like(like)
     return jnp.stack([one if i == index else zero for i in range(3)])
-
-
-def expand(scalar: Float[Array, "*runs"], rank: int) -> Array:
-    """A scalar of each run with `rank` leading axes of length one, as many as a field has
-    component axes, so that both broadcast."""
-    return scalar.reshape((1,) * rank + scalar.shape)

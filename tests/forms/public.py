@@ -37,7 +37,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
         bodies.*Body.loaded_mass bodies.RigidBody.inertia* bodies.RigidBody.centre*
         bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
-        core.components core.expand rotations.Quaternion.coordinates
+        core.components rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
         *.breaks *.switches *.ground *.scaled bodies.sample_state attitude.TiltState
         rockets.ThrustProfile.constant vehicles.Rail.load
