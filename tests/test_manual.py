@@ -6,8 +6,10 @@ A block of another library carries a title (```{.python title="SciPy"}), and is 
 import ast
 import importlib
 import inspect
+import json
 import pkgutil
 import re
+import runpy
 from pathlib import Path
 
 import jax
@@ -132,3 +134,27 @@ def test_pages_need_no_network():
         # What a reader may follow is not fetched: the address of the manual, and of its sources.
         fetched = re.sub(r"^site_url: .*$|link: [^}]*", "", path.read_text(), flags=re.MULTILINE)
         assert not re.search(r"https?:|//cdn|repo_url", fetched.replace("`repo_url`", "")), path
+
+
+def test_files_on_the_way_of_a_run_are_there():
+    text = (ROOT / "docs" / "explanation" / "how_a_run_goes.md").read_text()
+    files = re.findall(r"\b[a-z]+/[a-z_]+\.py", text)
+    assert len(files) >= 25
+    for name in files:
+        assert (ROOT / "jaxspace" / name).exists(), f"how_a_run_goes.md names {name}"
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("docs/tutorials/*.md")), ids=lambda p: p.stem)
+def test_notebook_of_a_tutorial_has_its_blocks(page):
+    make = runpy.run_path(str(ROOT / "docs" / "_notebooks.py"))["notebook"]
+    made = json.loads(make(page.read_text()))
+    code = ["".join(c["source"]) for c in made["cells"] if c["cell_type"] == "code"]
+    assert code == [block.strip("\n") for block in CODE.findall(page.read_text())]
+    assert "```python" not in json.dumps(made)
+    # A link of the manual leads nowhere from a notebook.
+    assert not [target for target in LINK.findall(json.dumps(made)) if target.endswith(".md")]
+    # What the format asks of a cell.
+    for cell in made["cells"]:
+        needed = {"id", "metadata", "source", "cell_type"}
+        needed |= {"outputs", "execution_count"} if cell["cell_type"] == "code" else set()
+        assert set(cell) == needed

@@ -1,0 +1,71 @@
+"""Gives every tutorial as a notebook, to be run from top to bottom: the same words and blocks."""
+
+import json
+import re
+from pathlib import Path
+
+from mkdocs.structure.files import File
+
+TUTORIALS = Path(__file__).parent / "tutorials"
+BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+LINK = re.compile(r"\]\((\.\./)?([\w/]+)\.md(#[\w-]+)?\)")
+# A notebook is read away from the manual: its links lead there.
+SITE = "https://jaxspace.github.io/jaxspace/latest/"
+
+
+def on_files(files, config):
+    """Add a notebook beside each tutorial."""
+    for page in sorted(TUTORIALS.glob("*.md")):
+        name = f"tutorials/{page.stem}.ipynb"
+        files.append(
+            File.generated(config, name, content=notebook(page.read_text()))
+        )
+    return files
+
+
+def on_page_markdown(markdown, page, **kwargs):
+    """Put a link to the notebook under the heading of a tutorial."""
+    del kwargs
+    if not page.file.src_uri.startswith("tutorials/"):
+        return markdown
+    heading, _, rest = markdown.partition("\n")
+    name = Path(page.file.src_uri).stem
+    return f"{heading}\n\n[This page as a notebook]({name}.ipynb)\n{rest}"
+
+
+def notebook(text: str) -> str:
+    """A page as a notebook: its blocks of Python are cells, and so is what stands between them."""
+    cells = []
+    # Words and code in turn.
+    for k, part in enumerate(BLOCK.split(text)):
+        source = part.strip("\n")
+        if not source:
+            continue
+        cell = {"id": f"cell-{k}", "metadata": {}}
+        if k % 2:
+            cell |= {
+                "cell_type": "code",
+                "execution_count": None,
+                "outputs": [],
+            }
+        else:
+            cell["cell_type"] = "markdown"
+            source = LINK.sub(_to_site, source)
+        cells.append(cell | {"source": source.splitlines(keepends=True)})
+    kernel = {
+        "display_name": "Python 3",
+        "language": "python",
+        "name": "python3",
+    }
+    whole = {
+        "cells": cells,
+        "metadata": {"kernelspec": kernel},
+        "nbformat": 4,
+        "nbformat_minor": 5,
+    }
+    return json.dumps(whole, indent=1) + "\n"
+
+
+def _to_site(link: re.Match) -> str:
+    folder = "" if link[1] else "tutorials/"
+    return f"]({SITE}{folder}{link[2]}/{link[3] or ''})"
