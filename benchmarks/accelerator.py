@@ -13,7 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.orbits import kepler_flow, lambert
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import Stormer
 

@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxspace import BodyState, Mission, Phase, Scene
 from jaxspace.bodies import Load
-from jaxspace.core import cross, norm
+from jaxspace.core.vectors import cross, norm
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, simulate_mission_batch

@@ -19,7 +19,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import BodyState, load
-from jaxspace.core import norm
+from jaxspace.core.vectors import norm
 from jaxspace.dispersion import Campaign, Dispersion, Normal, ProcessPool, disperse
 
 from ._measure import pykep

@@ -14,14 +14,8 @@ from jax.sharding import AxisType, PartitionSpec
 
 from jaxspace import Accuracy, BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import RigidBody
-from jaxspace.control import (
-    ClosedLoop,
-    CommandedTorque,
-    QuaternionFeedback,
-    SlewTask,
-    error_vector,
-    step,
-)
+from jaxspace.control import ClosedLoop, CommandedTorque, SlewTask, step
+from jaxspace.control.attitude_laws import QuaternionFeedback, error_vector
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 

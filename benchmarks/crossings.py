@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import BodyState, Event, Scene
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody, shadow_event
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.orbits.shadow import shadow_event
 from jaxspace.simulation import Accuracy, simulate_batch
 
 from . import low_orbits

@@ -18,7 +18,9 @@ from scipy.stats import norm
 
 from jaxspace import Mission, Phase
 from jaxspace.core import AbstractClosedForm, AbstractSystem, Scalar
-from jaxspace.dispersion import Campaign, Normal, compare_methods, disperse, rare_event
+from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.dispersion.comparison import compare_methods
+from jaxspace.dispersion.rare import rare_event
 from jaxspace.io import load
 
 FILE = Path(__file__).parents[1] / "examples" / "scenes" / "intercept.toml"

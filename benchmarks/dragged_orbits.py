@@ -11,13 +11,8 @@ import numpy as np
 
 from jaxspace import BodyState, Scene
 from jaxspace.bodies import ExponentialAtmosphere
-from jaxspace.orbits import (
-    ClassicalElements,
-    Drag,
-    Oblateness,
-    PointGravity,
-    state_from_elements,
-)
+from jaxspace.orbits import ClassicalElements, Drag, Oblateness, PointGravity
+from jaxspace.orbits.elements import state_from_elements
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, AdaptiveRegularised
 

@@ -1,7 +1,7 @@
 """A million states of all conics to classical, modified equinoctial and equinoctial elements, and
 back: compiled, in one array and shared out among all cores, beside the same formulas in NumPy,
 whole arrays at a time, with Newton's iterations for Kepler's equation. In one loop: both ways for a
-block of states at a time (`core.in_blocks` around both) with the widest vectors, so that the
+block of states at a time (`core.blocks.in_blocks` around both) with the widest vectors, so that the
 elements in between stay in the cache. In place: the states after it in the memory of those before
 it, which are donated. The error is that of the position after both ways, relative; in place, of as
 many ways there and back as were timed. In the last rows what bounds all: sines and arctangents
@@ -14,14 +14,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.core import atan2, in_blocks, sincos
-from jaxspace.orbits import (
-    ClassicalElements,
-    EquinoctialElements,
-    ModifiedEquinoctialElements,
-    elements_from_state,
-    state_from_elements,
-)
+from jaxspace.core.blocks import in_blocks
+from jaxspace.core.trigonometry import atan2, sincos
+from jaxspace.orbits import ClassicalElements, EquinoctialElements, ModifiedEquinoctialElements
+from jaxspace.orbits.elements import elements_from_state, state_from_elements
 
 from ._measure import BLOCK, WIDE, in_turn, on_one_device, worst
 

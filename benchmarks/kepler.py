@@ -9,7 +9,9 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.orbits import ClassicalElements, kepler_flow, state_from_elements
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.elements import state_from_elements
+from jaxspace.orbits.kepler import kepler_flow
 
 from ._measure import exact_position, in_blocks, in_turn, pykep
 

@@ -11,7 +11,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace.orbits import lambert
+from jaxspace.orbits.lambert import lambert
 
 from ._measure import exact_position, in_blocks, in_turn, pykep
 

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import BodyState, Scene
-from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity, state_from_elements
+from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity
+from jaxspace.orbits.elements import state_from_elements
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, RKN1210, Stormer
 

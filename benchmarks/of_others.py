@@ -16,7 +16,9 @@ import numpy as np
 from jaxtyping import Array
 
 from jaxspace.core import AbstractSystem, Scalar, quantity
-from jaxspace.orbits import ClassicalElements, kepler_flow, state_from_elements
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.elements import state_from_elements
+from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, Tsit5
 

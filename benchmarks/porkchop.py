@@ -7,7 +7,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace.constants import MU_SUN, PLANETS
-from jaxspace.orbits import ClassicalElements, porkchop, state_from_elements
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.elements import state_from_elements
+from jaxspace.orbits.interception import porkchop
 
 from ._measure import WIDE, in_turn
 

@@ -21,7 +21,8 @@ import numpy as np
 from jaxspace import Accuracy
 from jaxspace.dispersion import Campaign, Normal, disperse
 from jaxspace.solvers import Tsit5
-from jaxspace.vehicles import landing, sounding_flight
+from jaxspace.vehicles import sounding_flight
+from jaxspace.vehicles.landings import landing
 
 from ._measure import optional
 

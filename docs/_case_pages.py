@@ -1,6 +1,7 @@
 """Writes the page of reference cases, and a page of each group of chapters, from the tables of the
 tests."""
 
+import importlib
 import json
 import sys
 from pathlib import Path
@@ -146,4 +147,10 @@ def _number(value) -> str:
 
 def _name(used) -> str:
     """The public name of a function, class or method of the library."""
-    return f"{used.__module__.split('.')[1]}.{used.__qualname__}"
+    room, file = used.__module__.split(".")[1:3]
+    given = vars(importlib.import_module(f"jaxspace.{room}"))
+    # What the root does not give, a public module does.
+    path = (
+        room if used.__qualname__.split(".")[0] in given else f"{room}.{file}"
+    )
+    return f"{path}.{used.__qualname__}"

@@ -4,11 +4,12 @@ Unit, range and meaning stand where the class declares them, and nowhere else.
 """
 
 import importlib
+import operator
 import re
 
-from jaxspace.core import Quantity, quantities
+from jaxspace.core.quantities import Quantity, quantities
 
-MARK = re.compile(r"<!-- parameters: (\w+)\.(\w+) -->")
+MARK = re.compile(r"<!-- parameters: (\w+)\.([\w.]+) -->")
 
 
 def table(cls: type) -> str:
@@ -50,7 +51,9 @@ def on_page_markdown(markdown, page, config, files):
 
     def written(match: re.Match[str]) -> str:
         room, name = match[1], match[2]
-        cls = getattr(importlib.import_module(f"jaxspace.{room}"), name)
+        cls = operator.attrgetter(name)(
+            importlib.import_module(f"jaxspace.{room}")
+        )
         # A page has several of these tables: each says whose it is.
         link = f"../api/{room}.md#jaxspace.{room}.{name}"
         return f"[`{room}.{name}`]({link}):\n\n{table(cls)}"

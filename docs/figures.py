@@ -20,38 +20,31 @@ from jaxspace import (
     simulate_batch,
     simulate_mission,
 )
-from jaxspace.attitude import (
-    GravityGradient,
-    Top,
-    TorqueFreeBody,
-    YoYo,
-    pitch_libration_period,
-)
+from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, YoYo
+from jaxspace.attitude.gravity_gradient import pitch_libration_period
 from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
-from jaxspace.control import error_vector
+from jaxspace.control.attitude_laws import error_vector
 from jaxspace.estimation import kalman_filter
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.optimization import (
-    Ascent,
-    ConstantMassFlow,
     SteeringProfile,
-    linear_tangent_steering,
     optimal_staging,
     optimise_steering,
 )
+from jaxspace.optimization.ascent import Ascent, ConstantMassFlow
+from jaxspace.optimization.steering import linear_tangent_steering
 from jaxspace.orbits import (
     ClassicalElements,
     Oblateness,
     PointGravity,
     TwoBody,
-    apoapsis_radius,
-    lambert,
-    least_duration,
-    state_from_elements,
 )
+from jaxspace.orbits.elements import apoapsis_radius, state_from_elements
+from jaxspace.orbits.lambert import lambert, least_duration
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
-from jaxspace.rockets import JetDamping, Thrust, jet_damping_ratio
+from jaxspace.rockets import JetDamping, Thrust
+from jaxspace.rockets.jet_damping import jet_damping_ratio
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 from jaxspace.studies import accuracy_cost, effect_budget

@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import jaxspace
 from jaxspace import Accuracy, BodyState, simulate
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
-from jaxspace.orbits import ClassicalElements, TwoBody, apoapsis_radius, state_from_elements
+from jaxspace.orbits import ClassicalElements, TwoBody
+from jaxspace.orbits.elements import apoapsis_radius, state_from_elements
 from jaxspace.solvers import DOP853
 
 jaxspace.enable_x64()

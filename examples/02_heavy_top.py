@@ -5,7 +5,8 @@ import jax.numpy as jnp
 
 import jaxspace
 from jaxspace import simulate
-from jaxspace.attitude import Top, continuous_precession
+from jaxspace.attitude import Top
+from jaxspace.attitude.outputs import continuous_precession
 
 jaxspace.enable_x64()
 

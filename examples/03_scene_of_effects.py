@@ -9,16 +9,11 @@ import jaxspace
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import AbstractEffect, Load
 from jaxspace.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
-from jaxspace.core import Scalar, norm, quantity
-from jaxspace.orbits import (
-    ClassicalElements,
-    Oblateness,
-    PointGravity,
-    elements_from_state,
-    node_regression_rate,
-    semi_major_axis,
-    state_from_elements,
-)
+from jaxspace.core import Scalar, quantity
+from jaxspace.core.vectors import norm
+from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity
+from jaxspace.orbits.elements import elements_from_state, semi_major_axis, state_from_elements
+from jaxspace.orbits.oblateness import node_regression_rate
 
 jaxspace.enable_x64()
 

@@ -9,7 +9,8 @@ from jaxspace import Accuracy, BodyState, Mission, Phase, Scene, simulate_missio
 from jaxspace.attitude import YoYo
 from jaxspace.bodies import BurningBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
-from jaxspace.orbits import PointGravity, apoapsis_radius
+from jaxspace.orbits import PointGravity
+from jaxspace.orbits.elements import apoapsis_radius
 from jaxspace.rockets import JetDamping, Thrust
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import Tsit5

@@ -8,7 +8,7 @@ import optax
 
 from jaxspace import Accuracy, BodyState, Scene, simulate_batch
 from jaxspace.bodies import Load, RigidBody
-from jaxspace.core import norm
+from jaxspace.core.vectors import norm
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.solvers import Tsit5

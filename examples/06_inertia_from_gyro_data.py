@@ -9,8 +9,10 @@ import numpy as np
 
 import jaxspace
 from jaxspace import Accuracy, BodyState, Scene, simulate
-from jaxspace.attitude import ConstantTorque, ReactionWheels, TorqueFreeBody
-from jaxspace.bodies import InertiaTensor, RigidBody, principal_axes
+from jaxspace.attitude import ReactionWheels, TorqueFreeBody
+from jaxspace.attitude.motors import ConstantTorque
+from jaxspace.bodies import InertiaTensor, RigidBody
+from jaxspace.bodies.principal_axes import principal_axes
 from jaxspace.estimation import fit
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import Tsit5

@@ -12,7 +12,8 @@ import jaxspace
 from jaxspace import Accuracy, BodyState, Scene, simulate
 from jaxspace.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
 from jaxspace.estimation import fit
-from jaxspace.orbits import Oblateness, PointGravity, Station, elements_from_state
+from jaxspace.orbits import Oblateness, PointGravity, Station
+from jaxspace.orbits.elements import elements_from_state
 from jaxspace.solvers import Tsit5
 
 jaxspace.enable_x64()

@@ -14,7 +14,7 @@ from jaxspace.bodies import AbstractAtmosphere, StandardAtmosphere
 from jaxspace.constants import MU_EARTH
 from jaxspace.core import Scalar, quantity
 from jaxspace.estimation import fit
-from jaxspace.orbits import circular_decay_rate
+from jaxspace.orbits.drag import circular_decay_rate
 from jaxspace.solvers import Tsit5
 from jaxspace.studies import sensitivity
 

@@ -20,7 +20,8 @@ import jaxspace
 from jaxspace import Accuracy, BodyState, Scene, simulate
 from jaxspace.bodies import Load
 from jaxspace.constants import MU_EARTH, ROTATION_RATE_EARTH
-from jaxspace.orbits import PointGravity, kepler_flow
+from jaxspace.orbits import PointGravity
+from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.solvers import DOP853

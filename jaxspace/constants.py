@@ -23,7 +23,8 @@ class Planet(_typing.NamedTuple):
     its orbit at J2000; `mu`, m^3/s^2, its gravitational parameter, with that of its moons from Mars
     on; `radius`, m, at the equator.
 
-    `orbits.orbit_from_radius(planet.orbit_radius, MU_SUN, true_anomaly=longitude)` is its state."""
+    `orbits.initial.orbit_from_radius(planet.orbit_radius, MU_SUN, true_anomaly=longitude)` is its
+    state."""
 
     orbit_radius: float
     mu: float

@@ -8,23 +8,13 @@ import numpy as np
 from systems import MU, RADIUS, Sample, orbit, turned
 
 from jaxspace import Scene
-from jaxspace.attitude import (
-    ControlMomentGyros,
-    GravityGradient,
-    MovingMasses,
-    PointingControl,
-    ReactionWheels,
-    StretchingCords,
-    SwingingCords,
-    SwingOutArms,
-)
+from jaxspace.attitude import ControlMomentGyros, GravityGradient, MovingMasses, ReactionWheels
+from jaxspace.attitude.motors import PointingControl
+from jaxspace.attitude.swinging import SwingingCords, SwingOutArms
+from jaxspace.attitude.unwinding import StretchingCords
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
-from jaxspace.control import (
-    CommandedAcceleration,
-    CommandedEngine,
-    CommandedTorque,
-    PushedRelativeMotion,
-)
+from jaxspace.control import CommandedAcceleration, CommandedEngine, CommandedTorque
+from jaxspace.control.point_tasks import PushedRelativeMotion
 from jaxspace.mechanics import (
     ArmState,
     CanonicalState,
@@ -33,7 +23,8 @@ from jaxspace.mechanics import (
     GeneralisedState,
     Hamiltonian,
 )
-from jaxspace.optimization import ConstantMassFlow, FlightState, SteeredFlight, SteeringProfile
+from jaxspace.optimization import SteeredFlight, SteeringProfile
+from jaxspace.optimization.ascent import ConstantMassFlow, FlightState
 from jaxspace.orbits import (
     CircularPath,
     ClohessyWiltshire,
@@ -46,28 +37,23 @@ from jaxspace.orbits import (
     Zonals,
 )
 from jaxspace.rockets import (
-    AlongVelocity,
     AttitudeControl,
     BackPressure,
     ColdGasThrusters,
-    FixedDirection,
     Gimbal,
     GimballedThrust,
     MassStream,
     SteeredThrust,
     ThrottledEngine,
 )
+from jaxspace.rockets.steering import AlongVelocity, FixedDirection
 from jaxspace.scene import Scaled
 from jaxspace.vehicles import (
     Aerodynamics,
-    AerodynamicTable,
     AirBrake,
     AirDrag,
     DrydenGusts,
     FinSet,
-    GroundGravity,
-    LocalAir,
-    MachTable,
     MeasuredAtmosphere,
     MovableFins,
     NoseCone,
@@ -78,6 +64,10 @@ from jaxspace.vehicles import (
     UncertainWind,
     Wind,
 )
+from jaxspace.vehicles.aerodynamic_table import AerodynamicTable
+from jaxspace.vehicles.coefficient import MachTable
+from jaxspace.vehicles.ground_gravity import GroundGravity
+from jaxspace.vehicles.local_air import LocalAir
 
 MOON = CircularPath(3.844e8, 2.6617e-6, phase=0.4, inclination=0.4, node=1.1)
 SUN = CircularPath(1.495978707e11, 1.991e-7, inclination=0.4091)

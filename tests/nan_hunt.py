@@ -20,7 +20,8 @@ import numpy as np
 
 from jaxspace import Scene
 from jaxspace.attitude import PendulumState, RollingDisk
-from jaxspace.core import InputError, quantities
+from jaxspace.core import InputError
+from jaxspace.core.quantities import quantities
 from jaxspace.mechanics import AbstractLagrangian
 from jaxspace.orbits import PowerLawForce
 from jaxspace.rotations import Quaternion

@@ -13,12 +13,9 @@ from jaxspace import Scene
 from jaxspace.attitude import (
     AttitudeDrift,
     BodyTorque,
-    CordState,
     DipoleField,
     DriftState,
-    EllipticLibration,
     EnergySink,
-    LibrationState,
     MagneticDipole,
     NutationDamper,
     ReactionWheels,
@@ -29,27 +26,27 @@ from jaxspace.attitude import (
     SpringTorque,
     Top,
     TorqueFreeBody,
-    UnwindingCords,
     ViscousTorque,
 )
+from jaxspace.attitude.pitch_libration import EllipticLibration, LibrationState
+from jaxspace.attitude.unwinding import CordState, UnwindingCords
 from jaxspace.bodies import BodyState, BurningBody, ExponentialAtmosphere, RigidBody
-from jaxspace.core import AbstractSystem, as_float
+from jaxspace.core import AbstractSystem
+from jaxspace.core.types import as_float
 from jaxspace.gyros import (
-    BearingFriction,
-    DuffingOscillator,
-    DuffingState,
     Gyrocompass,
     Gyropendulum,
     GyropendulumState,
     InertialNavigator,
-    NavigationErrors,
     PlatformAxis,
     RateGyro,
     RateGyroState,
-    RotorMotor,
     StablePlatform,
     TwoGimbalGyro,
 )
+from jaxspace.gyros.bearing import BearingFriction, RotorMotor
+from jaxspace.gyros.duffing import DuffingOscillator, DuffingState
+from jaxspace.gyros.navigation_errors import NavigationErrors
 from jaxspace.mechanics import (
     ArmPendulum,
     ArmState,
@@ -63,13 +60,13 @@ from jaxspace.mechanics import (
     GeneralisedState,
     InclineDisk,
     LandingLegs,
-    MissileLoop,
     RotatingHoop,
     SimplePendulum,
     SliderCarrier,
     Trailer,
     TrailerState,
 )
+from jaxspace.mechanics.missile_loop import MissileLoop
 from jaxspace.orbits import (
     CentralPotential,
     ClohessyWiltshire,

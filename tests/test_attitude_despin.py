@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from reference_run import check_derivatives
 from scipy.integrate import solve_ivp
 
-from jaxspace.attitude import YoYo, zero_spin_cord_length
+from jaxspace.attitude import YoYo
+from jaxspace.attitude.despin import zero_spin_cord_length
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion

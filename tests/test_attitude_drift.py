@@ -9,18 +9,16 @@ from numpy.testing import assert_allclose
 from scipy.integrate import quad
 
 from jaxspace import Accuracy, Scene, simulate
-from jaxspace.attitude import (
+from jaxspace.attitude import AttitudeDrift, DriftState, EnergySink
+from jaxspace.attitude.drift import (
     FASTEST_DRIFT,
-    AttitudeDrift,
-    DriftState,
-    EnergySink,
     antenna_drift_constant,
     drift_by_dissipation,
     drift_energy,
-    energy_sink_angle,
     structural_damping,
     tube_drift_constant,
 )
+from jaxspace.attitude.energy_sink import energy_sink_angle
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace.attitude import (
+from jaxspace.attitude.outputs import (
     attitude_error,
     attitude_error_x,
     attitude_error_y,

@@ -6,9 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
 
-from jaxspace.attitude import bank_angle, bearing_reactions, required_torque
-from jaxspace.bodies import PrincipalInertia, as_inertia, particles
-from jaxspace.rotations import from_euler_angles, omega_from_euler_rates
+from jaxspace.attitude.forced_rotation import bank_angle, bearing_reactions, required_torque
+from jaxspace.bodies import PrincipalInertia
+from jaxspace.bodies.inertia import as_inertia
+from jaxspace.bodies.solids import particles
+from jaxspace.rotations import from_euler_angles
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
 
 
 def motion(t):

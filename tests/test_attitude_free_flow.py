@@ -15,8 +15,8 @@ from scipy.integrate import solve_ivp
 from jaxspace import Accuracy, simulate
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
-from jaxspace.bodies._principal_frame import _diagonal, _transformed
-from jaxspace.core import jacobi, third
+from jaxspace.bodies.principal_frame import _diagonal, _transformed
+from jaxspace.core.jacobi import jacobi, third
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 

@@ -8,13 +8,13 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace import Scene, simulate
-from jaxspace.attitude import (
-    GravityGradient,
+from jaxspace.attitude import GravityGradient
+from jaxspace.attitude.gravity_gradient import (
     gravity_gradient_energy,
     gravity_gradient_torque,
-    jacobi_integral,
     pitch_libration_period,
 )
+from jaxspace.attitude.libration import jacobi_integral
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
 from jaxspace.orbits import PointGravity

@@ -9,7 +9,9 @@ import pytest
 from numpy.testing import assert_allclose
 from test_attitude_nutation import WL, A, C, exact, swing, tilted
 
-from jaxspace.attitude import Polhode, Top, TorqueFreeBody, symmetric_flow
+from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState
 from jaxspace.rotations import Quaternion
 

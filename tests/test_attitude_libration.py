@@ -9,18 +9,16 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from jaxspace import Scene, simulate
-from jaxspace.attitude import (
-    EllipticLibration,
-    GravityGradient,
-    LibrationState,
+from jaxspace.attitude import GravityGradient
+from jaxspace.attitude.gravity_gradient import pitch_libration_period
+from jaxspace.attitude.libration import (
     forced_pitch,
     inertia_ratios,
     jacobi_integral,
     libration_is_stable,
     libration_modes,
-    pitch_libration,
-    pitch_libration_period,
 )
+from jaxspace.attitude.pitch_libration import EllipticLibration, LibrationState, pitch_libration
 from jaxspace.bodies import BodyState, InertiaTensor, RigidBody
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion

@@ -13,16 +13,9 @@ from numpy.testing import assert_allclose
 from systems import TENSOR, turned
 
 from jaxspace import Accuracy, Scene, load, simulate
-from jaxspace.attitude import (
-    ConstantTorque,
-    ControlMomentGyros,
-    MovingMasses,
-    NutationDamper,
-    PointingControl,
-    ReactionWheels,
-    gyrostat_nutation_rate,
-    rotor_moment,
-)
+from jaxspace.attitude import ControlMomentGyros, MovingMasses, NutationDamper, ReactionWheels
+from jaxspace.attitude.motors import ConstantTorque, PointingControl
+from jaxspace.attitude.wheels import gyrostat_nutation_rate, rotor_moment
 from jaxspace.bodies import BodyState, InertiaTensor, RigidBody
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion

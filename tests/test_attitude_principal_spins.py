@@ -9,15 +9,17 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import linprog
 
-from jaxspace.attitude import (
-    Polhode,
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.attitude.principal_spins import (
     cone_bounds,
     invariable_plane,
-    space_cone_angle,
     spin_modes,
     spin_stiffness,
 )
-from jaxspace.bodies import BodyState, PrincipalInertia, angular_acceleration, as_inertia
+from jaxspace.attitude.torque_free import space_cone_angle
+from jaxspace.bodies import BodyState, PrincipalInertia
+from jaxspace.bodies.inertia import as_inertia
+from jaxspace.bodies.newton_euler import angular_acceleration
 from jaxspace.rotations import Quaternion
 
 BODIES = [[3.0, 2.0, 1.5], [1.0, 3.0, 2.5], [2.0, 2.0, 3.0], [2.0, 2.0, 2.0]]

@@ -8,8 +8,9 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace import Event, simulate, simulate_batch
-from jaxspace.attitude import RollingDisk, disk_tilt, lies_flat
-from jaxspace.core import cross, dot
+from jaxspace.attitude import RollingDisk
+from jaxspace.attitude.disk_tilt import disk_tilt, lies_flat
+from jaxspace.core.vectors import cross, dot
 from jaxspace.simulation import Status
 
 M, R, G = 0.01, 0.0153, 9.80665

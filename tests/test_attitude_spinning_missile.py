@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace.attitude import SpinningMissile, angle_of_attack, principal_tilt, symmetric_flow
-from jaxspace.attitude._spinning_missile import _mean_ramp
+from jaxspace.attitude import SpinningMissile
+from jaxspace.attitude.spinning_missile import _mean_ramp, angle_of_attack, principal_tilt
+from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState, InertiaTensor
 from jaxspace.rotations import Quaternion, from_euler_angles
 

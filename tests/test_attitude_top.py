@@ -12,8 +12,10 @@ from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
-from jaxspace.attitude import Top, TorqueFreeBody, continuous_precession, symmetric_flow
-from jaxspace.attitude._nutation import Nutation
+from jaxspace.attitude import Top, TorqueFreeBody
+from jaxspace.attitude.nutation import Nutation
+from jaxspace.attitude.outputs import continuous_precession
+from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion

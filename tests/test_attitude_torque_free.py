@@ -12,19 +12,20 @@ from jax.flatten_util import ravel_pytree
 from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
-from jaxspace.attitude import (
-    Polhode,
-    TorqueFreeBody,
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.attitude.principal_spins import cone_bounds
+from jaxspace.attitude.torque_free import (
     body_precession_rate,
     cone_angles,
-    cone_bounds,
     coning_omega,
     precession_rate,
     space_cone_angle,
     symmetric_flow,
 )
 from jaxspace.bodies import BodyState, InertiaTensor, PrincipalInertia
-from jaxspace.core import InputError, complete_elliptic
+from jaxspace.core import InputError
+from jaxspace.core.elliptic import complete_elliptic
 from jaxspace.rotations import Quaternion
 
 CASE = 1e-9  # relative tolerance of the reference cases

@@ -15,23 +15,27 @@ from jaxspace.attitude import (
     DipoleField,
     GravityGradient,
     MagneticDipole,
-    Nutation,
     ShaftPendulum,
     SpaceTorque,
     SpringTorque,
     Top,
     ViscousTorque,
-    best_crusher_tilt,
-    crusher_force,
-    gravity_gradient_torque,
-    gyro_on_a_string,
+)
+from jaxspace.attitude.gravity_gradient import gravity_gradient_torque
+from jaxspace.attitude.nutation import Nutation
+from jaxspace.attitude.precession_of_earth import (
     luni_solar_nutation,
     luni_solar_rate,
     luni_solar_rates_at,
+)
+from jaxspace.attitude.top_relatives import (
+    best_crusher_tilt,
+    crusher_force,
+    gyro_on_a_string,
     sprung_flywheel_frequencies,
 )
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
-from jaxspace.core import cross
+from jaxspace.core.vectors import cross
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.solvers import Splitting

@@ -8,17 +8,15 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.integrate import quad, solve_ivp
 
-from jaxspace.attitude import (
-    CordState,
-    StretchingCords,
+from jaxspace.attitude import YoYo
+from jaxspace.attitude.swinging import (
     SwingingCords,
     SwingOutArms,
     SwingState,
-    UnwindingCords,
-    YoYo,
     radial_release_spin,
     zero_spin_radial_cord,
 )
+from jaxspace.attitude.unwinding import CordState, StretchingCords, UnwindingCords
 from jaxspace.bodies import BodyState
 
 I, R, M, W0 = 0.264, 0.127, 0.01134, 41.9  # noqa: E741

@@ -35,14 +35,16 @@ def rods(masses, turn):
 
 
 def test_momentum_energy_and_axes():  # T5.2
-    j = bodies.as_inertia(tensor(4.0, 5.0, 6.0, 0.5, -0.3, 0.2))
+    j = bodies.inertia.as_inertia(tensor(4.0, 5.0, 6.0, 0.5, -0.3, 0.2))
     omega = jnp.array([1.0, 2.0, -3.0])
     xi, eta = jnp.array([1.0, 2.0, 2.0]) / 3.0, jnp.array([2.0, 1.0, -2.0]) / 3.0
     np.testing.assert_allclose(j.times(omega), [2.1, 10.1, -18.1], rtol=1e-9)
-    np.testing.assert_allclose(bodies.kinetic_energy(j, omega), 38.3, rtol=1e-9)
-    np.testing.assert_allclose(bodies.moment_along(j.matrix(), xi), 5.066666666666666, rtol=1e-9)
+    np.testing.assert_allclose(bodies.inertia.kinetic_energy(j, omega), 38.3, rtol=1e-9)
+    np.testing.assert_allclose(
+        bodies.mass_properties.moment_along(j.matrix(), xi), 5.066666666666666, rtol=1e-9
+    )
     np.testing.assert_allclose(-xi @ j.matrix() @ eta, 0.8333333333333334, rtol=1e-9)
-    moments, axes = bodies.principal_axes(j)
+    moments, axes = bodies.principal_axes.principal_axes(j)
     np.testing.assert_allclose(
         moments, [3.7742848863950815, 5.109650993639416, 6.116064119965502], rtol=1e-9
     )
@@ -50,16 +52,16 @@ def test_momentum_energy_and_axes():  # T5.2
 
 
 def test_dyadic():  # TB-9
-    j = bodies.as_inertia(tensor(10.0, 14.0, 6.0, 1.0, -0.8, 0.5))
+    j = bodies.inertia.as_inertia(tensor(10.0, 14.0, 6.0, 1.0, -0.8, 0.5))
     omega = jnp.array([0.3, -0.2, 1.1])
     np.testing.assert_allclose(j.times(omega), [4.08, -3.65, 6.94], rtol=1e-13)
-    np.testing.assert_allclose(2.0 * bodies.kinetic_energy(j, omega), 9.588, rtol=1e-13)
+    np.testing.assert_allclose(2.0 * bodies.inertia.kinetic_energy(j, omega), 9.588, rtol=1e-13)
 
 
 def test_six_weights():  # T5.5-P4
     m, (x, y, z) = 10.0 / 32.2, (5.0, 2.0, 6.0)
     places = [[x, 0, 0], [-x, 0, 0], [0, y, 0], [0, -y, 0], [0, 0, z], [0, 0, -z]]
-    body = bodies.particles(jnp.full(6, m), jnp.array(places, dtype=float).T)
+    body = bodies.solids.particles(jnp.full(6, m), jnp.array(places, dtype=float).T)
     np.testing.assert_allclose(
         np.diag(body.tensor), [24.84472049689441, 37.88819875776397, 18.012422360248447], rtol=1e-9
     )
@@ -69,7 +71,7 @@ def test_six_weights():  # T5.5-P4
     )
     np.testing.assert_allclose(np.diag(body.tensor) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
     # The longest semi-axis, along z, first.
-    semi_axes, axes = bodies.inertia_ellipsoid(body.inertia())
+    semi_axes, axes = bodies.mass_properties.inertia_ellipsoid(body.inertia())
     longest = [0.23562096973595187, 0.2006240264773888, 0.16246058790657758]
     np.testing.assert_allclose(semi_axes, longest, rtol=1e-9)
     np.testing.assert_allclose(np.abs(axes), np.eye(3)[[1, 2, 0]], atol=1e-15)
@@ -79,23 +81,23 @@ def test_six_weights():  # T5.5-P4
 
 def test_skewed_disk():  # T5.5-P6
     m, radius, alpha = 2.0, 0.3, 0.13962634015954636
-    disk = bodies.cylinder(m, radius, 0.0).turned(Quaternion.about(1, jnp.array(alpha)))
+    disk = bodies.solids.cylinder(m, radius, 0.0).turned(Quaternion.about(1, jnp.array(alpha)))
     j = disk.tensor
     np.testing.assert_allclose(j[2, 2], 0.08912838815861217, rtol=1e-9)
     np.testing.assert_allclose(j[0, 0], 0.04587161184138783, rtol=1e-9)
     np.testing.assert_allclose(j[1, 1], 0.045, rtol=1e-9)
     np.testing.assert_allclose(abs(j[0, 2]), 0.006201840505882482, rtol=1e-9)
-    moments, _ = bodies.principal_axes(disk.inertia())
+    moments, _ = bodies.principal_axes.principal_axes(disk.inertia())
     np.testing.assert_allclose(moments, m * radius**2 * np.array([0.25, 0.25, 0.5]), rtol=1e-13)
 
 
 def test_cube():  # T5.5-P7
     m, c = 3.0, 0.4
-    cube = bodies.box(m, c * jnp.ones(3))
+    cube = bodies.solids.box(m, c * jnp.ones(3))
     diagonal, corner = jnp.ones(3), c / 2.0 * jnp.ones(3)
     np.testing.assert_allclose(cube.moment_about(diagonal, jnp.zeros(3)), 0.08, rtol=1e-9)
-    about_corner = bodies.parallel_axes(cube.inertia(), m, corner)
-    moments, _ = bodies.principal_axes(about_corner)
+    about_corner = bodies.inertia.parallel_axes(cube.inertia(), m, corner)
+    moments, _ = bodies.principal_axes.principal_axes(about_corner)
     np.testing.assert_allclose(moments, [0.08, 0.44, 0.44], rtol=1e-9)
     np.testing.assert_allclose(cube.moment_about(diagonal, corner), 0.08, rtol=1e-9)
 
@@ -103,7 +105,7 @@ def test_cube():  # T5.5-P7
 def test_three_masses():  # T5.5-P14
     angles = jnp.radians(jnp.array([0.0, 120.0, 240.0]))
     places = 0.5 * jnp.stack([jnp.cos(angles), jnp.sin(angles), 0.0 * angles])
-    j = bodies.particles(jnp.full(3, 2.0), places).tensor
+    j = bodies.solids.particles(jnp.full(3, 2.0), places).tensor
     np.testing.assert_allclose(np.diag(j), [0.75, 0.75, 1.5], rtol=1e-9)
     np.testing.assert_allclose(j[0, 1], 0.0, atol=1e-15)
 
@@ -113,15 +115,17 @@ def test_angular_acceleration():  # T5.7
     want = [0.6666666666666666, 1.2, 0.14285714285714285]
     for j in (jnp.array([3.0, 5.0, 7.0]), jnp.diag(jnp.array([3.0, 5.0, 7.0]))):
         np.testing.assert_allclose(
-            bodies.angular_acceleration(bodies.as_inertia(j), omega, torque), want, rtol=1e-9
+            bodies.newton_euler.angular_acceleration(bodies.inertia.as_inertia(j), omega, torque),
+            want,
+            rtol=1e-9,
         )
 
 
 @jax.jit
 def rates_of_invariants(masses, turn, omega):
     j = rods(masses, turn)
-    rate = bodies.angular_acceleration(j, omega, None)
-    energy_rate = jax.jvp(lambda w: bodies.kinetic_energy(j, w), (omega,), (rate,))[1]
+    rate = bodies.newton_euler.angular_acceleration(j, omega, None)
+    energy_rate = jax.jvp(lambda w: bodies.inertia.kinetic_energy(j, w), (omega,), (rate,))[1]
     momentum_rate = jax.jvp(lambda w: jnp.sum(j.times(w) ** 2), (omega,), (rate,))[1]
     return energy_rate, momentum_rate
 
@@ -150,7 +154,7 @@ def test_solve_undoes_times(masses, turn, omega):
 @jax.jit
 def growth_by_shift(masses, turn, mass, offset):
     j = rods(masses, turn)
-    return bodies.parallel_axes(j, mass, offset).matrix() - j.matrix()
+    return bodies.inertia.parallel_axes(j, mass, offset).matrix() - j.matrix()
 
 
 @given(positive, vectors, st.floats(0.1, 10.0), vectors)
@@ -171,17 +175,23 @@ def test_runs_trail(key):
             getattr(principal, name)(omega), getattr(full, name)(omega), rtol=1e-13
         )
     single = [
-        bodies.angular_acceleration(bodies.PrincipalInertia(moments[:, n]), omega[:, n], None)
+        bodies.newton_euler.angular_acceleration(
+            bodies.PrincipalInertia(moments[:, n]), omega[:, n], None
+        )
         for n in range(5)
     ]
     np.testing.assert_allclose(
-        bodies.angular_acceleration(principal, omega, None), np.stack(single, -1), atol=1e-15
+        bodies.newton_euler.angular_acceleration(principal, omega, None),
+        np.stack(single, -1),
+        atol=1e-15,
     )
     offset, mass = jax.random.normal(key, (3, 5)), jnp.arange(1.0, 6.0)
-    shifted = bodies.parallel_axes(principal, mass, offset)
-    one = bodies.parallel_axes(bodies.PrincipalInertia(moments[:, 2]), mass[2], offset[:, 2])
+    shifted = bodies.inertia.parallel_axes(principal, mass, offset)
+    one = bodies.inertia.parallel_axes(
+        bodies.PrincipalInertia(moments[:, 2]), mass[2], offset[:, 2]
+    )
     np.testing.assert_allclose(shifted.matrix()[..., 2], one.matrix(), rtol=1e-14, atol=1e-14)
-    values, axes = bodies.principal_axes(shifted)
+    values, axes = bodies.principal_axes.principal_axes(shifted)
     assert values.shape == (3, 5) and axes.shape == (3, 3, 5)
 
 
@@ -191,9 +201,9 @@ def test_burning_body_is_its_parts():
     mass = jnp.array(160.0)
     z = body.centre_of_mass(mass)
     np.testing.assert_allclose(z, [0.0, 0.0, 60.0 * 0.7 / 160.0], rtol=1e-15)
-    dry = bodies.parallel_axes(body.dry_inertia, 100.0, z)
-    grain = bodies.as_inertia(60.0 * jnp.array([0.3, 0.35, 0.2]) ** 2)
-    wet = bodies.parallel_axes(grain, 60.0, jnp.array([0.0, 0.0, 0.7]) - z)
+    dry = bodies.inertia.parallel_axes(body.dry_inertia, 100.0, z)
+    grain = bodies.inertia.as_inertia(60.0 * jnp.array([0.3, 0.35, 0.2]) ** 2)
+    wet = bodies.inertia.parallel_axes(grain, 60.0, jnp.array([0.0, 0.0, 0.7]) - z)
     np.testing.assert_allclose(body.inertia(mass).matrix(), dry.matrix() + wet.matrix(), rtol=1e-14)
     np.testing.assert_allclose(
         body.inertia(jnp.array(100.0)).matrix(), np.diag([40.0, 45.0, 20.0]), rtol=1e-15
@@ -212,9 +222,15 @@ def test_rigid_body_has_what_it_was_given():
 
 def test_linear_acceleration():
     gravity, force = jnp.array([0.0, 0.0, -9.8]), jnp.array([2.0, 0.0, 0.0])
-    np.testing.assert_array_equal(bodies.linear_acceleration(gravity, None, None), gravity)
-    np.testing.assert_array_equal(bodies.linear_acceleration(None, force, 4.0), force / 4.0)
-    np.testing.assert_array_equal(bodies.linear_acceleration(gravity, force, 4.0), [0.5, 0.0, -9.8])
+    np.testing.assert_array_equal(
+        bodies.newton_euler.linear_acceleration(gravity, None, None), gravity
+    )
+    np.testing.assert_array_equal(
+        bodies.newton_euler.linear_acceleration(None, force, 4.0), force / 4.0
+    )
+    np.testing.assert_array_equal(
+        bodies.newton_euler.linear_acceleration(gravity, force, 4.0), [0.5, 0.0, -9.8]
+    )
 
 
 def test_absent_parts_are_no_leaves():
@@ -253,7 +269,7 @@ def test_absent_parts_are_no_leaves():
 )
 def test_impossible_inertia(bad, rule):
     with pytest.raises(InputError) as error:
-        bodies.as_inertia(bad)
+        bodies.inertia.as_inertia(bad)
     assert str(error.value).endswith(rule)
 
 
@@ -282,13 +298,15 @@ def test_a_rod_keeps_the_rate_about_its_axis(axis):
     for more, moment in ((None, 2.0), (added, 2.75)):
         h = moment * across * omega
         expected = across * (np.asarray(torque) - np.cross(omega, h)) / moment
-        found = bodies.angular_acceleration(rod(axis), omega, torque, more)
+        found = bodies.newton_euler.angular_acceleration(rod(axis), omega, torque, more)
         # Roundings; the rate about the axis has none.
         np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-15)
         assert found[axis] == 0.0
 
     def rates(moments, omega, torque):
-        return bodies.angular_acceleration(bodies.PrincipalInertia(moments), omega, torque)
+        return bodies.newton_euler.angular_acceleration(
+            bodies.PrincipalInertia(moments), omega, torque
+        )
 
     slopes = jax.jacrev(rates, (0, 1, 2))(rod(axis).moments, omega, torque)
     assert all(np.all(np.isfinite(x)) and np.all(np.asarray(x)[axis] == 0.0) for x in slopes)
@@ -296,8 +314,8 @@ def test_a_rod_keeps_the_rate_about_its_axis(axis):
     beside = jnp.asarray(np.diag([0.3, 0.2, 0.4]))
     whole = bodies.InertiaTensor(rod(axis).matrix() + beside)
     np.testing.assert_allclose(
-        bodies.angular_acceleration(rod(axis), omega, torque, beside),
-        bodies.angular_acceleration(whole, omega, torque),
+        bodies.newton_euler.angular_acceleration(rod(axis), omega, torque, beside),
+        bodies.newton_euler.angular_acceleration(whole, omega, torque),
         rtol=1e-14,
     )
 
@@ -311,7 +329,7 @@ TURNING = jnp.array([0.3, -0.2, 1.1])[:, None] + jnp.zeros_like(ALONG)
 def turned(share, omega):
     """Attitude and angular velocity after 7 s, for the axial moment as a share of the others."""
     moments = 2.0 * jnp.where(ALONG == 1.0, share, 1.0)
-    turn, later = bodies.free_turn(
+    turn, later = bodies.principal_frame.free_turn(
         jnp.full(6, 7.0), bodies.PrincipalInertia(moments), omega + 0.0 * share
     )
     return jnp.concatenate([turn.wxyz, later])
@@ -350,7 +368,9 @@ def test_reverse_mode_of_the_free_turn_of_a_rod():
 
 def test_the_ellipsoid_of_a_rod_has_no_end():
     def axes(scale):
-        return bodies.inertia_ellipsoid(bodies.PrincipalInertia(scale * rod(0).moments))[0]
+        return bodies.mass_properties.inertia_ellipsoid(
+            bodies.PrincipalInertia(scale * rod(0).moments)
+        )[0]
 
     np.testing.assert_allclose(axes(2.0), [np.inf, 0.5, 0.5], rtol=1e-15)
     np.testing.assert_allclose(jax.jacfwd(axes)(2.0), [0.0, -0.125, -0.125], rtol=1e-14)
@@ -362,7 +382,7 @@ SHARED = [[2.0, 3.0, 4.0], [[2.0, 0.1, 0.2], [0.1, 3.0, 0.3], [0.2, 0.3, 4.0]]]
 @pytest.mark.parametrize("given", SHARED)
 @pytest.mark.parametrize("shape", [(5,), (4, 5), (3,)])  # (3,): as many runs as components
 def test_one_body_is_shared_by_many_runs(given, shape):
-    j = bodies.as_inertia(given)
+    j = bodies.inertia.as_inertia(given)
     matrix = np.asarray(j.matrix())
     omega = np.random.default_rng(1).normal(size=(3, *shape))
     h = np.einsum("ij,j...->i...", matrix, omega)
@@ -400,9 +420,9 @@ def test_bodies_of_many_runs_meet_runs_at_many_times(given):
 
 
 def test_parallel_axes_of_one_body_about_many_points():
-    inertia = bodies.as_inertia([2.0, 3.0, 4.0])
+    inertia = bodies.inertia.as_inertia([2.0, 3.0, 4.0])
     points = np.random.default_rng(3).normal(size=(3, 5))
-    found = bodies.parallel_axes(inertia, 2.0, jnp.asarray(points)).matrix()
+    found = bodies.inertia.parallel_axes(inertia, 2.0, jnp.asarray(points)).matrix()
     for k, d in enumerate(points.T):
         expected = np.diag([2.0, 3.0, 4.0]) + 2.0 * (d @ d * np.eye(3) - np.outer(d, d))
         # Differences of squares of order ten: a few roundings of these.

@@ -5,8 +5,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.bodies import (
-    StandardAtmosphere,
+from jaxspace.bodies import StandardAtmosphere
+from jaxspace.bodies.standard_atmosphere import (
     geometric_height,
     geopotential_height,
     standard_atmosphere,

@@ -16,7 +16,9 @@ from test_campaigns import child, write
 
 from jaxspace.cli import main
 from jaxspace.dispersion import Dispersion, disperse, open_store
-from jaxspace.io import SceneFile, dispersion_report, failures_report, load
+from jaxspace.io import SceneFile, load
+from jaxspace.io.campaign_report import failures_report
+from jaxspace.io.report import dispersion_report
 from jaxspace.simulation import Status
 
 # The command line settles JAX for its own process.

@@ -14,15 +14,8 @@ from test_campaigns import CAMPAIGN, CHUNK, INPUTS, SEED, Swinging, files_of, fl
 import jaxspace
 from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem, InputError
-from jaxspace.dispersion import (
-    Campaign,
-    Normal,
-    ProcessPool,
-    StoreError,
-    Uniform,
-    disperse,
-    greatest,
-)
+from jaxspace.dispersion import Campaign, Normal, ProcessPool, StoreError, Uniform, disperse
+from jaxspace.dispersion.extremes import greatest
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Scene
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, simulate

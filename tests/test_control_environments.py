@@ -7,16 +7,10 @@ import numpy as np
 import pytest
 
 from jaxspace import Accuracy, BodyState, simulate
-from jaxspace.control import (
-    LandingTask,
-    RendezvousTask,
-    SlewTask,
-    plan_step,
-    step,
-    with_command,
-)
+from jaxspace.control import LandingTask, RendezvousTask, SlewTask, plan_step, step
+from jaxspace.control.commands import with_command
 from jaxspace.core import InputError
-from jaxspace.orbits import clohessy_wiltshire_flow
+from jaxspace.orbits.clohessy_wiltshire import clohessy_wiltshire_flow
 from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 
 TASKS = [SlewTask(), LandingTask(), RendezvousTask()]

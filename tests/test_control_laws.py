@@ -11,20 +11,16 @@ import jaxspace
 from jaxspace import BodyState, Scene, Status
 from jaxspace.attitude import ReactionWheels
 from jaxspace.bodies import RigidBody
-from jaxspace.control import (
-    ClosedLoop,
-    CommandedEngine,
-    CommandedMotor,
-    CommandedTorque,
-    LeastEffortGuidance,
+from jaxspace.control import ClosedLoop, CommandedEngine, CommandedMotor, CommandedTorque
+from jaxspace.control.attitude_laws import (
     MomentumDumping,
     NutationControl,
     QuaternionFeedback,
     SpinRateControl,
-    Together,
     error_vector,
 )
-from jaxspace.core import dot, norm
+from jaxspace.control.point_laws import LeastEffortGuidance, Together
+from jaxspace.core.vectors import dot, norm
 from jaxspace.io import SceneError
 from jaxspace.orbits import UniformGravity
 from jaxspace.rotations import Quaternion

@@ -13,16 +13,15 @@ from jaxtyping import Array, Float
 from jaxspace import BodyState, Event, Scene, Status
 from jaxspace.bodies import AbstractEffect, Load, RigidBody
 from jaxspace.control import (
-    PID,
     AbstractController,
     ClosedLoop,
     CommandedAcceleration,
     CommandedTorque,
-    LinearController,
-    QuaternionFeedback,
     Sensor,
     StarTracker,
 )
+from jaxspace.control.attitude_laws import QuaternionFeedback
+from jaxspace.control.point_laws import PID, LinearController
 from jaxspace.core import InputError, quantity
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom

@@ -21,14 +21,10 @@ from jaxspace import (
     simulate_mission_batch,
 )
 from jaxspace.bodies import RigidBody
-from jaxspace.control import (
-    PID,
-    ClosedLoop,
-    CommandedAcceleration,
-    CommandedTorque,
-    Sensor,
-)
-from jaxspace.core import AbstractSystem, InputError, Scalar, quantity, with_rank
+from jaxspace.control import ClosedLoop, CommandedAcceleration, CommandedTorque, Sensor
+from jaxspace.control.point_laws import PID
+from jaxspace.core import AbstractSystem, InputError, Scalar, quantity
+from jaxspace.core.shapes import with_rank
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError
 from jaxspace.orbits import UniformGravity

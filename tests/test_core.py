@@ -26,9 +26,11 @@ def derivatives(f, x):
 @given(vectors, vectors)
 def test_products_agree_with_numpy(a, b):
     # One rounding per product of numbers up to 1e3.
-    np.testing.assert_allclose(core.dot(jnp.array(a), jnp.array(b)), a @ b, rtol=1e-14, atol=1e-9)
     np.testing.assert_allclose(
-        core.cross(jnp.array(a), jnp.array(b)), np.cross(a, b), rtol=1e-14, atol=1e-9
+        core.vectors.dot(jnp.array(a), jnp.array(b)), a @ b, rtol=1e-14, atol=1e-9
+    )
+    np.testing.assert_allclose(
+        core.vectors.cross(jnp.array(a), jnp.array(b)), np.cross(a, b), rtol=1e-14, atol=1e-9
     )
 
 
@@ -36,39 +38,40 @@ def test_products_agree_with_numpy(a, b):
 def test_runs_trail(runs, key):
     a, b = jax.random.normal(key, (2, 3, *runs))
     m = jax.random.normal(key, (3, 3, *runs)) + 3.0 * jnp.eye(3).reshape(3, 3, *(1,) * len(runs))
-    np.testing.assert_allclose(core.cross(a, b), np.cross(a, b, axis=0), atol=1e-14)
-    np.testing.assert_allclose(core.norm(a), np.linalg.norm(a, axis=0), rtol=1e-14)
-    np.testing.assert_allclose(core.matvec(m, a), np.einsum("ij...,j...->i...", m, a), atol=1e-13)
+    np.testing.assert_allclose(core.vectors.cross(a, b), np.cross(a, b, axis=0), atol=1e-14)
+    np.testing.assert_allclose(core.vectors.norm(a), np.linalg.norm(a, axis=0), rtol=1e-14)
+    np.testing.assert_allclose(
+        core.vectors.matvec(m, a), np.einsum("ij...,j...->i...", m, a), atol=1e-13
+    )
     # The condition number of these matrices is below 1e3.
-    np.testing.assert_allclose(core.matvec(m, core.solve3(m, a)), a, atol=1e-12)
-    assert core.axis(1, a[0]).shape == a.shape
-    assert core.expand(a[0], 2).shape == (1, 1, *runs)
-    np.testing.assert_allclose(core.norm(core.unit(a)), np.ones(runs), rtol=1e-15)
+    np.testing.assert_allclose(core.vectors.matvec(m, core.vectors.solve3(m, a)), a, atol=1e-12)
+    assert core.vectors.axis(1, a[0]).shape == a.shape
+    np.testing.assert_allclose(core.vectors.norm(core.vectors.unit(a)), np.ones(runs), rtol=1e-15)
 
 
 def test_zero_vector_has_no_nan():
     zero = jnp.zeros(3)
     for mode in (jax.jacfwd, jax.jacrev):
-        np.testing.assert_array_equal(mode(core.norm)(zero), np.zeros(3))
-        assert np.isfinite(mode(core.unit)(zero)).all()
-    np.testing.assert_array_equal(core.unit(zero), np.zeros(3))
+        np.testing.assert_array_equal(mode(core.vectors.norm)(zero), np.zeros(3))
+        assert np.isfinite(mode(core.vectors.unit)(zero)).all()
+    np.testing.assert_array_equal(core.vectors.unit(zero), np.zeros(3))
 
 
 def test_norm_derivative_is_the_direction():
     a = jnp.array([2.0, -3.0, 6.0])
     for mode in (jax.jacfwd, jax.jacrev):
-        np.testing.assert_allclose(mode(core.norm)(a), a / 7.0, rtol=1e-15)
+        np.testing.assert_allclose(mode(core.vectors.norm)(a), a / 7.0, rtol=1e-15)
 
 
 @pytest.mark.parametrize("power", [1, 2, 3, 5])
 def test_powers_of_the_inverse_length(power):
     # d |a|^-n = -n |a|^-(n+2) a . da; |a| = 7, a few roundings.
     a = jnp.array([2.0, -3.0, 6.0])
-    np.testing.assert_allclose(core.inverse_norm(a, power), 7.0**-power, rtol=1e-15)
+    np.testing.assert_allclose(core.vectors.inverse_norm(a, power), 7.0**-power, rtol=1e-15)
     for mode in (jax.jacfwd, jax.jacrev):
-        found = mode(lambda x: core.inverse_norm(x, power))(a)
+        found = mode(lambda x: core.vectors.inverse_norm(x, power))(a)
         np.testing.assert_allclose(found, -power * a / 7.0 ** (power + 2), rtol=2e-15)
-        again = jax.jacfwd(mode(lambda x: core.inverse_norm(x, power)))(a)
+        again = jax.jacfwd(mode(lambda x: core.vectors.inverse_norm(x, power)))(a)
         second = power * ((power + 2) * np.outer(a, a) / 49.0 - np.eye(3)) / 7.0 ** (power + 2)
         np.testing.assert_allclose(again, second, atol=1e-14 * np.abs(second).max())
 
@@ -80,31 +83,40 @@ def test_scalar_times_vector():
         jnp.array([3.0, 5.0]),
         jnp.ones((3, 2)),
     )
-    np.testing.assert_array_equal(core.scale(s, a), s * a)
-    np.testing.assert_array_equal(jax.jvp(core.scale, (s, a), (by_s, by_a))[1], by_s * a + s * by_a)
-    np.testing.assert_array_equal(jax.jvp(lambda s: core.scale(s, a), (s,), (by_s,))[1], by_s * a)
-    np.testing.assert_array_equal(jax.jvp(lambda a: core.scale(s, a), (a,), (by_a,))[1], s * by_a)
-    of_s, of_a = jax.vjp(core.scale, s, a)[1](by_a)
+    np.testing.assert_array_equal(core.vectors.scale(s, a), s * a)
+    np.testing.assert_array_equal(
+        jax.jvp(core.vectors.scale, (s, a), (by_s, by_a))[1], by_s * a + s * by_a
+    )
+    np.testing.assert_array_equal(
+        jax.jvp(lambda s: core.vectors.scale(s, a), (s,), (by_s,))[1], by_s * a
+    )
+    np.testing.assert_array_equal(
+        jax.jvp(lambda a: core.vectors.scale(s, a), (a,), (by_a,))[1], s * by_a
+    )
+    of_s, of_a = jax.vjp(core.vectors.scale, s, a)[1](by_a)
     np.testing.assert_array_equal(of_s, a.sum(axis=0))
     np.testing.assert_array_equal(of_a, s * by_a)
 
 
 def test_safe_functions_at_their_singular_points():
     for mode in (jax.jacfwd, jax.jacrev):
-        assert core.safe_sqrt(jnp.array(0.0)) == 0.0 and mode(core.safe_sqrt)(jnp.array(0.0)) == 0.0
-        assert np.isfinite(mode(lambda x: core.safe_divide(1.0 + x, x))(jnp.array(0.0)))
-        both = mode(lambda p: core.safe_atan2(p[0], p[1]))
+        assert (
+            core.safe.safe_sqrt(jnp.array(0.0)) == 0.0
+            and mode(core.safe.safe_sqrt)(jnp.array(0.0)) == 0.0
+        )
+        assert np.isfinite(mode(lambda x: core.safe.safe_divide(1.0 + x, x))(jnp.array(0.0)))
+        both = mode(lambda p: core.safe.safe_atan2(p[0], p[1]))
         np.testing.assert_array_equal(both(jnp.zeros(2)), np.zeros(2))
         # d atan2(y, x) = (x dy - y dx) / r^2, here with r = 5.
         np.testing.assert_allclose(
             both(jnp.array([3.0, -4.0])), np.array([-4.0, -3.0]) / 25.0, rtol=1e-15
         )
-        np.testing.assert_allclose(mode(core.safe_sqrt)(jnp.array(4.0)), 0.25, rtol=1e-15)
-    assert core.safe_divide(jnp.array(3.0), jnp.array(0.0)) == 0.0
-    assert np.isnan(core.safe_sqrt(jnp.array(-1.0))), (
+        np.testing.assert_allclose(mode(core.safe.safe_sqrt)(jnp.array(4.0)), 0.25, rtol=1e-15)
+    assert core.safe.safe_divide(jnp.array(3.0), jnp.array(0.0)) == 0.0
+    assert np.isnan(core.safe.safe_sqrt(jnp.array(-1.0))), (
         "a negative square is an error of the caller: it must show"
     )
-    assert core.safe_atan2(jnp.array(0.0), jnp.array(-1.0)) == np.pi
+    assert core.safe.safe_atan2(jnp.array(0.0), jnp.array(-1.0)) == np.pi
 
 
 @pytest.mark.parametrize("name", ["phi1", "phi2", "sinc_squared"])
@@ -118,7 +130,7 @@ def test_removable_singularities_against_many_digits(name):
     points = [0.0, 1e-300, 1e-9, -1e-9, 1e-3, 0.0999999, -0.0999999, 0.1, -0.1, 0.5, -2.0, 10.0]
     with mp.workdps(60):
         want = np.array([[float(mp.diff(closed, mp.mpf(x), n)) for x in points] for n in range(3)])
-    value, first, second, reverse = derivatives(getattr(core, name), jnp.array(points))
+    value, first, second, reverse = derivatives(getattr(core.safe, name), jnp.array(points))
     # An angle of three radians carries a rounding error of 1e-16; outside of the series, which ends
     # at 0.1, a closed form loses a digit per derivative.
     np.testing.assert_allclose(value, want[0], rtol=2e-15, atol=1e-16)
@@ -127,39 +139,47 @@ def test_removable_singularities_against_many_digits(name):
     np.testing.assert_allclose(reverse, want[1], rtol=1e-13)
 
 
-@pytest.mark.parametrize("f", [core.phi1, core.sinc_squared, core.safe_sqrt])
+@pytest.mark.parametrize("f", [core.safe.phi1, core.safe.sinc_squared, core.safe.safe_sqrt])
 def test_single_precision_stays_single(f):
     assert f(jnp.array(0.3, jnp.float32)).dtype == jnp.float32
 
 
 def test_as_float_keeps_weak_numbers_weak():
     assert (
-        core.as_float(2).weak_type
-        and core.as_float(True).weak_type
-        and core.as_float(2.5).weak_type
+        core.types.as_float(2).weak_type
+        and core.types.as_float(True).weak_type
+        and core.types.as_float(2.5).weak_type
     )
-    assert (core.as_float(2) * jnp.ones(3, jnp.float32)).dtype == jnp.float32
-    assert core.as_float([1, 2, 3]).dtype == jnp.zeros(()).dtype
-    assert core.as_float(np.arange(3)).dtype == jnp.zeros(()).dtype
-    assert core.as_float([[1.0, 2.0], [3.0, 4.0]]).shape == (2, 2)
-    assert core.as_float(np.float32(1.0)).dtype == jnp.float32
-    assert core.as_optional_float(None) is None
+    assert (core.types.as_float(2) * jnp.ones(3, jnp.float32)).dtype == jnp.float32
+    assert core.types.as_float([1, 2, 3]).dtype == jnp.zeros(()).dtype
+    assert core.types.as_float(np.arange(3)).dtype == jnp.zeros(()).dtype
+    assert core.types.as_float([[1.0, 2.0], [3.0, 4.0]]).shape == (2, 2)
+    assert core.types.as_float(np.float32(1.0)).dtype == jnp.float32
+    assert core.types.as_optional_float(None) is None
     placeholder = object()
-    assert core.as_float(placeholder) is placeholder
+    assert core.types.as_float(placeholder) is placeholder
 
 
 @pytest.mark.parametrize(
     ("check", "bad", "sentence"),
     [
-        (core.check_positive, 0.0, "TwoBody.mu is 0: it must be positive and finite."),
-        (core.check_positive, -2.5, "TwoBody.mu is -2.5: it must be positive and finite."),
-        (core.check_positive, float("inf"), "TwoBody.mu is inf: it must be positive and finite."),
+        (core.checks.check_positive, 0.0, "TwoBody.mu is 0: it must be positive and finite."),
+        (core.checks.check_positive, -2.5, "TwoBody.mu is -2.5: it must be positive and finite."),
         (
-            core.check_non_negative,
+            core.checks.check_positive,
+            float("inf"),
+            "TwoBody.mu is inf: it must be positive and finite.",
+        ),
+        (
+            core.checks.check_non_negative,
             float("nan"),
             "TwoBody.mu is nan: it must be zero or positive, and finite.",
         ),
-        (core.check_finite, np.array([1.0, np.nan]), "TwoBody.mu is [ 1. nan]: it must be finite."),
+        (
+            core.checks.check_finite,
+            np.array([1.0, np.nan]),
+            "TwoBody.mu is [ 1. nan]: it must be finite.",
+        ),
     ],
 )
 def test_error_sentence_names_field_value_and_rule(check, bad, sentence):
@@ -169,10 +189,14 @@ def test_error_sentence_names_field_value_and_rule(check, bad, sentence):
 
 
 def test_checks_pass_what_is_allowed_or_unknown():
-    core.check_positive("x", jnp.array([1.0, 2.0]))
-    core.check_non_negative("x", 0.0)
-    core.check_finite("x", -1)
-    for check in (core.check_positive, core.check_non_negative, core.check_finite):
+    core.checks.check_positive("x", jnp.array([1.0, 2.0]))
+    core.checks.check_non_negative("x", 0.0)
+    core.checks.check_finite("x", -1)
+    for check in (
+        core.checks.check_positive,
+        core.checks.check_non_negative,
+        core.checks.check_finite,
+    ):
         check("x", None)
         check("x", object())
         jax.jit(lambda x, check=check: check("x", x))(-jnp.inf)
@@ -181,12 +205,12 @@ def test_checks_pass_what_is_allowed_or_unknown():
 
 def test_known():
     assert (
-        core.is_concrete(1)
-        and core.is_concrete(1.0)
-        and core.is_concrete(jnp.ones(2))
-        and core.is_concrete(np.float32(1.0))
+        core.checks.is_concrete(1)
+        and core.checks.is_concrete(1.0)
+        and core.checks.is_concrete(jnp.ones(2))
+        and core.checks.is_concrete(np.float32(1.0))
     )
-    assert not core.is_concrete(None) and not core.is_concrete("1")
+    assert not core.checks.is_concrete(None) and not core.checks.is_concrete("1")
 
 
 class Oscillator(core.AbstractSystem):
@@ -233,10 +257,10 @@ def test_a_barrier_beside_constants(everywhere):
 
     @jax.custom_jvp
     def held(x, y):
-        return core.barrier((x, y), everywhere=everywhere)
+        return core.barrier.barrier((x, y), everywhere=everywhere)
 
     # Zeros by value, as they come out of a rule for derivatives.
-    held.defjvp(lambda primals, tangents: (held(*primals), core.barrier(tangents)))
+    held.defjvp(lambda primals, tangents: (held(*primals), core.barrier.barrier(tangents)))
 
     def product(x, y):
         x, y = held(x, y)

@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from jaxspace import core
-from jaxspace.core._blocks import BLOCK
-from jaxspace.orbits import elements_from_state, kepler_flow, state_from_elements
+from jaxspace.core.blocks import BLOCK
+from jaxspace.orbits.elements import elements_from_state, state_from_elements
+from jaxspace.orbits.kepler import kepler_flow
 
 
 def _units(found, exact):
@@ -32,9 +33,9 @@ def test_sines_and_cosines_of_angles():
     )
     with mpmath.workdps(40):
         truth = [[f(mpmath.mpf(float(v))) for v in x] for f in (mpmath.sin, mpmath.cos)]
-    for found, exact in zip(jax.jit(core.sincos)(x), truth, strict=True):
+    for found, exact in zip(jax.jit(core.trigonometry.sincos)(x), truth, strict=True):
         assert _units(np.asarray(found), exact) < 2.0
-    s, c = core.sincos(jnp.array([0.0, -0.0, 1e9, jnp.inf]))
+    s, c = core.trigonometry.sincos(jnp.array([0.0, -0.0, 1e9, jnp.inf]))
     assert list(s[:2]) == [0.0, 0.0] and list(c[:2]) == [1.0, 1.0]
     # Beyond 1e6 the rounding of the argument bounds what it can be.
     assert abs(s[2] - np.sin(1e9)) < np.spacing(1e9) and np.isnan(s[3])
@@ -46,9 +47,11 @@ def test_angles_of_points():
     y[:1000], x[:1000] = g.normal(size=(2, 1000))
     with mpmath.workdps(40):
         exact = [mpmath.atan2(float(a), float(b)) for a, b in zip(y, x, strict=True)]
-    assert _units(np.asarray(jax.jit(core.atan2)(y, x)), exact) < 2.0
+    assert _units(np.asarray(jax.jit(core.trigonometry.atan2)(y, x)), exact) < 2.0
     sides = np.array([(a, b) for a in (0.0, -0.0, 1.0, -1.0) for b in (1.0, -1.0, 0.0)])
-    np.testing.assert_array_equal(core.atan2(*jnp.asarray(sides.T)), np.arctan2(*sides.T))
+    np.testing.assert_array_equal(
+        core.trigonometry.atan2(*jnp.asarray(sides.T)), np.arctan2(*sides.T)
+    )
 
 
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
@@ -58,7 +61,10 @@ def test_their_derivatives(dtype):
     close = {"rtol": 20 * float(jnp.finfo(dtype).eps), "atol": 20 * float(jnp.finfo(dtype).eps)}
 
     def ours(x):
-        return jnp.sum(core.sincos(x)[0] * core.sincos(y)[1] + core.atan2(y, x))
+        return jnp.sum(
+            core.trigonometry.sincos(x)[0] * core.trigonometry.sincos(y)[1]
+            + core.trigonometry.atan2(y, x)
+        )
 
     def theirs(x):
         return jnp.sum(jnp.sin(x) * jnp.cos(y) + jnp.arctan2(y, x))
@@ -83,16 +89,16 @@ def test_blocks_give_what_the_function_gives(states):
     r, v = states
 
     def work(r, v, mu):
-        return {"momentum": core.cross(r, v), "size": core.norm(r) * mu}
+        return {"momentum": core.vectors.cross(r, v), "size": core.vectors.norm(r) * mu}
 
     # Some arguments serve all runs, and the last block is no whole one.
     for args in ((r, v, jnp.asarray(2.0)), (r, v[:, :1], jnp.arange(1.0, RUNS + 1.0))):
-        blocks = jax.jit(lambda *args: core.in_blocks(work, (1, 1, 0), *args))
+        blocks = jax.jit(lambda *args: core.blocks.in_blocks(work, (1, 1, 0), *args))
         found, expected = blocks(*args), work(*args)
         jax.tree.map(np.testing.assert_array_equal, found, expected)
         assert "while" in blocks.lower(*args).compile().as_text()
     # Few runs stay in one piece.
-    few = jax.jit(lambda *args: core.in_blocks(work, (1, 1, 0), *args))
+    few = jax.jit(lambda *args: core.blocks.in_blocks(work, (1, 1, 0), *args))
     assert "while" not in few.lower(r[:, :99], v[:, :99], 2.0).compile().as_text()
 
 
@@ -100,14 +106,14 @@ def test_blocks_have_the_derivatives_of_the_function(states):
     r, v = states
 
     def size(r, v):
-        return core.in_blocks(lambda r, v: core.dot(r, v) ** 2, (1, 1), r, v)
+        return core.blocks.in_blocks(lambda r, v: core.vectors.dot(r, v) ** 2, (1, 1), r, v)
 
     along, across = jax.jit(lambda r, v: jax.jvp(size, (r, v), (v, r)))(r, v)
-    np.testing.assert_allclose(along, core.dot(r, v) ** 2, rtol=1e-14)
-    both = core.dot(r, r) + core.dot(v, v)
-    np.testing.assert_allclose(across, 2.0 * core.dot(r, v) * both, rtol=1e-12)
+    np.testing.assert_allclose(along, core.vectors.dot(r, v) ** 2, rtol=1e-14)
+    both = core.vectors.dot(r, r) + core.vectors.dot(v, v)
+    np.testing.assert_allclose(across, 2.0 * core.vectors.dot(r, v) * both, rtol=1e-12)
     reverse = jax.jit(jax.grad(lambda r: jnp.sum(size(r, v))))(r)
-    np.testing.assert_allclose(reverse, 2.0 * core.dot(r, v) * v, rtol=1e-14)
+    np.testing.assert_allclose(reverse, 2.0 * core.vectors.dot(r, v) * v, rtol=1e-14)
 
 
 def test_long_arrays_of_orbits(states):

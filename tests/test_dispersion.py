@@ -12,14 +12,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from jaxspace.core import (
-    AbstractClosedForm,
-    AbstractSystem,
-    InputError,
-    Scalar,
-    quantities,
-    quantity,
-)
+from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar, quantity
+from jaxspace.core.quantities import quantities
 from jaxspace.dispersion import (
     Campaign,
     Constant,
@@ -29,10 +23,10 @@ from jaxspace.dispersion import (
     Uniform,
     disperse,
     open_store,
-    sampled,
-    sobol_indices,
 )
 from jaxspace.dispersion._whole import check_whole
+from jaxspace.dispersion.covariance import sampled
+from jaxspace.dispersion.sensitivity import sobol_indices
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
 DURATION = 3.0

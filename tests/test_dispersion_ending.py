@@ -13,7 +13,6 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import (
     DamagedStore,
     Dispersion,
-    Moments,
     ProcessPool,
     StopRule,
     StoreError,
@@ -23,8 +22,9 @@ from jaxspace.dispersion import (
 )
 from jaxspace.dispersion._ending import Ending, checkpoints
 from jaxspace.dispersion._run_results import RunResults
+from jaxspace.dispersion.covariance import Moments
 from jaxspace.io import SceneError, load
-from jaxspace.io._report import status_lines
+from jaxspace.io.report import status_lines
 
 # Some 2000 runs know that much of x.
 RULE = StopRule("x", 0.95, 0.03)

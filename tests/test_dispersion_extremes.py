@@ -17,7 +17,7 @@ from jaxspace.orbits import Drag
 from jaxspace.simulation import Mission, Phase
 
 # One program each, in place of one for every operation.
-greatest, least = jax.jit(dispersion.greatest), jax.jit(dispersion.least)
+greatest, least = jax.jit(dispersion.extremes.greatest), jax.jit(dispersion.extremes.least)
 
 
 def curve(t):

@@ -19,15 +19,15 @@ from jaxspace.dispersion import (
     Normal,
     TruncatedNormal,
     Uniform,
-    compare_methods,
     disperse,
     moments,
-    rare_event,
-    sampled,
-    sobol_indices,
 )
 from jaxspace.dispersion._sample_check import warning_of
-from jaxspace.io import comparison_table, moments_report
+from jaxspace.dispersion.comparison import compare_methods
+from jaxspace.dispersion.covariance import sampled
+from jaxspace.dispersion.rare import rare_event
+from jaxspace.dispersion.sensitivity import sobol_indices
+from jaxspace.io.campaign_report import comparison_table, moments_report
 from jaxspace.simulation import Mission, Phase
 
 DURATION = 3.0

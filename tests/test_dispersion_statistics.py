@@ -8,22 +8,13 @@ import pytest
 import scipy.stats
 
 from jaxspace.core import InputError
-from jaxspace.dispersion import (
-    Dispersion,
-    StopRule,
-    _contributors,
-    circular_error,
-    clopper_pearson,
-    convergence,
-    ellipsoid,
-    percentile,
-    rank_correlation,
-    runs_for,
-)
-from jaxspace.dispersion._limits import quantile
+from jaxspace.dispersion import Dispersion, StopRule
+from jaxspace.dispersion import contributors as _contributors
 from jaxspace.dispersion._rounding import rounded, scatters
-from jaxspace.io import dispersion_report
-from jaxspace.io._report import contributor_lines
+from jaxspace.dispersion.limits import clopper_pearson, percentile, quantile, runs_for
+from jaxspace.dispersion.sensitivity import rank_correlation
+from jaxspace.dispersion.spread import circular_error, convergence, ellipsoid
+from jaxspace.io.report import contributor_lines, dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.simulation import Status
 

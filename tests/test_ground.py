@@ -10,15 +10,10 @@ import pytest
 from jaxspace import Scene, load, simulate, simulate_batch
 from jaxspace.bodies import BodyState
 from jaxspace.cli import main
-from jaxspace.orbits import (
-    AtAltitude,
-    Oblateness,
-    PointGravity,
-    SphereGravity,
-    kepler_flow,
-    orbit_from_radius,
-)
-from jaxspace.scene import ground_warning
+from jaxspace.orbits import AtAltitude, Oblateness, PointGravity, SphereGravity
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.scene.ground_check import ground_warning
 from jaxspace.simulation import Event
 
 MU, RADIUS, J2 = 3.986e14, 6.378e6, 1.0826e-3

@@ -9,7 +9,9 @@ from numpy.testing import assert_allclose
 from scipy.integrate import solve_ivp
 
 from jaxspace import Event, Status, simulate
-from jaxspace.gyros import BearingFriction, RotorMotor, TwoGimbalGyro, near_gimbal_lock
+from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.gyros.bearing import BearingFriction, RotorMotor
+from jaxspace.gyros.gimbal_state import near_gimbal_lock
 from jaxspace.studies import modes
 
 UPRIGHT = 0.5 * np.pi

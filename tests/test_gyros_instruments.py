@@ -14,15 +14,12 @@ from jaxspace.gyros import (
     GyrocompassState,
     Gyropendulum,
     GyropendulumState,
-    NavigationErrors,
     RateGyro,
     RateGyroState,
-    allan_of_walks,
-    allan_variance,
-    coupled_rates,
-    gimbal_lock_margin,
-    gyro_noise,
 )
+from jaxspace.gyros.navigation_errors import NavigationErrors, coupled_rates
+from jaxspace.gyros.noise import allan_of_walks, allan_variance, gyro_noise
+from jaxspace.gyros.platform import gimbal_lock_margin
 from jaxspace.solvers import ExponentialRosenbrock
 from jaxspace.studies import modes
 

@@ -9,7 +9,8 @@ from numpy.testing import assert_allclose
 
 from jaxspace import Accuracy, Mission, Phase, simulate
 from jaxspace.dispersion import Campaign, Normal, disperse
-from jaxspace.gyros import InertialNavigator, Place, schuler_frequency
+from jaxspace.gyros import InertialNavigator, Place
+from jaxspace.gyros.gyropendulum import schuler_frequency
 from jaxspace.studies import modes
 
 SPHERE = dict(flattening=0.0, j2=0.0)

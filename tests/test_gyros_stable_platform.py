@@ -8,8 +8,8 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace import simulate
-from jaxspace.gyros import StablePlatform, gimbal_axes
-from jaxspace.gyros._stable_platform import _vehicle_axes
+from jaxspace.gyros import StablePlatform
+from jaxspace.gyros.stable_platform import _vehicle_axes, gimbal_axes
 from jaxspace.studies import modes
 
 LOOP = dict(gain=2.0, rate_gain=0.05, gyro_damping=0.01)

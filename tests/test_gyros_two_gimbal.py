@@ -13,8 +13,11 @@ from numpy.testing import assert_allclose
 from reference_run import check_derivatives, drifts, long_run, run
 
 from jaxspace.core import InputError
-from jaxspace.gyros import DuffingOscillator, GimbalState, GimbalWalk, TwoGimbalGyro
-from jaxspace.rotations import Quaternion, omega_from_euler_rates
+from jaxspace.gyros import GimbalState, TwoGimbalGyro
+from jaxspace.gyros.duffing import DuffingOscillator
+from jaxspace.gyros.gimbal_walk import GimbalWalk
+from jaxspace.rotations import Quaternion
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
 
 CASE = 1e-9  # relative tolerance of the reference cases
 UPRIGHT, SIXTY = 1.5707963267948966, 1.0471975511965979

@@ -6,16 +6,12 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.attitude import AttitudeDrift, best_crusher_tilt, gyro_on_a_string
-from jaxspace.gyros import DuffingOscillator
-from jaxspace.mechanics import (
-    GeneralisedState,
-    RotatingHoop,
-    SimplePendulum,
-    brachistochrone,
-    hanging_chain,
-    variational_motion,
-)
+from jaxspace.attitude import AttitudeDrift
+from jaxspace.attitude.top_relatives import best_crusher_tilt, gyro_on_a_string
+from jaxspace.gyros.duffing import DuffingOscillator
+from jaxspace.mechanics import GeneralisedState, RotatingHoop, SimplePendulum
+from jaxspace.mechanics.discrete import variational_motion
+from jaxspace.mechanics.variational import brachistochrone, hanging_chain
 from jaxspace.studies import equilibrium
 
 

@@ -13,7 +13,8 @@ from pathlib import Path
 import pytest
 
 import jaxspace
-from jaxspace.core import MissingExtra, extra
+from jaxspace.core import MissingExtra
+from jaxspace.core.extras import extra
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "jaxspace"

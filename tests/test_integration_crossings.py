@@ -8,7 +8,9 @@ from jaxtyping import Array, Float
 
 from jaxspace import BodyState, Event, Scene, Status, simulate, simulate_batch
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError
-from jaxspace.orbits import PointGravity, orbit_from_radius, shadow_event
+from jaxspace.orbits import PointGravity
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.shadow import shadow_event
 from jaxspace.simulation import Accuracy, Mission, Phase, crossings
 from jaxspace.solvers import Tsit5
 

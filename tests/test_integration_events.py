@@ -8,7 +8,8 @@ import pytest
 from jaxtyping import Array, Float
 
 from jaxspace import BodyState, simulate, simulate_mission
-from jaxspace.core import AbstractSystem, dot
+from jaxspace.core import AbstractSystem
+from jaxspace.core.vectors import dot
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 
 

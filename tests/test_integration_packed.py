@@ -13,14 +13,9 @@ from jaxspace.integration import _problem
 from jaxspace.integration._packed import Packing
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Event, Status
-from jaxspace.solvers import (
-    DOP853,
-    RKN1210,
-    ExponentialRosenbrock,
-    MuntheKaas,
-    solver_traits,
-)
-from jaxspace.solvers._tolerance import Tolerance
+from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas
+from jaxspace.solvers.protocol import solver_traits
+from jaxspace.solvers.tolerances import Tolerance
 
 ACCURACY = Accuracy(rtol=1e-8, atol=1e-8, method=DOP853(in_loop=True))
 TIMES = jnp.array([0.0, 0.8, 1.5, 9.0])

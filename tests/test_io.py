@@ -17,10 +17,11 @@ import pytest
 import jaxspace
 from jaxspace import load
 from jaxspace.bodies import AbstractEffect, AbstractJump, BodyState, Load
-from jaxspace.core import AbstractSystem, Scalar, argument, axis, event, output, quantity
+from jaxspace.core import AbstractSystem, Scalar, argument, event, output, quantity
+from jaxspace.core.vectors import axis
 from jaxspace.dispersion import AbstractDistribution
 from jaxspace.io import SceneError
-from jaxspace.io._units import expected, in_unit, read_number
+from jaxspace.io.units import expected, in_unit, read_number
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 KICK = (SCENES / "kick_stage.toml").read_text()

@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 
 from jaxspace.core import InputError
-from jaxspace.io import Ephemeris, read_oem, read_omm, read_tle, write_oem
+from jaxspace.io.ephemeris import Ephemeris, read_oem, write_oem
+from jaxspace.io.mean_elements import read_omm, read_tle
 
 # Vallado et al., AIAA 2006-6753, the first verification case: epoch and states after 0 and 360 min.
 TLE = """VANGUARD 1

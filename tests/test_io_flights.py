@@ -17,7 +17,7 @@ from jaxspace.io import SceneError, listing, schema
 from jaxspace.io._outputs import Outputs
 from jaxspace.scene import Scene
 from jaxspace.simulation import Mission, Status, simulate_mission_batch
-from jaxspace.vehicles import landing_latitude, landing_longitude
+from jaxspace.vehicles.landings import landing_latitude, landing_longitude
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 sys.path.insert(0, str(EXAMPLES / "model_rockets"))

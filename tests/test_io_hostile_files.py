@@ -6,8 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from jaxspace.core import InputError, _files
-from jaxspace.io import SceneError, _load, load, read_oem, read_omm, read_tle
+from jaxspace.core import InputError
+from jaxspace.core import files as _files
+from jaxspace.io import SceneError, _load, load
+from jaxspace.io.ephemeris import read_oem
+from jaxspace.io.mean_elements import read_omm, read_tle
 from jaxspace.rockets import read_motor
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from jaxspace import load
-from jaxspace.orbits import apoapsis_radius, inclination, periapsis_radius
+from jaxspace.orbits.elements import apoapsis_radius, inclination, periapsis_radius
 from jaxspace.simulation import Accuracy, Status
 from jaxspace.simulation.mission_runs import run_mission
 from jaxspace.simulation.phases import resolve_phases

@@ -8,8 +8,9 @@ import pytest
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
-from jaxspace.io import dispersion_report
-from jaxspace.plots import dispersion_page, footprint_figure, wind_rose
+from jaxspace.io.report import dispersion_report
+from jaxspace.plots import dispersion_page, footprint_figure
+from jaxspace.plots.footprint import wind_rose
 
 # Long and short semi-axis of one deviation, m, and the bearing of the long one, deg.
 LONG, SHORT, BEARING = 300.0, 100.0, 120.0

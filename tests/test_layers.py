@@ -2,13 +2,16 @@
 
 import ast
 import functools
+import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "jaxspace"
+ROOT = Path(__file__).resolve().parents[1]
+PACKAGE = ROOT / "jaxspace"
 
 # A room may import the rooms of its row, and itself. The command line sees all of them, and nobody
 # sees the command line.
@@ -89,21 +92,11 @@ HEAVY = {
 MAY_BE_HEAVY = {"simulation", "studies", "dispersion", "io", "plots", "cli"}
 LIGHT = HEAVY - {"tomllib"}
 
-# Names that an `__init__` gives to its readers.
-# The core has what an author of a system needs; the orbits have an element or an output for each
-# name, and the bodies have one for each solid. Results of several packages print tables, which the
-# core lays out. The package itself gives the packages that most runs draw on, and the names of a
-# run.
-MOST_NAMES = {"__init__": 31, "core": 99, "orbits": 157, "attitude": 130, "bodies": 51}
-# Instruments and textbook systems bring a state each.
-MOST_NAMES |= {"control": 36, "dispersion": 63, "io": 25}
-# Assumed modes, two hung bars and the work of a force stand beside the systems of mechanics.
-MOST_NAMES |= {"mechanics": 47}
-# The engine is several floors of plumbing, and gives what users need.
-MOST_NAMES |= {"integration": 14, "simulation": 16}
-MOST_NAMES |= {"optimization": 48, "rockets": 48, "gyros": 40}
-# Air as measured stands beside the parts of a rocket.
-MOST_NAMES |= {"vehicles": 31}
+# Names that the root of a package gives: what a user meets first. The rest stands in modules named
+# by their subject.
+MOST_NAMES = 40
+# Of all roots, and of the package itself.
+MOST_OF_ALL = 350
 
 
 def room_of(file: Path) -> str:
@@ -263,9 +256,9 @@ def test_outside_libraries_stay_where_they_belong():
     in_every_file(complaints)
 
 
-def test_a_public_file_is_one_that_another_package_imports():
-    """What the floors of the engine take of each other has the name of its file, and nothing else
-    has one."""
+def test_a_public_file_lists_its_names_or_another_package_imports_it():
+    """What users need stands in `__all__`. What the floors of the engine take of each other has the
+    name of its file too, and nothing else has one."""
     taken = {
         tuple(name.split(".")[1:3])
         for file in sources()
@@ -275,9 +268,9 @@ def test_a_public_file_is_one_that_another_package_imports():
 
     def complaints(file):
         parts = file.relative_to(PACKAGE).parts
-        if len(parts) > 1 and not parts[-1].startswith("_"):
+        if len(parts) > 1 and not parts[-1].startswith("_") and not listed(file):
             if (parts[0], parts[1].removesuffix(".py")) not in taken:
-                yield "name it _x.py, and give its public names to the package's __init__"
+                yield "name it _x.py, or list its public names in __all__"
 
     in_every_file(complaints)
 
@@ -303,20 +296,78 @@ def test_no_other_file_names_a_concrete_method():
     assert not named
 
 
-@pytest.mark.parametrize("room", ["__init__", *[r for r in ROOMS if (PACKAGE / r).is_dir()]])
-def test_a_room_gives_few_names(room):
-    tree = ast.parse(
-        (PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")).read_text()
-    )
-    names = [
-        a.asname
-        for n in ast.walk(tree)
-        if isinstance(n, ast.ImportFrom)
-        for a in n.names
-        if a.asname == a.name
+def listed(file: Path) -> list[str]:
+    """The names in `__all__` of a module."""
+    for node in ast.parse(file.read_text()).body:
+        if isinstance(node, ast.Assign) and getattr(node.targets[0], "id", "") == "__all__":
+            return ast.literal_eval(node.value)
+    return []
+
+
+def given(room: str) -> list[str]:
+    """The names that the root of a package gives, without its modules."""
+    file = PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")
+    return [
+        alias.asname
+        for node in ast.walk(ast.parse(file.read_text()))
+        # `from . import elements as elements` is a module; of the package itself a name.
+        if isinstance(node, ast.ImportFrom) and (node.module or room == "__init__")
+        for alias in node.names
+        if alias.asname == alias.name
     ]
-    assert len(names) == len(set(names))
-    assert len(names) <= MOST_NAMES.get(room, 22)
+
+
+PACKAGES = [room for room in ROOMS if (PACKAGE / room).is_dir()]
+
+
+@pytest.mark.parametrize("room", ["__init__", *PACKAGES])
+def test_the_root_of_a_package_gives_few_names(room):
+    assert len(given(room)) <= MOST_NAMES
+
+
+def test_the_whole_library_gives_few_names_first():
+    assert sum(len(given(room)) for room in ["__init__", *PACKAGES]) <= MOST_OF_ALL
+
+
+@pytest.mark.parametrize("room", PACKAGES)
+def test_a_name_has_one_home(room):
+    """The root, or one public module, which the root gives when it is asked for it."""
+    names, modules = given(room), []
+    for file in sorted((PACKAGE / room).glob("[a-z]*.py")):
+        if listed(file):
+            names += listed(file)
+            modules.append(file.stem)
+    assert not {name for name in names if names.count(name) > 1}
+    # A module of the name of a root's function would hide it.
+    assert not set(given(room)) & set(modules)
+    root = importlib.import_module(f"jaxspace.{room}")
+    for module in modules:
+        assert getattr(root, module).__name__ == f"jaxspace.{room}.{module}"
+        assert module in dir(root)
+    shown = ast.parse((PACKAGE / room / "__init__.py").read_text()).body
+    typed = {
+        alias.name
+        for block in shown
+        if isinstance(block, ast.If)
+        for node in block.body
+        if isinstance(node, ast.ImportFrom)
+        for alias in node.names
+    }
+    assert typed == set(modules), "type checkers read the modules in the root"
+
+
+@pytest.mark.parametrize("room", sorted(set(PACKAGES) - {"cli"}))
+def test_every_public_name_stands_in_the_reference_a_page_or_an_example(room):
+    page = (ROOT / "docs" / "api" / f"{room}.md").read_text()
+    for file in sorted((PACKAGE / room).glob("[a-z]*.py")):
+        if listed(file):
+            assert f"::: jaxspace.{room}.{file.stem}\n" in page
+    assert f"::: jaxspace.{room}\n" in page
+    if "members: [" in page:
+        # The reference names the members that it shows.
+        texts = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/**/*.py"), ROOT / "README.md"]
+        words = set(re.findall(r"\w+", " ".join(text.read_text() for text in texts)))
+        assert not set(given(room)) - words
 
 
 def run(code: str) -> str:

@@ -17,6 +17,7 @@ import pytest
 
 import jaxspace
 from jaxspace import cli
+from jaxspace.core.modules import public_names
 
 ROOT = Path(__file__).parents[1]
 CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -122,10 +123,10 @@ def test_links_of_the_page_lead_somewhere(page):
 def test_every_public_name_has_a_docstring(room):
     module = importlib.import_module(f"jaxspace.{room}")
     assert inspect.getdoc(module), f"jaxspace.{room} has no docstring"
-    for name, value in vars(module).items():
+    for name, value in public_names(module).items():
         # An alias of a shape, such as `Scalar`, belongs to jaxtyping.
         ours = getattr(value, "__module__", "").startswith("jaxspace")
-        if ours and not name.startswith("_"):
+        if ours:
             assert value.__doc__, f"jaxspace.{room}.{name} has no docstring"
 
 

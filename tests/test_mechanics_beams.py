@@ -8,7 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace.core import InputError
-from jaxspace.mechanics import assumed_modes, beam_roots, beam_shape
+from jaxspace.mechanics.beams import assumed_modes, beam_roots, beam_shape
 
 ENDS = ("clamped-free", "free-free", "clamped-clamped", "clamped-pinned", "pinned-pinned")
 

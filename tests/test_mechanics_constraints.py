@@ -15,8 +15,8 @@ from jaxspace.mechanics import (
     InclineDisk,
     Lagrangian,
     SimplePendulum,
-    variational_motion,
 )
+from jaxspace.mechanics.discrete import variational_motion
 from jaxspace.solvers import Tsit5
 
 # A method of few stages, which compiles sooner; `auto` has a test of its own.

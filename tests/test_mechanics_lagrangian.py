@@ -23,11 +23,11 @@ from jaxspace.mechanics import (
     LandingLegs,
     SimplePendulum,
     SliderCarrier,
-    apply_impact,
-    brachistochrone,
-    routh,
-    work_along,
 )
+from jaxspace.mechanics.impulse import apply_impact
+from jaxspace.mechanics.reduction import routh
+from jaxspace.mechanics.variational import brachistochrone
+from jaxspace.mechanics.work import work_along
 
 DOUBLE = DoublePendulum(2.0, 1.0, 1.0, 0.8, 9.8)
 FRAMED = FramedPendulum(0.3, 1.0, 0.8, 9.8)

@@ -5,7 +5,9 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
 
-from jaxspace.mechanics import FlexibleMissile, MissileLoop, beam_shape
+from jaxspace.mechanics import FlexibleMissile
+from jaxspace.mechanics.beams import beam_shape
+from jaxspace.mechanics.missile_loop import MissileLoop
 from jaxspace.studies import modes
 
 THRUST = 4.0e5

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace.mechanics import Lagrangian, action, brachistochrone, hanging_chain
+from jaxspace.mechanics import Lagrangian
+from jaxspace.mechanics.variational import action, brachistochrone, hanging_chain
 from jaxspace.optimization import Criterion, minimise
 
 G, W, TIME = 9.8, 2.0, 1.1  # TIME is below pi / W: the action is least

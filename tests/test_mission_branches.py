@@ -21,10 +21,15 @@ from jaxspace import (
     simulate_mission,
     simulate_mission_batch,
 )
-from jaxspace.bodies import Detached, combined, come_apart, cylinder, spring_speed
-from jaxspace.core import AbstractClosedForm, InputError, axis, cross
+from jaxspace.bodies import Detached
+from jaxspace.bodies.mass_properties import combined
+from jaxspace.bodies.parting import come_apart, spring_speed
+from jaxspace.bodies.solids import cylinder
+from jaxspace.core import AbstractClosedForm, InputError
+from jaxspace.core.vectors import axis, cross
 from jaxspace.dispersion import Campaign, Normal, disperse
-from jaxspace.orbits import UniformGravity, touchdown
+from jaxspace.orbits import UniformGravity
+from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, fly_compact
 from jaxspace.solvers import Tsit5

@@ -6,30 +6,23 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.mechanics import (
+from jaxspace.mechanics.impact import (
     contact_impulse,
     contact_inverse_mass,
     crushable_pad,
     impact_energy_loss,
-    moment_about_moving_point,
-    momentum_about,
 )
-from jaxspace.orbits import (
+from jaxspace.mechanics.moving_point import moment_about_moving_point, momentum_about
+from jaxspace.orbits.point_gravity import point_gravity
+from jaxspace.orbits.rotating_earth import (
     local_frame,
     navigation_rates,
     planet_frame,
     plumb_line_deviation,
-    point_gravity,
 )
-from jaxspace.rotations import (
-    MovingFrame,
-    Quaternion,
-    from_euler_angles,
-    instantaneous_centre,
-    omega_from_euler_rates,
-    path_components,
-    polar_components,
-)
+from jaxspace.rotations import MovingFrame, Quaternion, from_euler_angles
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
+from jaxspace.rotations.moving_frame import instantaneous_centre, path_components, polar_components
 
 ONE = jnp.ones(())
 

@@ -10,15 +10,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
 from jaxspace.core import InputError, Spline
-from jaxspace.optimization import (
-    ConstantMassFlow,
-    Insertion,
-    InsertionState,
-    SteeringNetwork,
-    SteeringProfile,
-    TangentLaw,
-    optimise_insertion,
-)
+from jaxspace.optimization import Insertion, InsertionState, SteeringProfile, optimise_insertion
+from jaxspace.optimization.ascent import ConstantMassFlow
+from jaxspace.optimization.laws import SteeringNetwork, TangentLaw
 
 # Of Electron's second stage, with the first burnt out at 100 km; to a circle at 185 km.
 MU, EARTH = 3.986004418e14, 6378137.0

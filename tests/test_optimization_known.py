@@ -12,7 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import fsolve
 
-from jaxspace.optimization import minimum_time_steering
+from jaxspace.optimization.steering import minimum_time_steering
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "known_optima"))
 import delta_iii

@@ -13,19 +13,16 @@ from scipy.optimize import brentq, fsolve
 from jaxspace import Mission, Phase, Scene, simulate_mission
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
-from jaxspace.optimization import (
+from jaxspace.optimization import Criterion, minimise, propellant_use
+from jaxspace.optimization.ascent import (
     AbstractThrustAcceleration,
     Ascent,
     ConstantThrustAcceleration,
-    Criterion,
     apex,
     burnout_state,
-    equal_stages_payload,
-    maximum_velocity_steering,
-    minimise,
-    minimum_time_steering,
-    propellant_use,
 )
+from jaxspace.optimization.staging import equal_stages_payload
+from jaxspace.optimization.steering import maximum_velocity_steering, minimum_time_steering
 from jaxspace.orbits import UniformGravity
 
 G = 32.2

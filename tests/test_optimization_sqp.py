@@ -8,13 +8,8 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from jaxspace.core import AbstractSystem, InputError, Scalar
-from jaxspace.optimization import (
-    Criterion,
-    StopReason,
-    minimise,
-    minimise_from,
-    minimum_time_steering,
-)
+from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
+from jaxspace.optimization.steering import minimum_time_steering
 from jaxspace.simulation import Accuracy, Event, simulate_batch
 from jaxspace.solvers import Tsit5
 

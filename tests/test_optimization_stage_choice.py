@@ -8,13 +8,11 @@ import scipy.integrate
 import scipy.optimize
 
 from jaxspace.core import InputError
-from jaxspace.optimization import (
-    StageDesign,
-    equal_stages_payload,
-    number_of_stages,
-    optimal_staging,
-    staging_with_losses,
-)
+from jaxspace.optimization import optimal_staging
+from jaxspace.optimization.fixed_masses import number_of_stages
+from jaxspace.optimization.flown_staging import staging_with_losses
+from jaxspace.optimization.staged_flight import StageDesign
+from jaxspace.optimization.staging import equal_stages_payload
 
 FIXED = np.array([1.0, 0.5, 0.1])
 THREE = (np.array([3000.0, 3000.0, 4200.0]), np.array([0.08, 0.1, 0.12]), 9500.0)

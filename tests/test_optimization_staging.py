@@ -10,11 +10,8 @@ from hypothesis import strategies as st
 from scipy.optimize import brentq, minimize
 
 from jaxspace.core import InputError
-from jaxspace.optimization import (
-    optimal_staging,
-    optimal_staging_by_gradient,
-    stationary_mass_ratio,
-)
+from jaxspace.optimization import optimal_staging
+from jaxspace.optimization.staging import optimal_staging_by_gradient, stationary_mass_ratio
 
 P4 = ([8050.0, 8050.0], [0.18, 0.15], 26000.0)
 N3 = ([8500.0, 10500.0, 13500.0], [0.1, 0.12, 0.15], 36000.0)

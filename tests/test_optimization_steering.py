@@ -13,18 +13,9 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from jaxspace.core import InputError
-from jaxspace.optimization import (
-    Ascent,
-    ConstantMassFlow,
-    FlightState,
-    SteeredFlight,
-    SteeringProfile,
-    apex,
-    burnout_state,
-    linear_tangent_steering,
-    minimum_time_steering,
-    optimise_steering,
-)
+from jaxspace.optimization import SteeredFlight, SteeringProfile, optimise_steering
+from jaxspace.optimization.ascent import Ascent, ConstantMassFlow, FlightState, apex, burnout_state
+from jaxspace.optimization.steering import linear_tangent_steering, minimum_time_steering
 from jaxspace.simulation import simulate
 
 A, C = ASCENTS["T8.3-A"], ASCENTS["T8.3-C"]

@@ -14,7 +14,8 @@ from jaxtyping import Array
 from jaxspace import load
 from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
-from jaxspace.io import SceneError, optimum_report, sensitivity_report
+from jaxspace.io import SceneError
+from jaxspace.io.report import optimum_report, sensitivity_report
 from jaxspace.simulation import Event, Mission, Phase, Status, fly_compact
 
 MU, R1, R2, RADIAL = 3.986004418e14, 6.678137e6, 8.0e6, 1e3

@@ -5,14 +5,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.orbits import (
+from jaxspace.orbits.ballistic import (
     ballistic_angles,
     ballistic_flight,
     ballistic_impact,
-    kepler_flow,
     least_energy_launch,
     longest_range,
 )
+from jaxspace.orbits.kepler import kepler_flow
 
 fly = jax.jit(ballistic_flight)
 aim = jax.jit(ballistic_angles)

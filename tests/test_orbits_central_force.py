@@ -9,26 +9,22 @@ import pytest
 from systems import Screened
 
 from jaxspace.bodies import BodyState, RigidBody
-from jaxspace.orbits import (
-    CentralPotential,
-    PowerLawForce,
-    SphereGravity,
-    apoapsis_radius,
-    circular_rate,
-    effective_potential,
-    from_relative,
-    periapsis_radius,
+from jaxspace.orbits import CentralPotential, PowerLawForce, SphereGravity
+from jaxspace.orbits.central_force import (
     power_law_potential,
-    radial_frequency_squared,
-    radial_motion,
-    reduced_mass,
     shell_gravity,
     shell_potential,
     sphere_gravity,
-    sphere_of_influence,
-    to_relative,
+)
+from jaxspace.orbits.elements import apoapsis_radius, periapsis_radius
+from jaxspace.orbits.radial_motion import (
+    circular_rate,
+    effective_potential,
+    radial_frequency_squared,
+    radial_motion,
     turning_points,
 )
+from jaxspace.orbits.two_masses import from_relative, reduced_mass, sphere_of_influence, to_relative
 
 BODY = RigidBody()
 POINT = BodyState(position=jnp.array([0.7, -0.4, 0.5]), velocity=jnp.zeros(3))

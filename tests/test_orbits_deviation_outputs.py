@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace.orbits import (
-    ClassicalElements,
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.deviation_outputs import (
     along_track_error,
     argument_of_periapsis,
     cross_track_error,
     eccentricity,
     node_longitude,
     radial_error,
-    state_from_elements,
 )
+from jaxspace.orbits.elements import state_from_elements
 
 MU = 3.986e14
 

@@ -7,24 +7,13 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxspace import Scene, load, simulate
-from jaxspace.bodies import (
-    BodyState,
-    ExponentialAtmosphere,
-    RigidBody,
-    StandardAtmosphere,
-    exponential_density,
-    standard_atmosphere,
-)
+from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody, StandardAtmosphere
+from jaxspace.bodies.atmosphere import exponential_density
+from jaxspace.bodies.standard_atmosphere import standard_atmosphere
 from jaxspace.core import InputError
-from jaxspace.orbits import (
-    Drag,
-    PointGravity,
-    angular_momentum,
-    circular_decay_rate,
-    drag_acceleration,
-    semi_major_axis,
-    specific_energy,
-)
+from jaxspace.orbits import Drag, PointGravity
+from jaxspace.orbits.drag import circular_decay_rate, drag_acceleration
+from jaxspace.orbits.elements import angular_momentum, semi_major_axis, specific_energy
 
 MU, RADIUS = 3.986004418e14, 6378137.0
 AIR = Drag(

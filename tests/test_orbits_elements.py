@@ -8,20 +8,20 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from jaxspace.orbits import (
-    ClassicalElements,
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.elements import (
     angular_momentum,
     apoapsis_radius,
     eccentricity_vector,
     elements_from_state,
     inclination,
-    kepler_flow,
     periapsis_radius,
     semi_latus_rectum,
     semi_major_axis,
     specific_energy,
     state_from_elements,
 )
+from jaxspace.orbits.kepler import kepler_flow
 
 to_elements = jax.jit(elements_from_state)
 to_state = jax.jit(state_from_elements)

@@ -9,13 +9,9 @@ import numpy as np
 import pytest
 
 from jaxspace.core import InputError
-from jaxspace.orbits import (
-    ClassicalElements,
-    EquinoctialElements,
-    ModifiedEquinoctialElements,
-    kepler_flow,
-    state_from_elements,
-)
+from jaxspace.orbits import ClassicalElements, EquinoctialElements, ModifiedEquinoctialElements
+from jaxspace.orbits.elements import state_from_elements
+from jaxspace.orbits.kepler import kepler_flow
 
 KINDS = (ModifiedEquinoctialElements, EquinoctialElements)
 WEIGHTS = jnp.array([1.0, -2.0, 0.5, 0.3, 1.0, -1.0])

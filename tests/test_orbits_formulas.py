@@ -7,27 +7,23 @@ import mpmath as mp
 import numpy as np
 
 from jaxspace.constants import MU_SUN, PLANETS
-from jaxspace.orbits import (
-    ClassicalElements,
+from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits.burnout import escape_speed, excess_speed
+from jaxspace.orbits.conic import (
     conic_radius,
-    departure_phase,
     eccentric_anomaly,
-    escape_speed,
-    excess_speed,
-    force_of_orbit,
-    impulse_change,
-    local_frame,
     mean_anomaly,
-    projectile_angles,
-    projectile_envelope,
-    projectile_position,
-    state_from_elements,
-    synodic_period,
-    time_of_flight,
     true_anomaly,
     turning_angle,
 )
-from jaxspace.rotations import centrodes
+from jaxspace.orbits.elements import state_from_elements
+from jaxspace.orbits.orbit_force import force_of_orbit
+from jaxspace.orbits.planets import departure_phase, synodic_period
+from jaxspace.orbits.projectile import projectile_angles, projectile_envelope, projectile_position
+from jaxspace.orbits.rotating_earth import local_frame
+from jaxspace.orbits.small_impulse import impulse_change
+from jaxspace.orbits.time_of_flight import time_of_flight
+from jaxspace.rotations.plane_motion import centrodes
 
 
 def test_centrodes_of_the_ladder_and_of_the_wheel():  # T3-P3..P5

@@ -7,19 +7,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from jaxspace.bodies import BodyState, RigidBody
-from jaxspace.orbits import (
-    Oblateness,
-    PointGravity,
-    angular_momentum,
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.orbits.elements import angular_momentum, elements_from_state
+from jaxspace.orbits.oblateness import (
     apsidal_rate,
-    elements_from_state,
     node_regression_rate,
     oblateness,
     oblateness_potential,
-    point_gravity,
-    point_gravity_potential,
 )
-from jaxspace.scene import read_effects
+from jaxspace.orbits.point_gravity import point_gravity, point_gravity_potential
+from jaxspace.scene.reading import read_effects
 
 J2 = 0.00108262668
 BODY = RigidBody()

@@ -10,8 +10,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from jaxspace.bodies import BodyState
-from jaxspace.core import InputError, stumpff
-from jaxspace.orbits import TwoBody, eccentricity_vector, kepler_flow, specific_energy
+from jaxspace.core import InputError
+from jaxspace.core.special import stumpff
+from jaxspace.orbits import TwoBody
+from jaxspace.orbits.elements import eccentricity_vector, specific_energy
+from jaxspace.orbits.kepler import kepler_flow
 
 EPS = np.finfo(float).eps
 flow = jax.jit(kepler_flow)

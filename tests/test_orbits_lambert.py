@@ -14,18 +14,11 @@ from test_orbits_kepler import condition, conics, exact_flow, relative
 from test_orbits_kepler import forward as slope_of_flow
 
 from jaxspace.core import InputError
-from jaxspace.orbits import (
-    TransferStatus,
-    eccentricity_vector,
-    kepler_flow,
-    lambert,
-    least_duration,
-    periapsis_radius,
-    semi_major_axis,
-    transfer_status,
-)
 from jaxspace.orbits._conic_of_time import conic_of_time, least_time
 from jaxspace.orbits._transfer_time import transfer_time
+from jaxspace.orbits.elements import eccentricity_vector, periapsis_radius, semi_major_axis
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import TransferStatus, lambert, least_duration, transfer_status
 
 EPS = np.finfo(float).eps
 

@@ -12,9 +12,9 @@ from scipy.special import eval_legendre
 from jaxspace import Accuracy, Scene, load, simulate
 from jaxspace.bodies import BodyState, RigidBody, StandardAtmosphere
 from jaxspace.constants import ASTRONOMICAL_UNIT, J2_EARTH, RADIUS_SUN, ZONALS_EARTH
-from jaxspace.core import InputError, breaks_of
+from jaxspace.core import InputError
+from jaxspace.core.tables import breaks_of
 from jaxspace.orbits import (
-    CRITICAL_INCLINATION,
     CircularPath,
     Drag,
     KeplerPath,
@@ -24,20 +24,19 @@ from jaxspace.orbits import (
     TabulatedPath,
     ThirdBody,
     Zonals,
-    apsidal_rate,
-    elements_from_state,
-    kepler_flow,
-    node_regression_rate,
-    oblateness,
-    secular_rates,
-    solar_pressure,
-    sun_synchronous_inclination,
-    sunlight,
-    third_body,
-    third_body_potential,
-    zonal_potential,
-    zonals,
 )
+from jaxspace.orbits.elements import elements_from_state
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.oblateness import apsidal_rate, node_regression_rate, oblateness
+from jaxspace.orbits.secular_rates import (
+    CRITICAL_INCLINATION,
+    secular_rates,
+    sun_synchronous_inclination,
+)
+from jaxspace.orbits.shadow import sunlight
+from jaxspace.orbits.solar_pressure import solar_pressure
+from jaxspace.orbits.third_body import third_body, third_body_potential
+from jaxspace.orbits.zonals import zonal_potential, zonals
 from jaxspace.rotations import MovingFrame, Quaternion
 
 MU, RADIUS = 3.986004418e14, 6378137.0

@@ -10,20 +10,14 @@ import pytest
 
 from jaxspace import BodyState, Scene, load, simulate
 from jaxspace.optimization import least_rendezvous
-from jaxspace.orbits import (
-    ClassicalElements,
-    LowThrust,
-    PointGravity,
-    hohmann_transfer,
-    interception,
-    kepler_flow,
-    phasing,
-    porkchop,
-    semi_major_axis,
-    spiral_radius,
-    state_from_elements,
-    vis_viva_speed,
-)
+from jaxspace.orbits import ClassicalElements, LowThrust, PointGravity
+from jaxspace.orbits.burnout import vis_viva_speed
+from jaxspace.orbits.elements import semi_major_axis, state_from_elements
+from jaxspace.orbits.interception import interception, porkchop
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.low_thrust import spiral_radius
+from jaxspace.orbits.phasing import phasing
+from jaxspace.orbits.transfers import hohmann_transfer
 from jaxspace.plots import porkchop_figure
 
 flow = jax.jit(kepler_flow)

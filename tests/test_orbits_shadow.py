@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from jaxspace.orbits import shadow, shadow_event, sunlight
-from jaxspace.orbits._shadow import _hidden_part
+from jaxspace.orbits.shadow import _hidden_part, shadow, shadow_event, sunlight
 
 RADIUS, SUN_RADIUS, AU = 6.378137e6, 6.957e8, 1.495978707e11
 SUN = jnp.array([0.3, -0.7, 0.2]) / np.sqrt(0.62) * AU

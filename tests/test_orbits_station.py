@@ -6,16 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import BodyState, Event, simulate
-from jaxspace.orbits import (
-    GroundPoint,
-    Station,
-    TwoBody,
-    geocentric_latitude,
-    ground_point,
-    kepler_flow,
-    orbit_from_radius,
-    position_of,
-)
+from jaxspace.orbits import Station, TwoBody
+from jaxspace.orbits.ground_track import GroundPoint, geocentric_latitude, ground_point, position_of
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.kepler import kepler_flow
 
 MU, RADIUS, RATE = 3.986004418e14, 6378137.0, 7.292115e-5
 ground = jax.jit(ground_point)

@@ -8,7 +8,8 @@ from systems import J2, MU, RADIUS, orbit
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.core import InputError
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody, steps_for
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.orbits.steps import steps_for
 from jaxspace.simulation import Accuracy
 from jaxspace.solvers import Regularised, Stormer
 

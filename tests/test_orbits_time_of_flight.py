@@ -7,20 +7,24 @@ import numpy as np
 import pytest
 
 from jaxspace.core import InputError
-from jaxspace.orbits import (
-    apoapsis_radius,
+from jaxspace.orbits.burnout import (
     circular_speed,
     elements_from_burnout,
-    elements_from_state,
     escape_speed,
     orbit_from_burnout,
+    vis_viva_speed,
+)
+from jaxspace.orbits.elements import (
+    apoapsis_radius,
+    elements_from_state,
     periapsis_radius,
+    state_from_elements,
+)
+from jaxspace.orbits.time_of_flight import (
     period,
     semi_major_axis_of_period,
-    state_from_elements,
     time_of_flight,
     true_anomaly_after,
-    vis_viva_speed,
 )
 
 ALL = (0, 1, 2, 3, 4)

@@ -11,25 +11,23 @@ import jaxspace
 from jaxspace import Mission, Phase, simulate_mission
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
-from jaxspace.orbits import (
-    ClassicalElements,
-    Impulse,
-    TwoBody,
+from jaxspace.orbits import ClassicalElements, Impulse, TwoBody
+from jaxspace.orbits.bielliptic import bielliptic_break_even
+from jaxspace.orbits.clohessy_wiltshire import clohessy_wiltshire_flow, clohessy_wiltshire_transfer
+from jaxspace.orbits.elements import elements_from_state, state_from_elements
+from jaxspace.orbits.impulses import (
     apse_line_impulse,
-    apsidal_impulse,
-    bielliptic_break_even,
-    bielliptic_transfer,
-    clohessy_wiltshire_flow,
-    clohessy_wiltshire_transfer,
-    coaxial_transfer,
     eccentricities_through,
-    elements_from_state,
-    hohmann_transfer,
-    kepler_flow,
     plane_change_impulse,
     small_tangential_impulse,
-    state_from_elements,
     tangential_impulse,
+)
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.transfers import (
+    apsidal_impulse,
+    bielliptic_transfer,
+    coaxial_transfer,
+    hohmann_transfer,
 )
 
 hohmann = jax.jit(hohmann_transfer)

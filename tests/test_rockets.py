@@ -14,7 +14,6 @@ from jaxspace import Scene, simulate, simulate_batch, simulate_mission
 from jaxspace.bodies import BodyState, BurningBody, Load, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
 from jaxspace.rockets import (
-    FixedDirection,
     GravityTurn,
     GravityTurnState,
     JetDamping,
@@ -22,15 +21,17 @@ from jaxspace.rockets import (
     SteeredThrust,
     Thrust,
     ThrustProfile,
+)
+from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle
+from jaxspace.rockets.rocket_equation import (
     coast_height,
-    jet_damping_ratio,
     mass_ratio_for,
     propulsive_efficiency,
     rocket_equation,
-    spin_angle,
     vertical_burnout_height,
     vertical_burnout_velocity,
 )
+from jaxspace.rockets.steering import FixedDirection
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Event, Mission, Phase, Status

@@ -13,20 +13,20 @@ from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import AbstractBody, BurningBody, PrincipalInertia
 from jaxspace.core import InputError
 from jaxspace.rockets import (
-    FixedDirection,
     GravityTurn,
     GravityTurnState,
     JetDamping,
     MassStream,
     SpinningRocket,
     SteeredThrust,
-    angle_of_attack,
-    complex_angle_of_attack,
-    gravity_turn,
-    gravity_turn_after,
-    jet_damping_ratio,
+)
+from jaxspace.rockets.angle_of_attack import angle_of_attack, complex_angle_of_attack
+from jaxspace.rockets.gravity_turn import gravity_turn, gravity_turn_after
+from jaxspace.rockets.jet_damping import jet_damping_ratio
+from jaxspace.rockets.rocket_equation import rocket_equation
+from jaxspace.rockets.steering import FixedDirection
+from jaxspace.rockets.variable_mass import (
     jet_engine_thrust,
-    rocket_equation,
     swept_motion,
     variable_mass_acceleration,
 )

@@ -9,13 +9,8 @@ from jaxspace import Scene, load, simulate_mission, simulate_mission_batch
 from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
-from jaxspace.orbits import (
-    AtAltitude,
-    LowThrust,
-    PointGravity,
-    VelocityToBeGained,
-    semi_major_axis,
-)
+from jaxspace.orbits import AtAltitude, LowThrust, PointGravity, VelocityToBeGained
+from jaxspace.orbits.elements import semi_major_axis
 from jaxspace.simulation import Accuracy, Event, Mission, Phase
 
 MU = 398600.4418e9

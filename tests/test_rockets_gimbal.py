@@ -11,12 +11,14 @@ from test_vehicles import ROCKETS, vehicle
 
 import jaxspace
 from jaxspace import BodyState, Scene, simulate
-from jaxspace.bodies import RigidBody, as_inertia
+from jaxspace.bodies import RigidBody
+from jaxspace.bodies.inertia import as_inertia
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
-from jaxspace.rockets import FixedDirection, Gimbal, GimballedThrust, JetDamping
+from jaxspace.rockets import Gimbal, GimballedThrust, JetDamping
+from jaxspace.rockets.steering import FixedDirection
 from jaxspace.rotations import Quaternion
-from jaxspace.vehicles import LocalAir
+from jaxspace.vehicles.local_air import LocalAir
 
 THRUST, LEVER, INERTIA = 2000.0, 1.5, 400.0
 UP = FixedDirection([0.0, 0.0, 1.0])

@@ -10,11 +10,8 @@ import pytest
 
 from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate, simulate_mission
 from jaxspace.orbits import UniformGravity
-from jaxspace.rockets import (
-    FixedDirection,
-    Separation,
-    SteeredThrust,
-)
+from jaxspace.rockets import Separation, SteeredThrust
+from jaxspace.rockets.steering import FixedDirection
 from jaxspace.simulation import Status
 
 UP, U, START = jnp.array([0.0, 0.0, 1.0]), 3000.0, 1000.0

@@ -13,15 +13,8 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema, stored_scene
 from jaxspace.orbits import PointGravity
-from jaxspace.rockets import (
-    AlongVelocity,
-    Gimbal,
-    GimballedThrust,
-    Motor,
-    SteeredThrust,
-    Thrust,
-    read_motor,
-)
+from jaxspace.rockets import Gimbal, GimballedThrust, Motor, SteeredThrust, Thrust, read_motor
+from jaxspace.rockets.steering import AlongVelocity
 
 ENG = """; a comment
 A8 18 70 3-5 0.00312 0.0162 Someone

@@ -11,26 +11,29 @@ import pytest
 import jaxspace
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import Load, RigidBody
-from jaxspace.core import axis
+from jaxspace.core.vectors import axis
 from jaxspace.io import SceneError
-from jaxspace.optimization import Ascent, ConstantMassFlow, LinearTangentSteering, burnout_state
+from jaxspace.optimization.ascent import Ascent, ConstantMassFlow, burnout_state
+from jaxspace.optimization.steering import LinearTangentSteering
 from jaxspace.orbits import PointGravity
 from jaxspace.rockets import (
-    AlongVelocity,
     AttitudeControl,
     BackPressure,
-    FixedDirection,
-    FlightPlane,
     GravityTurn,
     GravityTurnState,
     PitchKick,
-    PitchPolynomial,
-    PitchTable,
     Separation,
     SteeredThrust,
-    TangentSteering,
     Thrust,
     ThrustProfile,
+)
+from jaxspace.rockets.steering import (
+    AlongVelocity,
+    FixedDirection,
+    FlightPlane,
+    PitchPolynomial,
+    PitchTable,
+    TangentSteering,
     UserSteering,
 )
 from jaxspace.rotations import Quaternion

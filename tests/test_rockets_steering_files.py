@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 
 import jaxspace
 from jaxspace.core import quantity
-from jaxspace.rockets import AbstractSteering
+from jaxspace.rockets.steering import AbstractSteering
 
 UP, ALONG = np.array([0.0, 0.0, 1.0]), np.array([1.0, 0.0, 0.0])
 G = np.array([[0.0], [0.0], [-9.8]])

@@ -176,7 +176,7 @@ def samples(sequence):
 
 # The rates below ask each sequence for its own axes; here are both kinds of them.
 @pytest.mark.slow
-@pytest.mark.parametrize("sequence", rotations.SEQUENCES)
+@pytest.mark.parametrize("sequence", rotations.euler_angles.SEQUENCES)
 def test_euler_angles_agree_with_scipy(sequence):
     regular, singular = samples(sequence)
     angles = np.concatenate([regular, singular], axis=1)
@@ -198,7 +198,7 @@ def test_euler_angles_agree_with_scipy(sequence):
     "sequence",
     [
         pytest.param(s, marks=[pytest.mark.sweep] * (s not in ("313", "321")))
-        for s in rotations.SEQUENCES
+        for s in rotations.euler_angles.SEQUENCES
     ],
 )
 def test_euler_angles_have_no_nan(sequence):
@@ -218,7 +218,7 @@ def test_euler_angles_have_no_nan(sequence):
         np.testing.assert_allclose(slopes[:2], np.broadcast_to(np.eye(3), (2, 3, 3)), atol=1e-12)
 
 
-@pytest.mark.parametrize("sequence", rotations.SEQUENCES)
+@pytest.mark.parametrize("sequence", rotations.euler_angles.SEQUENCES)
 def test_euler_rates_are_the_rates_of_the_quaternion(sequence):
     angles, rates = np.array([0.5, 0.7, -0.4]), np.array([0.3, -0.8, 1.1])
 
@@ -227,11 +227,11 @@ def test_euler_rates_are_the_rates_of_the_quaternion(sequence):
         q, q_rate = jax.jvp(
             lambda a: rotations.from_euler_angles(a, sequence).wxyz, (angles,), (rates,)
         )
-        omega = rotations.omega_from_euler_rates(angles, rates, sequence)
+        omega = rotations.euler_angles.omega_from_euler_rates(angles, rates, sequence)
         return (
             q_rate,
             Quaternion(q).rate(omega).wxyz,
-            rotations.euler_rates_from_omega(angles, omega, sequence),
+            rotations.euler_angles.euler_rates_from_omega(angles, omega, sequence),
         )
 
     derivative, rate, back = both(angles, rates)
@@ -242,14 +242,14 @@ def test_euler_rates_are_the_rates_of_the_quaternion(sequence):
 def test_euler_rates_from_omega():  # T3.5
     psi, theta, phi = np.radians([45.0, 30.0, 30.0])
     omega = jnp.array([0.3, -0.7, 1.9])
-    rates = rotations.euler_rates_from_omega(jnp.array([psi, theta, phi]), omega)
+    rates = rotations.euler_angles.euler_rates_from_omega(jnp.array([psi, theta, phi]), omega)
     np.testing.assert_allclose(
         rates, [-0.9124355652982141, 0.6098076211353316, 2.690192378864668], rtol=1e-9
     )
 
 
 def test_euler_rates_near_the_singular_angle():  # T3.5-sing
-    psi_rate, _, phi_rate = rotations.euler_rates_from_omega(
+    psi_rate, _, phi_rate = rotations.euler_angles.euler_rates_from_omega(
         jnp.array([0.0, 1e-6, 0.3]), jnp.array([0.01, 0.02, 1.0])
     )
     np.testing.assert_allclose(
@@ -273,18 +273,20 @@ def test_direction_cosines_of_many_bodies(key):  # T3-P15
     one, two, three = jax.random.split(key, 3)
     wxyz, omega = jax.random.normal(one, (4, 5)), jax.random.normal(two, (3, 5))
     q = Quaternion(wxyz).normalised()
-    c, c_rate = q.matrix(), rotations.cosine_rates(q.matrix(), omega)
+    c, c_rate = q.matrix(), rotations.direction_cosines.cosine_rates(q.matrix(), omega)
     _, truth = jax.jvp(Quaternion.matrix, (q,), (q.rate(omega),))
     np.testing.assert_allclose(c_rate, truth, atol=1e-14)
-    np.testing.assert_allclose(rotations.omega_from_cosine_rates(c, c_rate), omega, atol=1e-14)
+    np.testing.assert_allclose(
+        rotations.direction_cosines.omega_from_cosine_rates(c, c_rate), omega, atol=1e-14
+    )
     stretch = jax.random.normal(three, (3, 3, 5))
     stretch = jnp.einsum("ijr,jkr->ikr", c, stretch + jnp.swapaxes(stretch, 0, 1))
-    found = rotations.omega_from_cosine_rates(c, c_rate + stretch)
+    found = rotations.direction_cosines.omega_from_cosine_rates(c, c_rate + stretch)
     np.testing.assert_allclose(found, omega, atol=1e-13)
-    missed, missed_rate = jax.jvp(rotations.cosine_conditions, (c,), (c_rate,))
+    missed, missed_rate = jax.jvp(rotations.direction_cosines.cosine_conditions, (c,), (c_rate,))
     np.testing.assert_allclose(missed, 0.0, atol=1e-15)
     np.testing.assert_allclose(missed_rate, 0.0, atol=1e-14)
-    longer = rotations.cosine_conditions(c.at[:, 1].multiply(2.0))
+    longer = rotations.direction_cosines.cosine_conditions(c.at[:, 1].multiply(2.0))
     np.testing.assert_allclose(longer, np.outer([0, 3, 0, 0, 0, 0], np.ones(5)), atol=1e-14)
 
 
@@ -293,7 +295,7 @@ def test_moving_euler_frame():  # T2.5-gen, rotation only
         return jnp.stack([0.3 + 0.5 * t, 0.8 + 0.2 * t**2, -0.4 + 1.1 * t])
 
     a, rates = jax.jvp(angles, (0.6,), (1.0,))
-    omega = rotations.omega_from_euler_rates(a, rates)
+    omega = rotations.euler_angles.omega_from_euler_rates(a, rates)
     np.testing.assert_allclose(
         omega, [0.33034622299119853, 0.308242994773583, 1.4216483003661953], rtol=1e-9
     )
@@ -315,7 +317,7 @@ def test_yaw_pitch_roll():  # T7.4-P11; the case lists the matrix from inertial 
     np.testing.assert_allclose(
         rotations.from_euler_angles(angles, "321").matrix().T, matrix, rtol=1e-12
     )
-    omega = rotations.omega_from_euler_rates(angles, rates, "321")
+    omega = rotations.euler_angles.omega_from_euler_rates(angles, rates, "321")
     np.testing.assert_allclose(
         omega, [0.07185362638745674, -0.009745195167879417, 0.1281696149048494], rtol=1e-12
     )

@@ -31,8 +31,8 @@ def same(found, expected, atol=ROUNDING):
 
 @jax.jit
 def there_and_back(v, rate):
-    omega = rotations.omega_from_rotation_vector_rate(v, rate)
-    return omega, rotations.rotation_vector_rate(v, omega)
+    omega = rotations.rotation_vector.omega_from_rotation_vector_rate(v, rate)
+    return omega, rotations.rotation_vector.rotation_vector_rate(v, omega)
 
 
 # At no turn, where the series hand over, at half a turn and beyond it.
@@ -54,7 +54,7 @@ def test_slopes_of_the_rates_at_no_turn():
     rate = jnp.array([0.3, -0.8, 1.1])
 
     def omega(v):
-        return rotations.omega_from_rotation_vector_rate(v, rate)
+        return rotations.rotation_vector.omega_from_rotation_vector_rate(v, rate)
 
     found = jax.jit(jax.jacrev(omega))(jnp.zeros(3))
     assert_allclose(found.T, [0.5 * np.cross(rate, e) for e in np.eye(3)], atol=1e-16)
@@ -108,7 +108,7 @@ ENDS /= np.linalg.norm(ENDS, axis=1, keepdims=True)
 def test_slerp_agrees_with_scipy():
     start, end = (Quaternion(jnp.asarray(q)) for q in ENDS)
     shares = np.linspace(0.0, 1.0, 5)
-    found = jax.jit(rotations.slerp)(start, end, jnp.asarray(shares[:, None])).wxyz
+    found = jax.jit(rotations.interpolation.slerp)(start, end, jnp.asarray(shares[:, None])).wxyz
     assert found.shape == (4, 5, 6)
     for i in range(6):
         ends = Rotation.from_quat(np.roll(ENDS[:, :, i], -1, axis=1))
@@ -122,7 +122,7 @@ def test_slerp_between_equal_orientations():
 
     def moved(x):
         ends = q.then(turn(x[:3])), q.then(turn(x[3:]))
-        return q.inverse().then(rotations.slerp(*ends, 0.3)).rotation_vector()
+        return q.inverse().then(rotations.interpolation.slerp(*ends, 0.3)).rotation_vector()
 
     for found in jax.jit(lambda x: (jax.jacfwd(moved)(x), jax.jacrev(moved)(x)))(np.zeros(6)):
         assert_allclose(found, np.hstack([0.7 * np.eye(3), 0.3 * np.eye(3)]), atol=ROUNDING)
@@ -145,7 +145,7 @@ def cubic(t, start, duration):
     end = start + duration
 
     def at(t):
-        q, omega = rotations.interpolate_attitude(
+        q, omega = rotations.interpolation.interpolate_attitude(
             t, duration, tumbling(start), tumbling_omega(start), tumbling(end), tumbling_omega(end)
         )
         return q.wxyz, omega
@@ -181,7 +181,7 @@ def test_the_cubic_of_many_runs_is_that_of_each():
     w0, w1 = (jnp.asarray(x) for x in rng.normal(size=(2, 3, 4)))
     durations, times = jnp.array([1.0, 2.0, 3.0, 4.0]), jnp.linspace(0.0, 1.0, 3)[:, None]
     f = jax.jit(
-        lambda t, T, a, u, b, w: rotations.interpolate_attitude(
+        lambda t, T, a, u, b, w: rotations.interpolation.interpolate_attitude(
             t, T, Quaternion(a), u, Quaternion(b), w
         )
     )
@@ -196,27 +196,29 @@ def test_the_mean_agrees_with_scipy():
     rng = np.random.default_rng(4)
     spread = turn(jnp.asarray(rng.normal(scale=0.5, size=(3, 7, 2))))
     weights = rng.uniform(0.1, 1.0, (7, 2))
-    found = jax.jit(rotations.mean_attitude)(spread, jnp.asarray(weights)).wxyz
-    plain = rotations.mean_attitude(Quaternion(spread.wxyz[:, :, 0])).wxyz
+    found = jax.jit(rotations.mean.mean_attitude)(spread, jnp.asarray(weights)).wxyz
+    plain = rotations.mean.mean_attitude(Quaternion(spread.wxyz[:, :, 0])).wxyz
     for i in range(2):
         group = peer(Quaternion(spread.wxyz[:, :, i]))
         same(found[:, i], np.roll(group.mean(weights[:, i]).as_quat(), 1))
     same(plain, np.roll(peer(Quaternion(spread.wxyz[:, :, 0])).mean().as_quat(), 1))
     # The signs of the quaternions do not matter.
     signs = jnp.asarray(np.where(np.arange(7) % 2, 1.0, -1.0))
-    same(rotations.mean_attitude(Quaternion(spread.wxyz[:, :, 0] * signs)).wxyz, plain)
+    same(rotations.mean.mean_attitude(Quaternion(spread.wxyz[:, :, 0] * signs)).wxyz, plain)
 
 
 def test_the_mean_of_two_is_half_way():
     start, end = (Quaternion(jnp.asarray(q[:, 0])) for q in ENDS)
     pair = Quaternion(jnp.stack([start.wxyz, end.wxyz], axis=1))
-    same(rotations.mean_attitude(pair).wxyz, rotations.slerp(start, end, 0.5).wxyz)
+    same(
+        rotations.mean.mean_attitude(pair).wxyz, rotations.interpolation.slerp(start, end, 0.5).wxyz
+    )
 
 
 def moved_mean(x):
     q = turn(jnp.array([0.4, -0.2, 0.9]))
     group = q.then(turn(x))
-    return q.inverse().then(rotations.mean_attitude(group)).rotation_vector()
+    return q.inverse().then(rotations.mean.mean_attitude(group)).rotation_vector()
 
 
 mean_forward, mean_reverse = (jax.jit(mode(moved_mean)) for mode in (jax.jacfwd, jax.jacrev))
@@ -270,8 +272,8 @@ def test_single_precision_stays_single():
     q = turn(jnp.array([[0.1, 0.2], [0.3, -0.4], [0.5, 0.1]], jnp.float32))
     ends = [Quaternion(q.wxyz[:, i]) for i in range(2)]
     omega = jnp.ones(3, jnp.float32)
-    mean = rotations.mean_attitude(q)
-    way, rate = rotations.interpolate_attitude(
+    mean = rotations.mean.mean_attitude(q)
+    way, rate = rotations.interpolation.interpolate_attitude(
         jnp.float32(0.3), jnp.float32(1.0), ends[0], omega, ends[1], omega
     )
     assert all(x.dtype == jnp.float32 for x in (mean.wxyz, way.wxyz, rate))
@@ -279,4 +281,4 @@ def test_single_precision_stays_single():
 
 def test_the_mean_of_a_single_quaternion_is_refused():
     with pytest.raises(InputError, match="mean_attitude: the number of axes is 1"):
-        rotations.mean_attitude(Quaternion.identity())
+        rotations.mean.mean_attitude(Quaternion.identity())

@@ -13,10 +13,12 @@ from systems import J2, MU, RADIUS, SAMPLES, motor, orbit, rocket_scene, rocket_
 from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import MovingMasses, TorqueFreeBody
 from jaxspace.bodies import BodyState, BurningBody, Load, RigidBody
-from jaxspace.core import InputError, cross, dot
+from jaxspace.core import InputError
+from jaxspace.core.vectors import cross, dot
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.rockets import JetDamping
-from jaxspace.scene import Custom, Scaled, budget, compile_vector_field, operation_count
+from jaxspace.scene import Custom, Scaled, budget
+from jaxspace.scene._explain import compile_vector_field, operation_count
 from jaxspace.simulation import Accuracy, Status
 from jaxspace.solvers import DOP853
 from jaxspace.vehicles import Rail

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from jaxspace import load
-from jaxspace.orbits import elements_from_state, secular_rates
+from jaxspace.orbits.elements import elements_from_state
+from jaxspace.orbits.secular_rates import secular_rates
 
 SCENES = Path(__file__).parents[1] / "examples" / "scenes"
 MU, RADIUS, J2 = 3.986004418e14, 6378137.0, 1.08262668e-3

@@ -15,10 +15,11 @@ from systems import MU, motor, orbit, turned
 from jaxspace import Scene
 from jaxspace.attitude import EnergySink, GravityGradient, NutationDamper, ReactionWheels
 from jaxspace.bodies import AbstractEffect, BodyState, BurningBody, Load, RigidBody
-from jaxspace.core import norm
+from jaxspace.core.vectors import norm
 from jaxspace.orbits import PointGravity, UniformGravity
 from jaxspace.rockets import JetDamping
-from jaxspace.scene import Custom, read_effects
+from jaxspace.scene import Custom
+from jaxspace.scene.reading import read_effects
 from jaxspace.vehicles import Rail
 
 BODY = RigidBody(2.0, [3.0, 2.0, 1.0])

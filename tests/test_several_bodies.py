@@ -11,7 +11,9 @@ import pytest
 from jaxtyping import Array, Float
 
 from jaxspace import BodyState, simulate, simulate_batch
-from jaxspace.core import AbstractSystem, dot, safe_divide, safe_sqrt
+from jaxspace.core import AbstractSystem
+from jaxspace.core.safe import safe_divide, safe_sqrt
+from jaxspace.core.vectors import dot
 from jaxspace.integration import select_method
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import Accuracy, Status

@@ -10,7 +10,8 @@ import pytest
 
 from jaxspace import core
 from jaxspace.bodies import BodyState
-from jaxspace.rotations import Quaternion, from_euler_angles, omega_from_euler_rates
+from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
 
 TIMES, RUNS = 5, 4
 
@@ -98,11 +99,11 @@ def test_formulas_hold_along_a_trajectory_of_many_runs(key):
 
     def formulas(a, b, q, angles):
         return {
-            "dot": core.dot(a, b),
-            "cross": core.cross(a, b),
-            "norm": core.norm(a),
-            "unit": core.unit(a),
-            "inverse norm": core.inverse_norm(a, 3),
+            "dot": core.vectors.dot(a, b),
+            "cross": core.vectors.cross(a, b),
+            "norm": core.vectors.norm(a),
+            "unit": core.vectors.unit(a),
+            "inverse norm": core.vectors.inverse_norm(a, 3),
             "rotate": q.rotate(a),
             "rotate back": q.rotate_back(a),
             "matrix": q.matrix(),
@@ -130,16 +131,16 @@ def test_one_vector_meets_many_times_and_runs(shape, key):
     q = Quaternion(jax.random.normal(key, (4, *shape)))
     m = jax.random.normal(key, (3, 3, *shape))
     for v in (jnp.array([1.0, -2.0, 0.5]), jax.random.normal(key, (3, shape[-1]))):
-        many = jnp.broadcast_to(core.with_rank(v, len(shape)), (3, *shape))
+        many = jnp.broadcast_to(core.shapes.with_rank(v, len(shape)), (3, *shape))
         s = q.wxyz[0]
         for found, expected in (
             (q.rotate(v), q.rotate(many)),
             (q.rotate_back(v), q.rotate_back(many)),
             (q.rate(v).wxyz, q.rate(many).wxyz),
-            (core.dot(many, v), core.dot(many, many)),
-            (core.cross(q.wxyz[1:], v), core.cross(q.wxyz[1:], many)),
-            (core.matvec(m, v), core.matvec(m, many)),
-            (core.scale(s, v), s * many),
+            (core.vectors.dot(many, v), core.vectors.dot(many, many)),
+            (core.vectors.cross(q.wxyz[1:], v), core.vectors.cross(q.wxyz[1:], many)),
+            (core.vectors.matvec(m, v), core.vectors.matvec(m, many)),
+            (core.vectors.scale(s, v), s * many),
         ):
             np.testing.assert_allclose(found, expected, rtol=1e-14, atol=1e-14)
     fixed = Quaternion.about(1, jnp.array(0.3))
@@ -150,7 +151,7 @@ def test_one_vector_meets_many_times_and_runs(shape, key):
     )
     # A matrix without axes meets many vectors.
     np.testing.assert_allclose(
-        core.matvec(fixed.matrix(), q.wxyz[1:]), fixed.rotate(q.wxyz[1:]), atol=1e-14
+        core.vectors.matvec(fixed.matrix(), q.wxyz[1:]), fixed.rotate(q.wxyz[1:]), atol=1e-14
     )
 
 
@@ -160,11 +161,11 @@ def test_derivatives_of_products_of_unequal_rank(mode, key):
     a = jax.random.normal(key, (3, 3, 3))
     b = jax.random.normal(key, (3, 3))
     weight = jax.random.normal(key, (3, 3))
-    by_b = mode(lambda b: jnp.sum(weight * core.dot(a, b)))(b)
+    by_b = mode(lambda b: jnp.sum(weight * core.vectors.dot(a, b)))(b)
     np.testing.assert_allclose(by_b, jnp.sum(weight * a, axis=1), atol=1e-14)
-    by_a = mode(lambda a: jnp.sum(weight * core.dot(a, b)))(a)
+    by_a = mode(lambda a: jnp.sum(weight * core.vectors.dot(a, b)))(a)
     np.testing.assert_allclose(by_a, weight * b[:, None], atol=1e-14)
-    by_v = mode(lambda v: jnp.sum(weight * core.scale(a[0], v)[1]))(b[:, 0])
+    by_v = mode(lambda v: jnp.sum(weight * core.vectors.scale(a[0], v)[1]))(b[:, 0])
     np.testing.assert_allclose(by_v, [0.0, jnp.sum(weight * a[0]), 0.0], atol=1e-14)
 
 
@@ -176,23 +177,23 @@ def test_runs_last_and_runs_first(key):
         "shared": jnp.array(2.0),
         "none": None,
     }
-    last = core.runs_last(tree)
+    last = core.shapes.runs_last(tree)
     assert last["features"].shape == (7, RUNS) and last["layers"].shape == (2, 6, RUNS)
     assert last["state"].mass.shape == (RUNS,) and last["shared"].shape == ()
     np.testing.assert_array_equal(last["features"], tree["features"].T)
-    for f in (core.runs_first, jax.jit(core.runs_first)):
+    for f in (core.shapes.runs_first, jax.jit(core.shapes.runs_first)):
         jax.tree.map(np.testing.assert_array_equal, f(last), tree)
     # A state made by a network of many runs obeys the rule after the move.
-    state = BodyState(position=core.runs_last(jnp.ones((RUNS, 3))))
+    state = BodyState(position=core.shapes.runs_last(jnp.ones((RUNS, 3))))
     assert state.position.shape == (3, RUNS)
 
 
 def test_runs_last_under_transformations(key):
     x = jax.random.normal(key, (2, RUNS, 3))
-    np.testing.assert_array_equal(jax.vmap(core.runs_last)(x), jnp.swapaxes(x, 1, 2))
+    np.testing.assert_array_equal(jax.vmap(core.shapes.runs_last)(x), jnp.swapaxes(x, 1, 2))
     weight = jax.random.normal(key, (3, RUNS))
-    gradient = jax.grad(lambda x: jnp.sum(weight * core.runs_last(x)))(x[0])
+    gradient = jax.grad(lambda x: jnp.sum(weight * core.shapes.runs_last(x)))(x[0])
     np.testing.assert_array_equal(gradient, weight.T)
     np.testing.assert_array_equal(
-        jax.jvp(core.runs_first, (weight,), (2.0 * weight,))[1], 2.0 * weight.T
+        jax.jvp(core.shapes.runs_first, (weight,), (2.0 * weight,))[1], 2.0 * weight.T
     )

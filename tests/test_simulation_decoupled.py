@@ -20,7 +20,8 @@ from jaxspace import (
     simulate_batch,
     simulate_mission,
 )
-from jaxspace.attitude import BodyTorque, GravityGradient, symmetric_flow
+from jaxspace.attitude import BodyTorque, GravityGradient
+from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState, BurningBody, RigidBody
 from jaxspace.core import AbstractDecoupled, AbstractSystem
 from jaxspace.dispersion import Campaign, Uniform, disperse

@@ -19,13 +19,16 @@ from jaxspace import (
     simulate_mission,
 )
 from jaxspace.bodies import Load
-from jaxspace.core import AbstractSystem, dot
+from jaxspace.core import AbstractSystem
+from jaxspace.core.vectors import dot
 from jaxspace.integration import select_method
 from jaxspace.integration._needed import needed_only
 from jaxspace.integration.normalised_time import segments_of
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.scene import Custom
-from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised, Tolerance, Tsit5, bind
+from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised, Tsit5
+from jaxspace.solvers.protocol import bind
+from jaxspace.solvers.tolerances import Tolerance
 
 
 def operations(jaxpr) -> list[str]:

@@ -15,7 +15,8 @@ from unchecked import unchecked
 
 from jaxspace import BodyState, Scene, simulate, simulate_batch, simulate_mission
 from jaxspace.core import AbstractSystem, InputError
-from jaxspace.orbits import PointGravity, TwoBody, specific_energy
+from jaxspace.orbits import PointGravity, TwoBody
+from jaxspace.orbits.elements import specific_energy
 from jaxspace.simulation import (
     Accuracy,
     Event,

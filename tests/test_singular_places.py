@@ -1,5 +1,5 @@
 """Derivatives of closed forms at the ends and holes of their ranges: right, or infinite by the rule
-of ends (`core/_safe.py`), in both modes alike."""
+of ends (`core/safe.py`), in both modes alike."""
 
 from functools import lru_cache, partial
 
@@ -10,9 +10,13 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace.attitude import Polhode, Top, cord_length, pitch_libration_period
-from jaxspace.bodies import InertiaTensor, principal_axes, tensor_function
-from jaxspace.rockets import jet_damping_ratio, spin_angle, spin_ratio
+from jaxspace.attitude import Top
+from jaxspace.attitude.despin import cord_length
+from jaxspace.attitude.gravity_gradient import pitch_libration_period
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.bodies import InertiaTensor
+from jaxspace.bodies.principal_axes import principal_axes, tensor_function
+from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
 
 A, C, WL = 0.002, 0.0008, 0.3
 

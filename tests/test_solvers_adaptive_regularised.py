@@ -17,7 +17,8 @@ from jaxspace import (
     simulate_mission_batch,
 )
 from jaxspace.bodies import Load
-from jaxspace.core import InputError, dot
+from jaxspace.core import InputError
+from jaxspace.core.vectors import dot
 from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.scene import Custom

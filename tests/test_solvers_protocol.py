@@ -22,12 +22,10 @@ from jaxspace.solvers import (
     Regularised,
     Splitting,
     Stormer,
-    Tolerance,
     Tsit5,
-    bind,
-    refine,
-    solver_traits,
 )
+from jaxspace.solvers.protocol import bind, refine, solver_traits
+from jaxspace.solvers.tolerances import Tolerance
 
 T0, SPEED = 3.0, 2.0
 TOLERANCE = Tolerance(jnp.array(1e-7), jnp.array(1e-10), 1)

@@ -11,8 +11,9 @@ from scipy.integrate import solve_ivp
 from jaxspace import Scene
 from jaxspace.bodies import BodyState, Load, RigidBody
 from jaxspace.core import InputError
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody, kepler_flow
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.orbits._ks_map import ks_map, ks_parameters
+from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.rockets import JetDamping
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status, simulate, simulate_batch

@@ -11,19 +11,13 @@ import numpy as np
 import pytest
 
 from jaxspace.bodies import BodyState
-from jaxspace.core import AbstractSystem, dot
+from jaxspace.core import AbstractSystem
+from jaxspace.core.vectors import dot
 from jaxspace.integration import _record
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate, simulate_batch
-from jaxspace.solvers import (
-    DOP853,
-    RKN1210,
-    ExponentialRosenbrock,
-    MuntheKaas,
-    Stormer,
-    Tsit5,
-    small_program,
-)
+from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas, Stormer, Tsit5
+from jaxspace.solvers.protocol import small_program
 
 
 class Swing(AbstractSystem):

@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from jaxspace import Scene
-from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody, gravity_gradient_energy
-from jaxspace.bodies import BodyState, RigidBody, kinetic_energy
+from jaxspace.attitude import GravityGradient, Top, TorqueFreeBody
+from jaxspace.attitude.gravity_gradient import gravity_gradient_energy
+from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.bodies.inertia import kinetic_energy
 from jaxspace.orbits import PointGravity
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, simulate, simulate_batch

@@ -21,19 +21,15 @@ from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError, Scalar
 from jaxspace.integration import eligible_methods, select_method
 from jaxspace.io import catalog
-from jaxspace.orbits import Oblateness, PointGravity, TwoBody, speed_error
+from jaxspace.orbits import Oblateness, PointGravity, TwoBody
+from jaxspace.orbits.outputs import speed_error
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Regularised, Tsit5
-from jaxspace.studies import (
-    AccuracyCost,
-    Cost,
-    EffectBudget,
-    Influence,
-    accuracy_cost,
-    effect_budget,
-)
+from jaxspace.studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
+from jaxspace.studies.budget_table import Influence
+from jaxspace.studies.cost_table import Cost
 
 BY_NAME = {s.name: s for s in SAMPLES}
 every = pytest.mark.parametrize("name", BY_NAME)

@@ -11,7 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import Load
-from jaxspace.core import AbstractSystem, InputError, Spline, Table, breaks_of
+from jaxspace.core import AbstractSystem, InputError, Spline, Table
+from jaxspace.core.tables import breaks_of
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status

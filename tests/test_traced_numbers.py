@@ -24,7 +24,6 @@ from jaxspace.io._inputs import measures
 from jaxspace.io._objects import Runs
 from jaxspace.orbits import TabulatedPath
 from jaxspace.rockets import (
-    AlongVelocity,
     BackPressure,
     Gimbal,
     GimballedThrust,
@@ -34,15 +33,9 @@ from jaxspace.rockets import (
     ThrustProfile,
     read_motor,
 )
-from jaxspace.vehicles import (
-    GroundGravity,
-    LaunchSite,
-    NoseCone,
-    Recovery,
-    Vehicle,
-    Wind,
-    sounding_flight,
-)
+from jaxspace.rockets.steering import AlongVelocity
+from jaxspace.vehicles import LaunchSite, NoseCone, Recovery, Vehicle, Wind, sounding_flight
+from jaxspace.vehicles.ground_gravity import GroundGravity
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
 sys.path.insert(0, str(EXAMPLES / "model_rockets"))

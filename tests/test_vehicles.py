@@ -23,35 +23,30 @@ from jaxspace import (
     simulate_mission,
     simulate_mission_batch,
 )
-from jaxspace.bodies import (
-    BodyState,
-    ExponentialAtmosphere,
-    RigidBody,
-    StandardAtmosphere,
-    standard_atmosphere,
-)
+from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody, StandardAtmosphere
+from jaxspace.bodies.standard_atmosphere import standard_atmosphere
 from jaxspace.core import InputError
-from jaxspace.rockets import AlongVelocity, BackPressure, FixedDirection, Gimbal, Separation, Thrust
+from jaxspace.rockets import BackPressure, Gimbal, Separation, Thrust
+from jaxspace.rockets.steering import AlongVelocity, FixedDirection
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
 from jaxspace.vehicles import (
     Aerodynamics,
     AirDrag,
-    AlongAir,
     FinSet,
-    GroundGravity,
     LaunchSite,
-    LocalAir,
-    MachTable,
     NoseCone,
     Parachute,
     RadiusChange,
     Rail,
     Wind,
-    descent_rate,
-    normal_gravity,
     sounding_flight,
 )
+from jaxspace.vehicles.air_drag import descent_rate
+from jaxspace.vehicles.along_air import AlongAir
+from jaxspace.vehicles.coefficient import MachTable
+from jaxspace.vehicles.ground_gravity import GroundGravity, normal_gravity
+from jaxspace.vehicles.local_air import LocalAir
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "model_rockets"))
 from rockets import ROCKETS, recovery, site, vehicle

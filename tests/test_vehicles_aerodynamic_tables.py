@@ -15,15 +15,11 @@ from jaxspace.bodies import BodyState, ExponentialAtmosphere, RigidBody
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
-from jaxspace.vehicles import (
-    Aerodynamics,
-    AerodynamicTable,
-    LocalAir,
-    MachTable,
-    TabulatedAerodynamics,
-    read_aerodynamics,
-)
+from jaxspace.vehicles import Aerodynamics, TabulatedAerodynamics
 from jaxspace.vehicles._hermite import cubic, with_slopes
+from jaxspace.vehicles.aerodynamic_table import AerodynamicTable, read_aerodynamics
+from jaxspace.vehicles.coefficient import MachTable
+from jaxspace.vehicles.local_air import LocalAir
 
 DEG = np.pi / 180.0
 BODY = RigidBody(16.0, [8.0, 8.0, 0.04])

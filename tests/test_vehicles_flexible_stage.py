@@ -10,7 +10,8 @@ from numpy.testing import assert_allclose
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import RigidBody
 from jaxspace.core import InputError
-from jaxspace.mechanics import FlexibleMissile, MissileLoop
+from jaxspace.mechanics import FlexibleMissile
+from jaxspace.mechanics.missile_loop import MissileLoop
 from jaxspace.orbits import UniformGravity
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.studies import modes

@@ -7,19 +7,17 @@ import pytest
 from jax.test_util import check_grads
 
 from jaxspace import Scene, load, simulate
-from jaxspace.bodies import BodyState, RigidBody, standard_atmosphere
+from jaxspace.bodies import BodyState, RigidBody
+from jaxspace.bodies.standard_atmosphere import standard_atmosphere
 from jaxspace.core import InputError
 from jaxspace.dispersion import disperse
 from jaxspace.vehicles import (
     DrydenGusts,
-    GroundGravity,
     LaunchSite,
-    LocalAir,
     MeasuredAtmosphere,
     MeasuredWind,
     Parachute,
     UncertainWind,
-    read_sounding,
 )
 from jaxspace.vehicles._dryden_gusts import (
     RMS_HEIGHTS,
@@ -27,6 +25,9 @@ from jaxspace.vehicles._dryden_gusts import (
     dryden_lengths,
 )
 from jaxspace.vehicles._random_paths import longitudinal, transverse
+from jaxspace.vehicles.ground_gravity import GroundGravity
+from jaxspace.vehicles.local_air import LocalAir
+from jaxspace.vehicles.sounding import read_sounding
 
 FOOT = 0.3048
 WYOMING = """<HTML>

@@ -12,11 +12,15 @@ import pytest
 import jaxspace
 from jaxspace import BodyState, Scene
 from jaxspace.bodies import BurningBody, ExponentialAtmosphere, RigidBody
-from jaxspace.control import ApogeeControl, FinControl, LandingControl, drag_apogee
+from jaxspace.control import ApogeeControl, FinControl, LandingControl
+from jaxspace.control.vehicle_laws import drag_apogee
 from jaxspace.core import InputError
-from jaxspace.rockets import ColdGasThrusters, ThrottledEngine, servo_rate
+from jaxspace.rockets import ColdGasThrusters, ThrottledEngine
+from jaxspace.rockets.servo import servo_rate
 from jaxspace.rotations import Quaternion, from_euler_angles
-from jaxspace.vehicles import Aerodynamics, AirBrake, FinSet, LocalAir, MovableFins, Wind, apogee
+from jaxspace.vehicles import Aerodynamics, AirBrake, FinSet, MovableFins, Wind
+from jaxspace.vehicles.flights import apogee
+from jaxspace.vehicles.local_air import LocalAir
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 AIR = LocalAir(

@@ -24,9 +24,11 @@ from mpmath import mp, mpf
 from systems import SAMPLES
 
 from jaxspace.cli import _commands, main
-from jaxspace.core import AbstractSystem, InputError, unit
+from jaxspace.core import AbstractSystem, InputError
+from jaxspace.core.vectors import unit
 from jaxspace.orbits import TwoBody
-from jaxspace.verification import CASES, Verification, run_cases, verify
+from jaxspace.verification import CASES, run_cases, verify
+from jaxspace.verification.report import Verification
 
 BY_NAME = {case.name: case for case in CASES}
 QUICK = (

@@ -19,13 +19,8 @@ from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Normal, disperse
-from jaxspace.orbits import (
-    ClassicalElements,
-    PointGravity,
-    TwoBody,
-    orbit_from_altitude,
-    orbit_from_radius,
-)
+from jaxspace.orbits import ClassicalElements, PointGravity, TwoBody
+from jaxspace.orbits.initial import orbit_from_altitude, orbit_from_radius
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, SimulationError

@@ -5,8 +5,8 @@ import numpy as np
 from mpmath import mp, mpf
 
 from jaxspace.core import InputError
-from jaxspace.optimization import Ascent, ConstantMassFlow, linear_tangent_steering
-from jaxspace.optimization._ascent import NODES, WEIGHTS
+from jaxspace.optimization.ascent import NODES, WEIGHTS, Ascent, ConstantMassFlow
+from jaxspace.optimization.steering import linear_tangent_steering
 
 DIGITS = 60
 

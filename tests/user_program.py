@@ -8,7 +8,7 @@ from jax import Array
 import jaxspace
 from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate, simulate_batch
 from jaxspace.attitude import Top
-from jaxspace.core import dot
+from jaxspace.core.vectors import dot
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.simulation import MissionResult, MissionTrajectory, Trajectory, simulate_mission

@@ -9,17 +9,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import Accuracy, BodyState, Scene, simulate_batch
-from jaxspace.bodies import (
-    AbstractBody,
-    AbstractEffect,
-    AbstractInertia,
-    Load,
-    PrincipalInertia,
-    standard_atmosphere,
-)
+from jaxspace.bodies import AbstractBody, AbstractEffect, Load, PrincipalInertia
+from jaxspace.bodies.inertia import AbstractInertia
+from jaxspace.bodies.standard_atmosphere import standard_atmosphere
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH, ROTATION_RATE_EARTH
-from jaxspace.core import NumberField, Scalar, Vector, axis, cross, norm, polygon, quantity
-from jaxspace.orbits import GroundPoint, Oblateness, PointGravity, position_of
+from jaxspace.core import NumberField, Scalar, Vector, quantity
+from jaxspace.core.tables import polygon
+from jaxspace.core.vectors import axis, cross, norm
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.orbits.ground_track import GroundPoint, position_of
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 

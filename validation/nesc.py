@@ -9,20 +9,16 @@ import jax.numpy as jnp
 import numpy as np
 
 from jaxspace import Accuracy, BodyState, Scene, simulate_batch
-from jaxspace.bodies import (
-    AbstractBody,
-    AbstractEffect,
-    Load,
-    PrincipalInertia,
-    RigidBody,
-    standard_atmosphere,
-)
+from jaxspace.bodies import AbstractBody, AbstractEffect, Load, PrincipalInertia, RigidBody
+from jaxspace.bodies.standard_atmosphere import standard_atmosphere
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH, ROTATION_RATE_EARTH
-from jaxspace.core import NumberField, Scalar, Vector, axis, cross, norm, quantity, unit
-from jaxspace.orbits import GroundPoint, Oblateness, PointGravity, ground_point, position_of
+from jaxspace.core import NumberField, Scalar, Vector, quantity
+from jaxspace.core.vectors import axis, cross, norm, unit
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.orbits.ground_track import GroundPoint, ground_point, position_of
 from jaxspace.rotations import Quaternion, from_euler_angles, to_euler_angles
 from jaxspace.solvers import DOP853
-from jaxspace.vehicles import drag_force
+from jaxspace.vehicles.air_drag import drag_force
 
 from ._row import Row
 

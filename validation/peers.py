@@ -20,7 +20,8 @@ from benchmarks import (
 from benchmarks import lambert as lambert_pairs
 from benchmarks.eccentric_orbit import START
 from jaxspace import Accuracy, BodyState, simulate_batch
-from jaxspace.orbits import kepler_flow, lambert
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
 

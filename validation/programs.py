@@ -5,15 +5,12 @@ import numpy as np
 
 from jaxspace import Accuracy, BodyState, Scene, simulate
 from jaxspace.attitude import TorqueFreeBody
-from jaxspace.orbits import (
-    Oblateness,
-    PointGravity,
-    clohessy_wiltshire_flow,
-    ground_point,
-    kepler_flow,
-    lambert,
-    period,
-)
+from jaxspace.orbits import Oblateness, PointGravity
+from jaxspace.orbits.clohessy_wiltshire import clohessy_wiltshire_flow
+from jaxspace.orbits.ground_track import ground_point
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
+from jaxspace.orbits.time_of_flight import period
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 

@@ -11,7 +11,8 @@ import numpy as np
 from jaxtyping import Array
 from known import report
 
-from jaxspace.core import AbstractSystem, cross, dot, norm
+from jaxspace.core import AbstractSystem
+from jaxspace.core.vectors import cross, dot, norm
 from jaxspace.optimization import Criterion, minimise
 from jaxspace.simulation import Mission, Phase, fly_compact
 

@@ -129,7 +129,8 @@ def propellant_mass(rocket: dict) -> float:
 def vehicle(rocket: dict, points: int = 0):
     """The rocket as a `jaxspace.vehicles.Vehicle`; its tables have at least so many `points`."""
     from jaxspace.rockets import read_motor
-    from jaxspace.vehicles import FinSet, MachTable, NoseCone, RadiusChange, Vehicle
+    from jaxspace.vehicles import FinSet, NoseCone, RadiusChange, Vehicle
+    from jaxspace.vehicles.coefficient import MachTable
 
     number, _, outer, inner, height, gap = rocket["grains"]
     same = ("radius", "mass", "inertia", "centre", "case_mass", "case_inertia", "case_station")

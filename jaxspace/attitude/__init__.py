@@ -1,105 +1,59 @@
 """Rotation of a body of constant mass: free bodies, heavy top, rolling disk, gravity gradient,
 applied torques, precession of the Earth, despin, drift, moving parts."""
 
-from ._applied_torques import AbstractMagneticField as AbstractMagneticField
-from ._applied_torques import BodyTorque as BodyTorque
-from ._applied_torques import DipoleField as DipoleField
-from ._applied_torques import MagneticDipole as MagneticDipole
-from ._applied_torques import SpaceTorque as SpaceTorque
-from ._applied_torques import SpringTorque as SpringTorque
-from ._applied_torques import ViscousTorque as ViscousTorque
-from ._attitude_drift import FASTEST_DRIFT as FASTEST_DRIFT
-from ._attitude_drift import AttitudeDrift as AttitudeDrift
-from ._attitude_drift import DriftState as DriftState
-from ._attitude_drift import antenna_drift_constant as antenna_drift_constant
-from ._attitude_drift import drift_by_dissipation as drift_by_dissipation
-from ._attitude_drift import drift_energy as drift_energy
-from ._attitude_drift import structural_damping as structural_damping
-from ._attitude_drift import tube_drift_constant as tube_drift_constant
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._control_moment_gyros import ControlMomentGyros as ControlMomentGyros
-from ._despin import YoYo as YoYo
-from ._despin import cord_length as cord_length
-from ._despin import zero_spin_cord_length as zero_spin_cord_length
-from ._disk_tilt import disk_tilt as disk_tilt
-from ._disk_tilt import lies_flat as lies_flat
-from ._energy_sink import EnergySink as EnergySink
-from ._energy_sink import energy_sink_angle as energy_sink_angle
-from ._forced_rotation import BearingReactions as BearingReactions
-from ._forced_rotation import bank_angle as bank_angle
-from ._forced_rotation import bearing_reactions as bearing_reactions
-from ._forced_rotation import required_torque as required_torque
-from ._gravity_gradient import GravityGradient as GravityGradient
-from ._gravity_gradient import gravity_gradient_energy as gravity_gradient_energy
-from ._gravity_gradient import gravity_gradient_torque as gravity_gradient_torque
-from ._gravity_gradient import pitch_libration_period as pitch_libration_period
-from ._initial import attitude_along as attitude_along
-from ._initial import attitude_from_angles as attitude_from_angles
-from ._libration import LibrationModes as LibrationModes
-from ._libration import forced_pitch as forced_pitch
-from ._libration import inertia_ratios as inertia_ratios
-from ._libration import jacobi_integral as jacobi_integral
-from ._libration import libration_is_stable as libration_is_stable
-from ._libration import libration_modes as libration_modes
-from ._motors import AbstractMotor as AbstractMotor
-from ._motors import ConstantTorque as ConstantTorque
-from ._motors import PointingControl as PointingControl
-from ._motors import wheel_torques as wheel_torques
-from ._moving_masses import MovingMasses as MovingMasses
-from ._moving_masses import ParticleEquations as ParticleEquations
-from ._moving_masses import particle_equations as particle_equations
-from ._nutation import Nutation as Nutation
-from ._nutation_damper import DamperMotion as DamperMotion
-from ._nutation_damper import NutationDamper as NutationDamper
-from ._outputs import attitude_error as attitude_error
-from ._outputs import attitude_error_x as attitude_error_x
-from ._outputs import attitude_error_y as attitude_error_y
-from ._outputs import attitude_error_z as attitude_error_z
-from ._outputs import cone_angle as cone_angle
-from ._outputs import continuous_precession as continuous_precession
-from ._outputs import pointing as pointing
-from ._outputs import spin_rate as spin_rate
-from ._pitch_libration import EllipticLibration as EllipticLibration
-from ._pitch_libration import LibrationState as LibrationState
-from ._pitch_libration import pitch_libration as pitch_libration
-from ._polhode import Polhode as Polhode
-from ._precession_of_earth import luni_solar_nutation as luni_solar_nutation
-from ._precession_of_earth import luni_solar_rate as luni_solar_rate
-from ._precession_of_earth import luni_solar_rates_at as luni_solar_rates_at
-from ._principal_spins import InvariablePlane as InvariablePlane
-from ._principal_spins import cone_bounds as cone_bounds
-from ._principal_spins import invariable_plane as invariable_plane
-from ._principal_spins import spin_modes as spin_modes
-from ._principal_spins import spin_stiffness as spin_stiffness
 from ._rolling_disk import RollingDisk as RollingDisk
 from ._shaft_pendulum import ShaftPendulum as ShaftPendulum
 from ._shaft_pendulum import TiltState as TiltState
 from ._spherical_pendulum import PendulumState as PendulumState
 from ._spherical_pendulum import SphericalPendulum as SphericalPendulum
-from ._spinning_missile import SpinningMissile as SpinningMissile
-from ._spinning_missile import angle_of_attack as angle_of_attack
-from ._spinning_missile import principal_tilt as principal_tilt
-from ._swinging import SwingingCords as SwingingCords
-from ._swinging import SwingOutArms as SwingOutArms
-from ._swinging import SwingState as SwingState
-from ._swinging import radial_release_spin as radial_release_spin
-from ._swinging import zero_spin_radial_cord as zero_spin_radial_cord
 from ._top import Top as Top
-from ._top_motion import TopMotion as TopMotion
-from ._top_relatives import best_crusher_tilt as best_crusher_tilt
-from ._top_relatives import crusher_force as crusher_force
-from ._top_relatives import crusher_spin as crusher_spin
-from ._top_relatives import gyro_on_a_string as gyro_on_a_string
-from ._top_relatives import sprung_flywheel_frequencies as sprung_flywheel_frequencies
-from ._torque_free import TorqueFreeBody as TorqueFreeBody
-from ._torque_free import body_precession_rate as body_precession_rate
-from ._torque_free import cone_angles as cone_angles
-from ._torque_free import coning_omega as coning_omega
-from ._torque_free import precession_rate as precession_rate
-from ._torque_free import space_cone_angle as space_cone_angle
-from ._torque_free import symmetric_flow as symmetric_flow
-from ._unwinding import CordState as CordState
-from ._unwinding import StretchingCords as StretchingCords
-from ._unwinding import UnwindingCords as UnwindingCords
-from ._wheels import ReactionWheels as ReactionWheels
-from ._wheels import gyrostat_nutation_rate as gyrostat_nutation_rate
-from ._wheels import rotor_moment as rotor_moment
+from .applied_torques import BodyTorque as BodyTorque
+from .applied_torques import DipoleField as DipoleField
+from .applied_torques import MagneticDipole as MagneticDipole
+from .applied_torques import SpaceTorque as SpaceTorque
+from .applied_torques import SpringTorque as SpringTorque
+from .applied_torques import ViscousTorque as ViscousTorque
+from .despin import YoYo as YoYo
+from .drift import AttitudeDrift as AttitudeDrift
+from .drift import DriftState as DriftState
+from .energy_sink import EnergySink as EnergySink
+from .gravity_gradient import GravityGradient as GravityGradient
+from .moving_masses import MovingMasses as MovingMasses
+from .nutation_damper import NutationDamper as NutationDamper
+from .spinning_missile import SpinningMissile as SpinningMissile
+from .torque_free import TorqueFreeBody as TorqueFreeBody
+from .wheels import ReactionWheels as ReactionWheels
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import applied_torques as applied_torques
+    from . import despin as despin
+    from . import disk_tilt as disk_tilt
+    from . import drift as drift
+    from . import energy_sink as energy_sink
+    from . import forced_rotation as forced_rotation
+    from . import gravity_gradient as gravity_gradient
+    from . import initial as initial
+    from . import libration as libration
+    from . import motors as motors
+    from . import moving_masses as moving_masses
+    from . import nutation as nutation
+    from . import nutation_damper as nutation_damper
+    from . import outputs as outputs
+    from . import pitch_libration as pitch_libration
+    from . import polhode as polhode
+    from . import precession_of_earth as precession_of_earth
+    from . import principal_spins as principal_spins
+    from . import spinning_missile as spinning_missile
+    from . import swinging as swinging
+    from . import top_motion as top_motion
+    from . import top_relatives as top_relatives
+    from . import torque_free as torque_free
+    from . import unwinding as unwinding
+    from . import wheels as wheels
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

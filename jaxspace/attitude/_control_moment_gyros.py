@@ -24,7 +24,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, State, cross, quantity, unit, with_rank
+from ..core import Scalar, State, quantity
+from ..core.shapes import with_rank
+from ..core.vectors import cross, unit
 
 
 @final

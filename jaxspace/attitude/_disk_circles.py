@@ -14,7 +14,8 @@ Source: Thomson 5.16-14 to -33, with -n for his omega_zeta.
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, end_sqrt
+from ..core import Scalar
+from ..core.safe import end_sqrt
 
 Disk = tuple[Scalar, Scalar, Scalar, Scalar]
 

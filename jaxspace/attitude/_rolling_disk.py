@@ -47,16 +47,16 @@ from ..core import (
     Scalar,
     Vector,
     argument,
-    as_float,
-    axis,
     constructor,
-    dot,
     quantity,
 )
-from ..rotations import from_euler_angles, omega_from_euler_rates
+from ..core.types import as_float
+from ..core.vectors import axis, dot
+from ..rotations import from_euler_angles
+from ..rotations.euler_angles import omega_from_euler_rates
 from . import _disk_circles
-from ._disk_tilt import disk_triad
 from ._state import attitude_and_omega
+from .disk_tilt import disk_triad
 
 
 @final

@@ -18,17 +18,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    argument,
-    as_float,
-    complete_elliptic,
-    constructor,
-    end_sqrt,
-    quantity,
-)
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.elliptic import complete_elliptic
+from ..core.safe import end_sqrt
+from ..core.types import as_float
 
 
 @final
@@ -83,7 +76,7 @@ class ShaftPendulum(AbstractSystem):
 
     def equilibrium(self) -> Scalar:
         """The stable angle, rad: zero below the critical rate. At that rate its slope is infinite
-        (the rule of ends in `core/_safe.py`)."""
+        (the rule of ends in `core/safe.py`)."""
         A, C, Wl, Omega = self._letters()
 
         def sine_of_half_squared(A, C, Wl, Omega):

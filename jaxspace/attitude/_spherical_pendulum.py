@@ -27,20 +27,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    Vector,
-    argument,
-    as_float,
-    axis,
-    complete_elliptic,
-    constructor,
-    cross,
-    dot,
-    quantity,
-)
+from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.elliptic import complete_elliptic
+from ..core.types import as_float
+from ..core.vectors import axis, cross, dot
 
 
 def direction_acceleration(u: Vector, u_rate: Vector, gravity_over_length: Scalar) -> Vector:

@@ -1,7 +1,8 @@
 """The rotating part of the state of a body."""
 
 from ..bodies import BodyState
-from ..core import InputError, Vector, axis
+from ..core import InputError, Vector
+from ..core.vectors import axis
 from ..rotations import Quaternion
 
 

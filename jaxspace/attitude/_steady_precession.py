@@ -23,7 +23,10 @@ Source: Thomson 5.14-3, -4 (steady precession), 6.1-5 (small nutation); Harrison
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, barrier, end_sqrt, increasing_root
+from ..core import Scalar
+from ..core.barrier import barrier
+from ..core.roots import increasing_root
+from ..core.safe import end_sqrt
 
 
 def steady_rates(

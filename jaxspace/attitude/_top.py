@@ -40,22 +40,12 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..bodies import BodyState
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    Vector,
-    argument,
-    as_float,
-    axis,
-    constructor,
-    cross,
-    quantity,
-    safe_divide,
-    safe_sqrt,
-)
-from ..rotations import from_euler_angles, omega_from_euler_rates, to_euler_angles
-from ._nutation import Nutation, nutation_through
+from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.safe import safe_divide, safe_sqrt
+from ..core.types import as_float
+from ..core.vectors import axis, cross
+from ..rotations import from_euler_angles, to_euler_angles
+from ..rotations.euler_angles import omega_from_euler_rates
 from ._state import attitude_and_omega, vertical
 from ._steady_precession import (
     least_spin,
@@ -66,8 +56,9 @@ from ._steady_precession import (
     sleeping_growth_rate,
     steady_rates,
 )
-from ._top_motion import TopMotion
 from ._top_split import TopSplit
+from .nutation import Nutation, nutation_through
+from .top_motion import TopMotion
 
 
 def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Vector:
@@ -203,7 +194,7 @@ class Top(AbstractSystem):
         **Returns** the two roots of A cos(theta) psi'^2 - C n psi' + W l = 0. NaN where there is
         none (`least_spin`); the fast one is infinite at the horizontal. At theta = 0 they are the
         two frequencies of a sleeping top. Exactly at `least_spin` both are one, with infinite
-        slopes (the rule of ends in `core/_safe.py`).
+        slopes (the rule of ends in `core/safe.py`).
         """
         return steady_rates(*self._letters(), as_float(theta), as_float(n))
 
@@ -218,7 +209,7 @@ class Top(AbstractSystem):
 
         **Returns** the two roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0; NaN where there is
         none. At the least momentum, 2 sqrt(A W l cos(theta)), both are one, with infinite slopes
-        (the rule of ends in `core/_safe.py`).
+        (the rule of ends in `core/safe.py`).
         """
         A, _, Wl = self._letters()
         return rates_from_momentum(A, Wl, as_float(theta), as_float(h_Z))
@@ -228,14 +219,14 @@ class Top(AbstractSystem):
 
         Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
         Nettleton 4.11). Where it becomes zero its slope is infinite (the rule of ends in
-        `core/_safe.py`)."""
+        `core/safe.py`)."""
         return least_spin(*self._letters(), as_float(theta))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
         """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s.
 
         Zero where it is stable. At the critical spin, `least_spin` at theta = 0, its slope is
-        infinite (the rule of ends in `core/_safe.py`)."""
+        infinite (the rule of ends in `core/safe.py`)."""
         return sleeping_growth_rate(*self._letters(), as_float(n))
 
     def pseudo_potential(self, theta: Scalar, h_Z: Scalar, n: Scalar) -> Scalar:
@@ -287,7 +278,7 @@ class Top(AbstractSystem):
         arguments as in `precession_moment`.
 
         NaN where the precession is unstable. Where the frequency becomes zero its slope is infinite
-        (the rule of ends in `core/_safe.py`)."""
+        (the rule of ends in `core/safe.py`)."""
         return nutation_frequency(
             *self._letters(), as_float(theta), as_float(precession), as_float(n)
         )

@@ -9,7 +9,10 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Jacobi, Scalar, complete_third, safe_atan2, third
+from ..core import Scalar
+from ..core.elliptic import complete_third
+from ..core.jacobi import Jacobi, third
+from ..core.safe import safe_atan2
 from ._cayley_klein import times_i
 from ._top_start import TopStart
 

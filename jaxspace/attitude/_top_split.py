@@ -5,9 +5,10 @@ from typing import final
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractSplit, Scalar, axis, cross
+from ..core import AbstractSplit, Scalar
+from ..core.vectors import axis, cross
 from ._state import attitude_and_omega, vertical
-from ._torque_free import symmetric_flow
+from .torque_free import symmetric_flow
 
 
 @final

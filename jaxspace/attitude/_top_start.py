@@ -12,12 +12,14 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Flag, Scalar, Vector, barrier, safe_divide, safe_sqrt
+from ..core import Flag, Scalar, Vector
+from ..core.barrier import barrier
+from ..core.safe import safe_divide, safe_sqrt
 from ..rotations import Quaternion
 from ._cayley_klein import conjugate, pairs_of, product, times_i
-from ._nutation import nutation_through
 from ._state import vertical
 from ._turning_circles import turning_circles
+from .nutation import nutation_through
 
 
 class Pole(NamedTuple):

@@ -1,4 +1,4 @@
-"""The circles between which a heavy top nutates: the cubic of `_nutation.py`, solved without a lost
+"""The circles between which a heavy top nutates: the cubic of `nutation.py`, solved without a lost
 digit.
 
 It is solved for d = y3 - |beta|, measured from the vertical at which the weight is highest,
@@ -21,7 +21,7 @@ double root. A state does, by f and its slope there:
     (u1 - u2)^2 = (u1 + u2 - 2 u)^2 + 4 P          f'(u) = 2 N (gamma - N u) - beta (1 - u^2)
                                                            - 2 u (alpha - beta u)
 
-Source: Thomson 5.13-18..21 (cubic); symbols as in `_nutation.py`.
+Source: Thomson 5.13-18..21 (cubic); symbols as in `nutation.py`.
 """
 
 from typing import NamedTuple
@@ -29,7 +29,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..core import Flag, Scalar, barrier, safe_divide, safe_sqrt
+from ..core import Flag, Scalar
+from ..core.barrier import barrier
+from ..core.safe import safe_divide, safe_sqrt
 
 # Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
 # five steps reach rounding from there.

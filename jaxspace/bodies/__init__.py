@@ -1,54 +1,39 @@
 """Bodies with mass: inertia, mass properties, state, equations of motion, the interface of
 effects, and air by its height."""
 
-from ._atmosphere import AbstractAtmosphere as AbstractAtmosphere
-from ._atmosphere import Air as Air
-from ._atmosphere import ExponentialAtmosphere as ExponentialAtmosphere
-from ._atmosphere import dry_air as dry_air
-from ._atmosphere import exponential_density as exponential_density
-from ._atmosphere import isothermal_ratio as isothermal_ratio
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._body import AbstractBody as AbstractBody
 from ._body import BurningBody as BurningBody
 from ._body import RigidBody as RigidBody
 from ._condition import AbstractCondition as AbstractCondition
-from ._effect import AbstractEffect as AbstractEffect
-from ._effect import Load as Load
-from ._effect import with_parts as with_parts
 from ._free_motion import FreeRotation as FreeRotation
-from ._inertia import AbstractInertia as AbstractInertia
-from ._inertia import InertiaTensor as InertiaTensor
-from ._inertia import PrincipalInertia as PrincipalInertia
-from ._inertia import as_inertia as as_inertia
-from ._inertia import kinetic_energy as kinetic_energy
-from ._inertia import parallel_axes as parallel_axes
 from ._jump import AbstractJump as AbstractJump
-from ._mass_properties import MassProperties as MassProperties
-from ._mass_properties import PivotImpact as PivotImpact
-from ._mass_properties import combined as combined
-from ._mass_properties import inertia_ellipsoid as inertia_ellipsoid
-from ._mass_properties import moment_along as moment_along
-from ._mass_properties import pivot_impact as pivot_impact
-from ._mass_properties import turned_tensor as turned_tensor
-from ._newton_euler import angular_acceleration as angular_acceleration
-from ._newton_euler import linear_acceleration as linear_acceleration
-from ._parting import Detached as Detached
-from ._parting import come_apart as come_apart
-from ._parting import spring_speed as spring_speed
-from ._principal_axes import principal_axes as principal_axes
-from ._principal_axes import tensor_function as tensor_function
-from ._principal_frame import free_turn as free_turn
-from ._solids import box as box
-from ._solids import cone as cone
-from ._solids import conical_shell as conical_shell
-from ._solids import cylinder as cylinder
-from ._solids import ellipsoid as ellipsoid
-from ._solids import particles as particles
-from ._solids import simplex as simplex
-from ._solids import sphere as sphere
-from ._standard_atmosphere import StandardAtmosphere as StandardAtmosphere
-from ._standard_atmosphere import geometric_height as geometric_height
-from ._standard_atmosphere import geopotential_height as geopotential_height
-from ._standard_atmosphere import standard_atmosphere as standard_atmosphere
-from ._state import PARTS as PARTS
-from ._state import BodyState as BodyState
-from ._state import sample_state as sample_state
+from .atmosphere import AbstractAtmosphere as AbstractAtmosphere
+from .atmosphere import Air as Air
+from .atmosphere import ExponentialAtmosphere as ExponentialAtmosphere
+from .effects import AbstractEffect as AbstractEffect
+from .effects import Load as Load
+from .inertia import InertiaTensor as InertiaTensor
+from .inertia import PrincipalInertia as PrincipalInertia
+from .mass_properties import MassProperties as MassProperties
+from .parting import Detached as Detached
+from .standard_atmosphere import StandardAtmosphere as StandardAtmosphere
+from .state import BodyState as BodyState
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import atmosphere as atmosphere
+    from . import effects as effects
+    from . import inertia as inertia
+    from . import mass_properties as mass_properties
+    from . import newton_euler as newton_euler
+    from . import parting as parting
+    from . import principal_axes as principal_axes
+    from . import principal_frame as principal_frame
+    from . import solids as solids
+    from . import standard_atmosphere as standard_atmosphere
+    from . import state as state
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

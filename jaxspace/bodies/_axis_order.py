@@ -6,7 +6,8 @@ Source: `_free_rotation.py`.
 
 import jax.numpy as jnp
 
-from ..core import Flag, Vector, safe_divide
+from ..core import Flag, Vector
+from ..core.safe import safe_divide
 
 
 def axis_order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]:

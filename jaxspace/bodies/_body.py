@@ -21,17 +21,10 @@ from typing import Any, final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractParameters,
-    NumberField,
-    OptionalNumberField,
-    Scalar,
-    Vector,
-    axis,
-    quantity,
-    with_rank,
-)
-from ._inertia import AbstractInertia, as_inertia
+from ..core import AbstractParameters, NumberField, OptionalNumberField, Scalar, Vector, quantity
+from ..core.shapes import with_rank
+from ..core.vectors import axis
+from .inertia import AbstractInertia, as_inertia
 
 
 def _as_optional_inertia(x: Any) -> AbstractInertia | None:

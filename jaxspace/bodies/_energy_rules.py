@@ -10,7 +10,8 @@ from typing import Any
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, dot, norm
+from ..core import Scalar, Vector
+from ..core.vectors import dot, norm
 
 
 def _direction(moments: Vector, omega: Vector) -> tuple[Vector, Scalar]:

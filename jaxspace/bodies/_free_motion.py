@@ -3,9 +3,9 @@
 from typing import final
 
 from ..core import AbstractClosedForm, Scalar
-from ._inertia import AbstractInertia
-from ._principal_frame import free_turn
-from ._state import BodyState
+from .inertia import AbstractInertia
+from .principal_frame import free_turn
+from .state import BodyState
 
 
 @final

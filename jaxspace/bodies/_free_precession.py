@@ -12,7 +12,11 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ..core import Flag, Jacobi, Scalar, Vector, barrier, complete_third, safe_atan2, third
+from ..core import Flag, Scalar, Vector
+from ..core.barrier import barrier
+from ..core.elliptic import complete_third
+from ..core.jacobi import Jacobi, third
+from ..core.safe import safe_atan2
 
 
 class ArrangedBody(NamedTuple):

@@ -50,7 +50,10 @@ import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
 
-from ..core import Flag, Jacobi, Scalar, Vector, barrier, cross, dot, jacobi, norm
+from ..core import Flag, Scalar, Vector
+from ..core.barrier import barrier
+from ..core.jacobi import Jacobi, jacobi
+from ..core.vectors import cross, dot, norm
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
 from ._energy_rules import by_energy, of_equal_energy

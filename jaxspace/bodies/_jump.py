@@ -5,7 +5,7 @@ from abc import abstractmethod
 from equinox import AbstractClassVar
 
 from ..core import AbstractParameters, Scalar
-from ._state import BodyState
+from .state import BodyState
 
 
 class AbstractJump(AbstractParameters):

@@ -4,7 +4,8 @@ import argparse
 import os
 import sys
 
-from ..core import InputError, MissingExtra, extra
+from ..core import InputError, MissingExtra
+from ..core.extras import extra
 from ..io import SceneError
 from ..simulation import SimulationError
 from ._stopping import STOPPED, Stopped, clear_interruption, is_stop, stopped_by_signals

@@ -7,19 +7,11 @@ from collections.abc import Sequence
 
 from ..bodies import BodyState
 from ..control import LoopRun
-from ..core import InputError, argument, quantities
-from ..io import (
-    Optimum,
-    SceneFile,
-    listing,
-    load,
-    mission_report,
-    optimum_report,
-    read_option,
-    run_report,
-    schema,
-    sensitivity_report,
-)
+from ..core import InputError, argument
+from ..core.quantities import quantities
+from ..io import Optimum, SceneFile, listing, load, schema
+from ..io.report import mission_report, optimum_report, run_report, sensitivity_report
+from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases

@@ -10,7 +10,8 @@ import numpy as np
 
 from ..core import InputError
 from ..dispersion import Dispersion, Flights, fly, open_store
-from ..io import SceneError, SceneFile, dispersion_report, stored_scene
+from ..io import SceneError, SceneFile, stored_scene
+from ..io.report import dispersion_report
 from ..vehicles import LaunchSite
 from ._folder import make_folder
 from ._warning_lines import warnings_as_lines

@@ -17,9 +17,12 @@ from typing import final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..attitude import AbstractMotor
+from ..attitude.motors import AbstractMotor
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, Vector, norm, quantity, safe_divide, with_rank
+from ..core import NumberField, Scalar, Vector, quantity
+from ..core.safe import safe_divide
+from ..core.shapes import with_rank
+from ..core.vectors import norm
 
 
 @final

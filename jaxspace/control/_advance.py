@@ -7,11 +7,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, breaks_of
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.tables import breaks_of
 from ..integration.loop import TERM
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..integration.normalised_time import ScaledVectorField, Segments
-from ..solvers import FixedSteps, solver_traits
+from ..solvers import FixedSteps
+from ..solvers.protocol import solver_traits
 
 
 def advance(

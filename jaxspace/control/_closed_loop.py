@@ -21,27 +21,21 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Key, PRNGKeyArray, PyTree
 
-from ..core import (
-    AbstractSystem,
-    InputError,
-    Scalar,
-    State,
-    as_optional_float,
-    check_positive,
-    is_concrete,
-)
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.checks import check_positive, is_concrete
+from ..core.types import as_optional_float
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, runs_of
 from ..simulation.flight import AbstractFlight
 from ..simulation.run_result import RunResult
-from ._commands import Actuate, with_command
 from ._controller import AbstractController, as_controller
 from ._fly import LoopOptions, LoopRun, fly
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period, known_seconds
+from .commands import Actuate, with_command
 
 HOLDS = ("zero", "first")
 

@@ -10,7 +10,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
-from ..core import InputError, Scalar, State, is_concrete, is_traced
+from ..core import InputError, Scalar, State
+from ..core.checks import is_concrete
+from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,

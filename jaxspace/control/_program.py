@@ -7,7 +7,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, InputError, State, breaks_of, count_operations, with_rank
+from ..core import AbstractSystem, InputError, State
+from ..core.shapes import with_rank
+from ..core.tables import breaks_of
+from ..core.tracing import count_operations
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
@@ -16,10 +19,12 @@ from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ..simulation.run_result import RunResult
-from ..solvers import FixedSteps, Tolerance, small_program
+from ..solvers import FixedSteps
+from ..solvers.protocol import small_program
+from ..solvers.tolerances import Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
-from ._commands import Actuate
 from ._samples import Left, Setting, run_samples
+from .commands import Actuate
 
 LARGE = 200
 """Operations of a vector field from which many runs, too, take the program that compiles sooner.

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..core import is_concrete, is_traced
+from ..core.checks import is_concrete
+from ..core.tracing import is_traced
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy, state_dtype
 from ..integration.config import IntegrationConfig, check_tolerance
 from ..integration.status import Status

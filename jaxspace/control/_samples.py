@@ -11,16 +11,18 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, Scalar, State, barrier
+from ..core import AbstractSystem, Scalar, State
+from ..core.barrier import barrier
 from ..integration.events import Event
 from ..integration.status import Status
-from ..solvers import FixedSteps, Tolerance
+from ..solvers import FixedSteps
+from ..solvers.tolerances import Tolerance
 from ._advance import advance, select
 from ._clocks import Nodes
-from ._commands import Actuate, Held, clipped, rounded
 from ._controller import AbstractController, act_on, started
 from ._crossing import Stop, crossed, not_stopped
 from ._sensors import AbstractSensor, Keys, drawing
+from .commands import Actuate, Held, clipped, rounded
 
 CONTROL, ARRIVAL = 0, 1
 """The numbers of the first two clocks; those of the sensors follow."""

@@ -25,9 +25,10 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, Key, PyTree
 
-from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity, with_rank
+from ..core import AbstractParameters, InputError, Scalar, State, Vector, quantity
+from ..core.shapes import with_rank
 from ..rotations import Quaternion
-from ._commands import clipped, rounded
+from .commands import clipped, rounded
 
 # One key, or one of each run.
 Keys: TypeAlias = Key[Array, "..."]

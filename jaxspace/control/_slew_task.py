@@ -12,13 +12,15 @@ from jaxtyping import Array, Bool, PRNGKeyArray
 
 from ..attitude import ReactionWheels
 from ..bodies import BodyState, RigidBody
-from ..core import Scalar, SingleNumberField, as_float, dot, quantity
+from ..core import Scalar, quantity
+from ..core.types import SingleNumberField, as_float
+from ..core.vectors import dot
 from ..rotations import Quaternion
 from ..scene import Scene
 from ._actuators import CommandedMotor
-from ._attitude_laws import error_vector
-from ._environment import AbstractEnvironment, Box
 from ._step import ONE_STEP, FixedSteps, step
+from .attitude_laws import error_vector
+from .environment import AbstractEnvironment, Box
 
 
 def _satellite() -> Scene:

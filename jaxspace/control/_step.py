@@ -8,12 +8,13 @@ import diffrax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar, State, check_positive
+from ..core import AbstractSystem, Scalar, State
+from ..core.checks import check_positive
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..solvers import FixedSteps
 from ..studies import AccuracyCost, accuracy_cost
 from ._advance import advance
-from ._commands import Actuate, with_command
+from .commands import Actuate, with_command
 
 ONE_STEP = FixedSteps(LOW_ORDER, 1)
 

@@ -1,102 +1,52 @@
 """What every room stands on: the interface of a system, vector algebra, functions without NaN,
 declared quantities, checks of input. Imports jax and equinox only."""
 
-from ._barrier import barrier as barrier
-from ._blocks import in_blocks as in_blocks
-from ._check import InputError as InputError
-from ._check import check as check
-from ._check import check_finite as check_finite
-from ._check import check_non_negative as check_non_negative
-from ._check import check_positive as check_positive
-from ._check import is_concrete as is_concrete
-from ._declare import Choice as Choice
-from ._declare import EventCondition as EventCondition
-from ._declare import FileName as FileName
-from ._declare import Initial as Initial
-from ._declare import Output as Output
-from ._declare import constructor as constructor
-from ._declare import event as event
-from ._declare import initial as initial
-from ._declare import known_time as known_time
-from ._declare import output as output
-from ._declare import reference as reference
-from ._declare import references as references
-from ._elliptic import complete_elliptic as complete_elliptic
-from ._elliptic import complete_first as complete_first
-from ._elliptic import complete_third as complete_third
-from ._extra import MissingExtra as MissingExtra
-from ._extra import extra as extra
-from ._files import read_text as read_text
-from ._group import AbstractGroupElement as AbstractGroupElement
-from ._group import on_group as on_group
-from ._group import project as project
-from ._jacobi import Jacobi as Jacobi
-from ._jacobi import jacobi as jacobi
-from ._jacobi import third as third
-from ._layout import add_batch_axis as add_batch_axis
-from ._layout import component_axes_of as component_axes_of
-from ._layout import run_axes_of as run_axes_of
-from ._linear import axis as axis
-from ._linear import components as components
-from ._linear import cross as cross
-from ._linear import dot as dot
-from ._linear import expand as expand
-from ._linear import inverse_norm as inverse_norm
-from ._linear import matvec as matvec
-from ._linear import norm as norm
-from ._linear import scale as scale
-from ._linear import solve3 as solve3
-from ._linear import unit as unit
-from ._own_code import run_module as run_module
-from ._own_code import text_hash as text_hash
-from ._quantity import REQUIRED as REQUIRED
-from ._quantity import AbstractParameters as AbstractParameters
-from ._quantity import Quantity as Quantity
-from ._quantity import argument as argument
-from ._quantity import quantities as quantities
-from ._quantity import quantity as quantity
-from ._root import increasing_root as increasing_root
-from ._safe import end_sqrt as end_sqrt
-from ._safe import phi1 as phi1
-from ._safe import phi2 as phi2
-from ._safe import safe_atan2 as safe_atan2
-from ._safe import safe_divide as safe_divide
-from ._safe import safe_sqrt as safe_sqrt
-from ._safe import sinc_squared as sinc_squared
-from ._safe import times_slope as times_slope
-from ._shapes import check_components as check_components
-from ._shapes import runs_first as runs_first
-from ._shapes import runs_last as runs_last
-from ._shapes import with_rank as with_rank
-from ._special import stumpff as stumpff
-from ._special import stumpff_near as stumpff_near
-from ._structure import once_per_structure as once_per_structure
-from ._structure import shape_of as shape_of
-from ._structure import without_numbers as without_numbers
+from typing import TYPE_CHECKING
+
 from ._system import AbstractClosedForm as AbstractClosedForm
 from ._system import AbstractDecoupled as AbstractDecoupled
 from ._system import AbstractRegularised as AbstractRegularised
 from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm
 from ._system import AbstractSplit as AbstractSplit
 from ._system import AbstractSystem as AbstractSystem
-from ._tables import Spline as Spline
-from ._tables import Table as Table
-from ._tables import breaks_of as breaks_of
-from ._tables import polygon as polygon
-from ._text import aligned as aligned
-from ._text import html_table as html_table
-from ._tracing import count_operations as count_operations
-from ._tracing import depending_on as depending_on
-from ._tracing import is_traced as is_traced
-from ._trigonometry import atan2 as atan2
-from ._trigonometry import sincos as sincos
-from ._types import Flag as Flag
-from ._types import Matrix as Matrix
-from ._types import NumberField as NumberField
-from ._types import OptionalNumberField as OptionalNumberField
-from ._types import Scalar as Scalar
-from ._types import SingleNumberField as SingleNumberField
-from ._types import State as State
-from ._types import Vector as Vector
-from ._types import as_float as as_float
-from ._types import as_optional_float as as_optional_float
+from .checks import InputError as InputError
+from .checks import check as check
+from .declarations import Choice as Choice
+from .declarations import FileName as FileName
+from .declarations import constructor as constructor
+from .declarations import event as event
+from .declarations import initial as initial
+from .declarations import known_time as known_time
+from .declarations import output as output
+from .declarations import reference as reference
+from .extras import MissingExtra as MissingExtra
+from .groups import AbstractGroupElement as AbstractGroupElement
+from .modules import modules_of as _modules_of
+from .quantities import AbstractParameters as AbstractParameters
+from .quantities import argument as argument
+from .quantities import quantity as quantity
+from .tables import Spline as Spline
+from .tables import Table as Table
+from .types import Flag as Flag
+from .types import Matrix as Matrix
+from .types import NumberField as NumberField
+from .types import OptionalNumberField as OptionalNumberField
+from .types import Scalar as Scalar
+from .types import State as State
+from .types import Vector as Vector
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import checks as checks
+    from . import declarations as declarations
+    from . import elliptic as elliptic
+    from . import jacobi as jacobi
+    from . import quantities as quantities
+    from . import safe as safe
+    from . import shapes as shapes
+    from . import special as special
+    from . import tables as tables
+    from . import types as types
+    from . import vectors as vectors
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

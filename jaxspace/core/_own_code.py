@@ -9,7 +9,7 @@ import traceback
 from pathlib import Path
 from types import ModuleType
 
-from ._check import InputError
+from .checks import InputError
 
 
 def text_hash(text: str) -> str:

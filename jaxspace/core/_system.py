@@ -14,8 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ._quantity import AbstractParameters
-from ._types import Flag, Scalar, State
+from .quantities import AbstractParameters
+from .types import Flag, Scalar, State
 
 
 class AbstractClosedForm(eqx.Module):

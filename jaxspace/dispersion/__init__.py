@@ -1,67 +1,55 @@
 """Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they
 are kept."""
 
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._campaign import Campaign as Campaign
-from ._comparison import Comparison as Comparison
-from ._comparison import compare_methods as compare_methods
 from ._cone import ConeDirection as ConeDirection
-from ._contributors import Contributors as Contributors
 from ._correlated import Correlated as Correlated
 from ._correlated import MultivariateNormal as MultivariateNormal
-from ._covariance import METHODS as METHODS
-from ._covariance import MONTE_CARLO as MONTE_CARLO
-from ._covariance import Moments as Moments
-from ._covariance import moments as moments
-from ._covariance import sampled as sampled
 from ._dask import DaskCluster as DaskCluster
-from ._distributions import NOMINAL as NOMINAL
-from ._distributions import OF_INPUT as OF_INPUT
-from ._distributions import SHARE_OF_INPUT as SHARE_OF_INPUT
-from ._distributions import AbstractDistribution as AbstractDistribution
-from ._distributions import Constant as Constant
-from ._distributions import Normal as Normal
-from ._distributions import TruncatedNormal as TruncatedNormal
-from ._distributions import Uniform as Uniform
 from ._engine import disperse as disperse
 from ._engines import MultiHost as MultiHost
-from ._evaluate import Evaluator as Evaluator
-from ._extremes import Extreme as Extreme
-from ._extremes import greatest as greatest
-from ._extremes import least as least
 from ._flights import Flights as Flights
 from ._flights import fly as fly
 from ._footprint import Footprint as Footprint
 from ._joint import AbstractJoint as AbstractJoint
-from ._limits import Percentile as Percentile
-from ._limits import Probability as Probability
-from ._limits import clopper_pearson as clopper_pearson
-from ._limits import percentile as percentile
-from ._limits import runs_for as runs_for
 from ._lock import StoreError as StoreError
-from ._moments import Convergence as Convergence
-from ._moments import Ellipsoid as Ellipsoid
-from ._moments import StopRule as StopRule
-from ._moments import circular_error as circular_error
-from ._moments import convergence as convergence
-from ._moments import ellipsoid as ellipsoid
 from ._more_distributions import Discrete as Discrete
 from ._more_distributions import Lognormal as Lognormal
 from ._more_distributions import Samples as Samples
 from ._more_distributions import Triangular as Triangular
 from ._process_pool import ProcessPool as ProcessPool
-from ._rare import RareEvent as RareEvent
-from ._rare import rare_event as rare_event
-from ._replay import Replay as Replay
 from ._sampling import AbstractDesign as AbstractDesign
 from ._sampling import LatinHypercube as LatinHypercube
 from ._sampling import Sobol as Sobol
-from ._sensitivity import RankCorrelation as RankCorrelation
-from ._sensitivity import SobolIndices as SobolIndices
-from ._sensitivity import rank_correlation as rank_correlation
-from ._sensitivity import sobol_indices as sobol_indices
-from ._statistics import Dispersion as Dispersion
-from ._statistics import Failure as Failure
 from ._store import DamagedStore as DamagedStore
 from ._stored import open_store as open_store
-from ._table import Row as Row
 from ._work import AbstractEngine as AbstractEngine
+from .covariance import moments as moments
+from .distributions import AbstractDistribution as AbstractDistribution
+from .distributions import Constant as Constant
+from .distributions import Normal as Normal
+from .distributions import TruncatedNormal as TruncatedNormal
+from .distributions import Uniform as Uniform
+from .spread import StopRule as StopRule
+from .statistics import Dispersion as Dispersion
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import comparison as comparison
+    from . import contributors as contributors
+    from . import covariance as covariance
+    from . import distributions as distributions
+    from . import evaluate as evaluate
+    from . import extremes as extremes
+    from . import limits as limits
+    from . import rare as rare
+    from . import replay as replay
+    from . import sensitivity as sensitivity
+    from . import spread as spread
+    from . import statistics as statistics
+    from . import table as table
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

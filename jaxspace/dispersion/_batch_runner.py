@@ -26,7 +26,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..integration import Accuracy, Status
+from ..integration.accuracy import Accuracy
+from ..integration.status import Status
 from ..simulation.blocks import Blocks
 from ._along import Kept
 from ._campaign import Campaign

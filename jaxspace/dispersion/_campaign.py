@@ -10,15 +10,18 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, Quantity, Scalar, State, as_float, check_finite
+from ..core import InputError, Scalar, State
+from ..core.checks import check_finite
+from ..core.quantities import Quantity
+from ..core.types import as_float
 from ..integration.accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation.mission_result import MissionResult
-from ._distributions import AbstractDistribution
 from ._exact_parts import with_exact_parts
 from ._outputs import check_names
-from ._replay import Replay, replay
 from ._sampling import AbstractDesign, draw
+from .distributions import AbstractDistribution
+from .replay import Replay, replay
 
 Limits: TypeAlias = tuple[float | None, float | None]
 T = TypeVar("T")

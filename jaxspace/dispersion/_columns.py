@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from ..core import extra
+from ..core.extras import extra
 from ..simulation import Status
 from ._lock import StoreError
 from ._run_results import RunResults

@@ -15,7 +15,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import InputError, Scalar, as_float, is_concrete, phi1
+from ..core import InputError, Scalar
+from ..core.checks import is_concrete
+from ..core.safe import phi1
+from ..core.types import as_float
 from ._joint import AbstractJoint
 
 

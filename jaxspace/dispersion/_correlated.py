@@ -19,9 +19,10 @@ import numpy as np
 from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
-from ..core import InputError, as_float
-from ._distributions import AbstractDistribution
+from ..core import InputError
+from ..core.types import as_float
 from ._joint import AbstractJoint
+from .distributions import AbstractDistribution
 
 
 def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:

@@ -5,7 +5,7 @@ import queue
 from collections.abc import Iterator, Sequence
 from typing import Any, final
 
-from ..core import extra
+from ..core.extras import extra
 from ._batch_runner import BatchRunner, cores
 from ._lock import StoreError
 from ._work import (

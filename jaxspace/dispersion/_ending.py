@@ -10,9 +10,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..core import InputError
-from ._moments import StopRule
 from ._run_results import RunResults
 from ._store import Store
+from .spread import StopRule
 
 EACH, GROWTH = 8, 8
 

@@ -19,17 +19,17 @@ from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign
 from ._chosen_times import choose_times
-from ._covariance import MONTE_CARLO, Moments, moments
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
 from ._flight import in_memory, ordered, stored
-from ._moments import StopRule
 from ._record import record
-from ._statistics import Dispersion
 from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter
 from ._whole import check_whole
 from ._work import AbstractEngine
+from .covariance import MONTE_CARLO, Moments, moments
+from .spread import StopRule
+from .statistics import Dispersion
 
 RUNS = 1000
 """How many runs there are by default: enough for a mean and a deviation to a few percent."""

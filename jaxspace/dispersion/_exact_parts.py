@@ -11,8 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import is_traced
-from ..integration import Accuracy
+from ..core.tracing import is_traced
+from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.exact_part import takes_many_steps
 from ..simulation.flight import AbstractFlight

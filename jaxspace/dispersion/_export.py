@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ..core import extra
+from ..core.extras import extra
 from ..simulation import Status
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from ._batch_runner import BatchRunner
 from ._campaign import Campaign, in_order
 from ._columns import columns_of
 from ._ending import Ending
-from ._moments import StopRule
 from ._run_results import RunResults
-from ._statistics import Dispersion
 from ._store import ENOUGH, DamagedStore, Store
 from ._store_writer import StoreWriter
 from ._stored import as_dispersion
 from ._work import AbstractEngine, Extent
+from .spread import StopRule
+from .statistics import Dispersion
 
 Progress: TypeAlias = Callable[[int, int], None] | None
 Flown: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._moments import Ellipsoid
+from .spread import Ellipsoid
 
 LANDING = ("east", "north")
 """The outputs that say where a run lands."""

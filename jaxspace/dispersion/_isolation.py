@@ -7,7 +7,7 @@ from typing import TypeVar
 import jax
 import numpy as np
 
-from ..integration import SimulationError
+from ..integration.status import SimulationError
 
 T = TypeVar("T")
 

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError
-from ._distributions import AbstractDistribution
+from .distributions import AbstractDistribution
 
 
 class AbstractJoint(eqx.Module):

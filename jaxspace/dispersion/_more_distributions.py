@@ -19,8 +19,10 @@ import numpy as np
 from jax.scipy.special import ndtr
 from jaxtyping import Array, Float
 
-from ..core import SingleNumberField, check, is_concrete, quantity
-from ._distributions import (
+from ..core import check, quantity
+from ..core.checks import is_concrete
+from ..core.types import SingleNumberField
+from .distributions import (
     NOMINAL,
     OF_INPUT,
     SHARE_OF_INPUT,

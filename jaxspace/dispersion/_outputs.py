@@ -11,8 +11,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core import InputError
-from ..integration import SimulationError, Status
 from ..integration.compiling import QUICK
+from ..integration.status import SimulationError, Status
 from ..simulation.mission_result import MissionResult
 from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason

@@ -11,9 +11,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import breaks_of
-from ..integration import Accuracy, Event, SimulationError, Status
+from ..core.tables import breaks_of
+from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
+from ..integration.events import Event
+from ..integration.status import SimulationError, Status
 from ..simulation.flight import AbstractFlight
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionResult

@@ -14,7 +14,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..integration import Accuracy, Status
+from ..integration.accuracy import Accuracy
+from ..integration.status import Status
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission

@@ -2,7 +2,7 @@
 
 from typing import Any, NamedTuple
 
-from ..integration import Accuracy
+from ..integration.accuracy import Accuracy
 from ._along import Kept
 from ._campaign import Campaign
 from ._plans import Plans

@@ -23,8 +23,9 @@ import numpy as np
 from jax.scipy.special import ndtri
 from jaxtyping import Array, Float, Integer
 
-from ..core import InputError, barrier
-from ._distributions import AbstractDistribution
+from ..core import InputError
+from ..core.barrier import barrier
+from .distributions import AbstractDistribution
 
 BITS = 32
 

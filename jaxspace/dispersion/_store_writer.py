@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ..core import extra
+from ..core.extras import extra
 from ._batch_runner import cores
 from ._columns import Column, arrays_of, encoded
 from ._head import COPY, HEAD, is_longer, read_head, sealed

@@ -8,8 +8,8 @@ from typing import Any, final
 
 import numpy as np
 
-from ._statistics import Dispersion
 from ._store import DamagedStore, Store
+from .statistics import Dispersion
 
 BOOKKEEPING = ("form", "seed", "preparation_seconds")
 

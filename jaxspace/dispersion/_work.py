@@ -13,7 +13,8 @@ from typing import NamedTuple, TypeAlias
 
 import jax
 
-from ..core import InputError, run_module
+from ..core import InputError
+from ..core._own_code import run_module
 from ._batch_runner import BatchRunner
 from ._run_results import PlannedCampaign, RunResults
 

@@ -26,9 +26,8 @@ from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..simulation import Accuracy, simulate, simulate_batch
-from ..studies import MeanCovariance, Uncertain
 from ..studies.coordinates import Coordinates
-from ..studies.covariance import Noise
+from ..studies.covariance import MeanCovariance, Noise, Uncertain
 
 KINDS = ("extended", "unscented")
 

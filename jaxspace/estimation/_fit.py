@@ -28,7 +28,8 @@ import numpy as np
 import optimistix
 from jaxtyping import Array, PyTree
 
-from ..core import InputError, Scalar, is_concrete
+from ..core import InputError, Scalar
+from ..core.checks import is_concrete
 from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests

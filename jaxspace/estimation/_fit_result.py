@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import InputError, is_concrete
+from ..core import InputError
+from ..core.checks import is_concrete
 from ._residuals import ResidualTests, chi_squared_tail
 
 SEEN = 0.45

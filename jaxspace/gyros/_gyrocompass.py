@@ -38,7 +38,8 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, argument, as_float, constructor, quantity
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.types import as_float
 from ._linear import LinearFlow, rows
 
 STANDARD_GRAVITY = 9.80665

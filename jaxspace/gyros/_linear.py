@@ -17,7 +17,9 @@ import numpy as np
 from jax.scipy.linalg import expm
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, Scalar, State, component_axes_of, with_rank
+from ..core import AbstractClosedForm, Scalar, State
+from ..core.layout import component_axes_of
+from ..core.shapes import with_rank
 
 # Norms up to 2^48, beyond which no digit of the phase is left.
 SQUARINGS = 48

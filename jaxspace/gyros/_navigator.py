@@ -31,23 +31,15 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    Vector,
-    argument,
-    as_float,
-    constructor,
-    cross,
-    quantity,
-    with_rank,
-)
+from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.shapes import with_rank
+from ..core.types import as_float
+from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._earth import Earth
-from ._navigation_errors import NavigationErrors, NavigationErrorState
 from ._shapes import ZERO, Three
 from ._vehicle import Felt, Path, Place, felt_on
+from .navigation_errors import NavigationErrors, NavigationErrorState
 
 Given = Three | tuple[float, float, float]
 

@@ -26,7 +26,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..core import AbstractSystem, NumberField, Scalar, as_float, phi2, quantity
+from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.safe import phi2
+from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
 
 

@@ -34,20 +34,13 @@ from typing import final
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    argument,
-    as_float,
-    constructor,
-    end_sqrt,
-    quantity,
-    stumpff,
-)
-from ._bearing import BearingFriction, RotorMotor
-from ._gimbal_state import GimbalState
-from ._gimbal_walk import GimbalWalk
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.safe import end_sqrt
+from ..core.special import stumpff
+from ..core.types import as_float
+from .bearing import BearingFriction, RotorMotor
+from .gimbal_state import GimbalState
+from .gimbal_walk import GimbalWalk
 
 
 @final

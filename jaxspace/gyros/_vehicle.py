@@ -21,7 +21,9 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, cross, with_rank
+from ..core import Scalar, Vector
+from ..core.shapes import with_rank
+from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._earth import Earth
 

@@ -5,7 +5,7 @@ from typing import final
 import equinox as eqx
 
 from ..core import AbstractRegularised, AbstractSplit, Scalar, State
-from ..solvers import ScaledField
+from ..solvers.vector_field import ScaledField
 
 
 @final

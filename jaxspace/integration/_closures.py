@@ -13,7 +13,7 @@ import jax
 from jaxtyping import Array
 
 from ..core import AbstractRegularised, AbstractSplit, Scalar, State
-from ..solvers import ScaledField
+from ..solvers.vector_field import ScaledField
 
 
 @final

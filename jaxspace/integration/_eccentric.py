@@ -23,7 +23,8 @@ import numpy as np
 from jax.extend.core import Literal as Constant
 from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem, Scalar, State, once_per_structure, without_numbers
+from ..core import AbstractSystem, Scalar, State
+from ..core.structure import once_per_structure, without_numbers
 from ..solvers.regularised_step import form_in
 from .stiffness import InitialConditions
 

@@ -10,7 +10,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..core import Scalar, safe_divide
+from ..core import Scalar
+from ..core.safe import safe_divide
 from .events import Event
 
 # Steps within the bracket, at most. Four are enough for a simple zero; one of a ball's last bounces

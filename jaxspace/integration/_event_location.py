@@ -24,8 +24,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import Scalar, State, safe_divide
-from ..solvers import Tolerance
+from ..core import Scalar, State
+from ..core.safe import safe_divide
+from ..solvers.tolerances import Tolerance
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
 from .events import Event
 from .normalised_time import OwnStep

@@ -6,7 +6,9 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, count_operations, once_per_structure
+from ..core import AbstractSystem
+from ..core.structure import once_per_structure
+from ..core.tracing import count_operations
 
 
 class FieldTrace(NamedTuple):

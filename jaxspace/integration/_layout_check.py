@@ -6,7 +6,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, component_axes_of, once_per_structure
+from ..core import AbstractSystem
+from ..core.layout import component_axes_of
+from ..core.structure import once_per_structure
 
 
 @once_per_structure

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import State
-from ..solvers import ScaledField
+from ..solvers.vector_field import ScaledField
 from ._buffers import put_row
 from ._own_state import OwnLoop, OwnState, Segment
 from ._record import RecordLayout

@@ -21,7 +21,8 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, barrier
+from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar
+from ..core.barrier import barrier
 from ..solvers.regularised_step import Regular, order_of
 from ..solvers.step_control import GROW, SHRINK
 

@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import State, barrier
+from ..core import State
+from ..core.barrier import barrier
 from ..solvers.regularised_step import attempt, form_of
 from ._needed import needed_only
 from ._own_buffers import get_landed, put_landed

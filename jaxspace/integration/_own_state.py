@@ -8,8 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
-from ..solvers import ScaledField
 from ..solvers.regularised_step import Regular, landed
+from ..solvers.vector_field import ScaledField
 from ._own_control import Trend
 from ._record import Recording
 from .loop import LoopSettings

@@ -11,8 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import AbstractRegularised, barrier
-from ..solvers import ScaledField
+from ..core import AbstractRegularised
+from ..core.barrier import barrier
 from ..solvers.regularised_step import (
     CLOSE,
     FIRST_STEP,
@@ -23,6 +23,7 @@ from ..solvers.regularised_step import (
     order_of,
 )
 from ..solvers.step_control import SMALLEST_STEP
+from ..solvers.vector_field import ScaledField
 from ._buffers import empty_steps, nan_buffer, put_row
 from ._own_buffers import kept_of_pass, written
 from ._own_control import Trend, bounded, following, ideal_length

@@ -17,13 +17,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractSystem,
-    Flag,
-    Scalar,
-    State,
-    project,
-)
+from ..core import AbstractSystem, Flag, Scalar, State
+from ..core.groups import project
 from .events import Event
 from .loop import LoopSettings
 from .normalised_time import ScaledVectorField

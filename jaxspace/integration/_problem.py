@@ -16,8 +16,10 @@ from jax.core import ShapedArray
 from jax.extend.core import ClosedJaxpr  # pyright: ignore
 from jaxtyping import Array, PyTree
 
-from ..core import State, count_operations, shape_of
-from ..solvers import small_program, solver_traits
+from ..core import State
+from ..core.structure import shape_of
+from ..core.tracing import count_operations
+from ..solvers.protocol import small_program, solver_traits
 from ._field_trace import field_trace
 from ._outcome import outcome_of, own_outcome_of
 from ._own_buffers import kept_of_pass

@@ -20,8 +20,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import State, barrier
-from ..solvers import small_program
+from ..core import State
+from ..core.barrier import barrier
+from ..solvers.protocol import small_program
 from ._buffers import empty_buffer, get_row, put_row
 from ._checkpointed_field import CheckpointedField
 from ._needed import needed_only

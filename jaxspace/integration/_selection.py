@@ -19,7 +19,9 @@ import jax.numpy as jnp
 from jax.extend.core import Literal
 from jaxtyping import Array, ArrayLike, PyTree
 
-from ..core import AbstractSystem, depending_on, once_per_structure, without_numbers
+from ..core import AbstractSystem
+from ..core.structure import once_per_structure, without_numbers
+from ..core.tracing import depending_on
 from ..solvers.second_order import moved, parts_of
 from ._eccentric import is_eccentric, is_second_order_regularised
 from .methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF

@@ -10,18 +10,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, PyTree
 
-from ..core import (
-    AbstractParameters,
-    InputError,
-    Scalar,
-    as_optional_float,
-    check,
-    check_finite,
-    check_positive,
-    is_concrete,
-    quantity,
-)
-from ..solvers import solver_traits
+from ..core import AbstractParameters, InputError, Scalar, check, quantity
+from ..core.checks import check_finite, check_positive, is_concrete
+from ..core.types import as_optional_float
+from ..solvers.protocol import solver_traits
 
 # Default relative tolerance by precision: nine digits, and what float32 can hold over a few
 # hundred steps.

@@ -15,8 +15,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, DTypeLike, Float, PyTree
 
-from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check, is_concrete
-from ..solvers import SolverTraits, refine, small_program, solver_traits
+from ..core import AbstractDecoupled, AbstractSystem, InputError, Scalar, check
+from ..core.checks import is_concrete
+from ..solvers.protocol import SolverTraits, refine, small_program, solver_traits
 from ._selection import has_closed_form, select_method
 from .accuracy import DEFAULT_RTOL, Accuracy, as_method, least_tolerance, state_dtype
 from .stiffness import InitialConditions

@@ -19,6 +19,8 @@ of the sine's own at fewer than about three and a half samples a period.
     h       time between two samples     s
 """
 
+__all__ = ["Crossings"]
+
 from typing import NamedTuple, final
 
 import equinox as eqx

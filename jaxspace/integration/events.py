@@ -26,14 +26,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, PyTree
 
-from ..core import (
-    AbstractSystem,
-    InputError,
-    Scalar,
-    State,
-    as_optional_float,
-    check_positive,
-)
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.checks import check_positive
+from ..core.types import as_optional_float
 
 
 # Checked where annotations are.

@@ -19,7 +19,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar, is_concrete, without_numbers
+from ..core import AbstractSystem, Scalar
+from ..core.checks import is_concrete
+from ..core.structure import without_numbers
 from .accuracy import Accuracy
 
 STEPS_PER_RADIAN = 1.2

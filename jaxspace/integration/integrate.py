@@ -12,19 +12,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractClosedForm,
-    AbstractDecoupled,
-    AbstractSystem,
-    Scalar,
-    State,
-    breaks_of,
-    on_group,
-    project,
-)
-from ..solvers import Tolerance, bind, solver_traits
+from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar, State
+from ..core.groups import on_group, project
+from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
+from ..solvers.protocol import bind, solver_traits
 from ..solvers.regularised_step import evaluations_of
+from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import FoundEvents, Location, SoughtEvents
 from ._save_times import at_save_times

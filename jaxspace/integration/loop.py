@@ -13,13 +13,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
-from ..solvers import (
-    BatchStepController,
-    ErrorTrackingSolver,
-    ScaledField,
-    StepTo,
-    Tolerance,
-)
+from ..solvers.error_tracking import ErrorTrackingSolver
+from ..solvers.step_control import BatchStepController, StepTo
+from ..solvers.tolerances import Tolerance
+from ..solvers.vector_field import ScaledField
 from ._buffers import SavedStates, empty_steps, nan_buffer, put_row
 from ._event_location import (
     Location,

@@ -14,8 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, component_axes_of
-from ..solvers import Tolerance, bind
+from ..core import AbstractSystem
+from ..core.layout import component_axes_of
+from ..solvers.protocol import bind
+from ..solvers.tolerances import Tolerance
 from ._event_location import SoughtEvents
 from ._layout_check import follows_layout
 from ._own_state import OwnState

@@ -24,17 +24,11 @@ import jax.numpy as jnp
 from jax.core import Tracer
 from jaxtyping import Array, Float, PyTree
 
-from ..core import (
-    AbstractRegularised,
-    AbstractSplit,
-    AbstractSystem,
-    Scalar,
-    State,
-    breaks_of,
-    project,
-    safe_divide,
-)
-from ..solvers import ScaledField
+from ..core import AbstractRegularised, AbstractSplit, AbstractSystem, Scalar, State
+from ..core.groups import project
+from ..core.safe import safe_divide
+from ..core.tables import breaks_of
+from ..solvers.vector_field import ScaledField
 from ._closures import closures_as_leaves
 
 

@@ -6,8 +6,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..core import Flag, State, project
-from ..solvers import solver_traits
+from ..core import Flag, State
+from ..core.groups import project
+from ..solvers.protocol import solver_traits
 from ._event_location import FoundEvents
 from ._outcome import Outcome
 from .config import IntegrationConfig

@@ -26,7 +26,8 @@ import numpy as np
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
-from ..core import AbstractSystem, State, is_traced
+from ..core import AbstractSystem, State
+from ..core.tracing import is_traced
 from .compiling import QUICK
 from .methods import STIFF
 

@@ -8,9 +8,11 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ..bodies import AbstractEffect, AbstractJump, with_parts
+from ..bodies import AbstractEffect, AbstractJump
+from ..bodies.effects import with_parts
 from ..core import AbstractSystem, InputError, Scalar, State
-from ..scene import Scene, read_effects
+from ..scene import Scene
+from ..scene.reading import read_effects
 from ..simulation import Event, Mission, Phase
 from ._checks import Parsed, needed_parts
 from ._control import controlled, end_of_loop

@@ -1,7 +1,7 @@
 """What a scene file may name: found by walking the public names of the rooms of physics.
 
-Nothing is registered. A final class or a declared function is known to files as soon as the
-`__init__` of its room gives its name, or when it is given to `load` by `also`."""
+Nothing is registered. A final class or a declared function is known to files as soon as the root
+of its room or one of its public modules gives its name, or when it is given to `load` by `also`."""
 
 import functools
 import inspect
@@ -29,18 +29,10 @@ from .. import (
 )
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, AbstractJump, BodyState
 from ..control import AbstractController
-from ..core import (
-    AbstractParameters,
-    AbstractSystem,
-    EventCondition,
-    Initial,
-    InputError,
-    Output,
-    Quantity,
-    Scalar,
-    State,
-    quantities,
-)
+from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, State
+from ..core.declarations import EventCondition, Initial, Output
+from ..core.modules import public_names
+from ..core.quantities import Quantity, quantities
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
 from ._modules import defined_in, read_modules
@@ -186,10 +178,9 @@ def _catalog(
     refused: dict[str, str] = {}
     kinds: dict[type, Object] = {}
     for room in ROOMS:
-        for name, thing in vars(room).items():
-            # Public names alone: what a room keeps to itself is no promise to files.
-            if not name.startswith("_"):
-                _add(named, kinds, refused, thing)
+        # Public names alone: what a room keeps to itself is no promise to files.
+        for thing in public_names(room).values():
+            _add(named, kinds, refused, thing)
     for name, thing in vars(solvers).items():
         if (
             # By what it offers: helpers and abstract classes of the room have no step and order.

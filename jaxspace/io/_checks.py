@@ -5,8 +5,9 @@ import functools
 from collections.abc import Mapping
 
 from ..bodies import AbstractBody
-from ..core import REQUIRED, AbstractParameters, InputError
-from ..scene import Reading, read_effects
+from ..core import AbstractParameters, InputError
+from ..core.quantities import REQUIRED
+from ..scene.reading import Reading, read_effects
 from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
 from ._errors import missing, wrong

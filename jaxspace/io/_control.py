@@ -14,14 +14,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..control import (
-    AbstractSensor,
-    ClosedLoop,
-    Sensor,
-    StarTracker,
-    Together,
-)
-from ..core import AbstractSystem, InputError, argument, quantities
+from ..control import AbstractSensor, ClosedLoop, Sensor, StarTracker
+from ..control.point_laws import Together
+from ..core import AbstractSystem, InputError, argument
+from ..core.quantities import quantities
 from ..simulation import Event
 from ._catalog import Catalog
 from ._checks import Parsed

@@ -15,7 +15,8 @@ import jax.numpy as jnp
 from ..bodies import BodyState
 from ..core import argument
 from ..simulation import Mission
-from ..vehicles import LaunchSite, Recovery, Vehicle, flight_phases, sounding_flight
+from ..vehicles import LaunchSite, Recovery, Vehicle, sounding_flight
+from ..vehicles.flights import flight_phases
 from ._checks import Parsed
 from ._errors import missing, wrong
 from ._kinds import Entry, Maker, Values

@@ -19,8 +19,9 @@ import diffrax
 import jaxspace
 
 from ..bodies import BodyState
-from ..core import REQUIRED, AbstractSystem, argument
-from ..dispersion import METHODS
+from ..core import AbstractSystem, argument
+from ..core.quantities import REQUIRED
+from ..dispersion.covariance import METHODS
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
 from ._ends import end_kind

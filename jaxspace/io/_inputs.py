@@ -6,16 +6,18 @@ import io
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, NamedTuple
 
-from ..core import InputError, Quantity
-from ..dispersion import NOMINAL, SHARE_OF_INPUT, AbstractDistribution
+from ..core import InputError
+from ..core.quantities import Quantity
+from ..dispersion import AbstractDistribution
+from ..dispersion.distributions import NOMINAL, SHARE_OF_INPUT
 from ._checks import Parsed
 from ._control import scatter_errors
 from ._errors import hint, missing, shown, unknown, wrong
 from ._joint_inputs import MadeInput, read_correlated, read_direction
 from ._kinds import Entry, Value, Values
 from ._named_files import NamedFiles
-from ._units import expected, in_unit, read_number, split
 from ._value_kinds import ListOf, Measure, Number
+from .units import expected, in_unit, read_number, split
 
 DEFAULT = "normal"
 # One refused run in a thousand does not move a statistic; more deserve a word.

@@ -7,7 +7,8 @@ from typing import NamedTuple, Protocol, runtime_checkable
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import InputError, Quantity
+from ..core import InputError
+from ..core.quantities import Quantity
 from ..dispersion import (
     AbstractDistribution,
     AbstractJoint,
@@ -17,8 +18,8 @@ from ..dispersion import (
 )
 from ._errors import hint, missing, unknown, wrong
 from ._kinds import Values
-from ._units import read_number
 from ._value_kinds import Measure
+from .units import read_number
 
 MATRICES = ("correlation", "covariance", "factor")
 # Share of refused draws that is passed over: every normal distribution has tails.

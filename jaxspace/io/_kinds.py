@@ -9,9 +9,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple, TypeAlias
 
-from ..core import REQUIRED
+from ..core.quantities import REQUIRED
 from ._named_files import NamedFiles
-from ._units import WrittenUnits
+from .units import WrittenUnits
 
 # What stands in a file: a table, a list, a number, text or `None`; where objects are built, arrays
 # stand for the numbers. A recursive type would need a cast at every step of a path.

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Mapping
 from typing import TypeAlias
 
 from ..bodies import BodyState
-from ..core import REQUIRED, InputError
+from ..core import InputError
+from ..core.quantities import REQUIRED
 from ..vehicles import LaunchSite
 from ._catalog import Catalog, catalog, output_methods
 from ._flight import CLASSES, SITE, flight_kinds

@@ -8,7 +8,9 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ..core import InputError, read_text, run_module, text_hash
+from ..core import InputError
+from ..core._own_code import run_module, text_hash
+from ..core.files import read_text
 from ._named_files import NamedFile
 
 

@@ -6,7 +6,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..core import InputError, read_text
+from ..core import InputError
+from ..core.files import read_text
 
 
 @dataclass(frozen=True)

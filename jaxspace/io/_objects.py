@@ -21,17 +21,9 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect
 from ..control import AbstractController
-from ..core import (
-    REQUIRED,
-    AbstractParameters,
-    AbstractSystem,
-    Choice,
-    FileName,
-    Quantity,
-    Scalar,
-    quantities,
-    references,
-)
+from ..core import AbstractParameters, AbstractSystem, Choice, FileName, Scalar
+from ..core.declarations import references
+from ..core.quantities import REQUIRED, Quantity, quantities
 from ._kinds import Entry, Kind, Maker, Value, Values
 from ._table_kinds import Object
 from ._value_kinds import FilePath, ListOf, Number, OneName

@@ -22,8 +22,8 @@ from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._output_entries import read_output, unit_of
 from ._outputs import BEGAN, OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
-from ._units import WrittenUnits, in_unit, read_number
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
+from .units import WrittenUnits, in_unit, read_number
 
 GOALS = ("minimise", "maximise")
 LIMITS = ("equal", "at_least", "at_most")

@@ -4,9 +4,10 @@ was."""
 from collections.abc import Mapping
 from typing import Any
 
-from ..core import InputError, extra
+from ..core import InputError
+from ..core.extras import extra
 from ._optimize_table import Free, Task
-from ._units import read_number
+from .units import read_number
 
 
 def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import NamedTuple
 
 from ..bodies import BodyState
-from ..core import Quantity
+from ..core.quantities import Quantity
 from ..vehicles import LaunchSite
 from ._catalog import OutputFunction, output_methods, part_quantities, state_class
 from ._checks import Parsed
@@ -14,7 +14,7 @@ from ._flight import SITE, phases_of_flight
 from ._kinds import Values
 from ._objects import at
 from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
-from ._units import WrittenUnits, in_unit, read_number
+from .units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
 ABOUT_A_CENTRE = ("inclination", "radial_speed")

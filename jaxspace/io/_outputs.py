@@ -15,7 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
-from ..dispersion import greatest, least
+from ..dispersion.extremes import greatest, least
 from ..simulation import MissionResult
 from ._catalog import OutputFunction
 from ._kinds import Values

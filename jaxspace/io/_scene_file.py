@@ -18,7 +18,8 @@ from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
-from ..scene import Scene, ground_warning
+from ..scene import Scene
+from ..scene.ground_check import ground_warning
 from ..simulation import (
     Accuracy,
     Event,
@@ -46,7 +47,7 @@ from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
-from ._units import WrittenUnits, in_unit
+from .units import WrittenUnits, in_unit
 
 
 @final

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from ..core import REQUIRED
+from ..core.quantities import REQUIRED
 from ._errors import missing, unknown, wrong
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._named_files import NamedFiles

@@ -4,10 +4,10 @@ files."""
 import math
 from dataclasses import dataclass
 
-from ..core import Quantity
+from ..core.quantities import Quantity
 from ._errors import hint, wrong
 from ._kinds import Kind, Reading, Schema, Value
-from ._units import dimension, expected, read_number
+from .units import dimension, expected, read_number
 
 
 # A float, so that checks compare it like any number; only what scatters asks for more.

@@ -1,49 +1,44 @@
 """General mechanics: systems from a Lagrangian, constraints, impulse and impact, beams."""
 
-from ._arm import ArmPendulum as ArmPendulum
-from ._arm import ArmState as ArmState
-from ._arm import foucault_motion as foucault_motion
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._bars import BarOnSpring as BarOnSpring
 from ._bars import BarOnString as BarOnString
-from ._beams import assumed_modes as assumed_modes
-from ._beams import beam_integral as beam_integral
-from ._beams import beam_roots as beam_roots
-from ._beams import beam_shape as beam_shape
 from ._carried_pendulums import CentrifugalPendulum as CentrifugalPendulum
 from ._carried_pendulums import FramedPendulum as FramedPendulum
 from ._carried_pendulums import RotatingHoop as RotatingHoop
 from ._carried_pendulums import SliderCarrier as SliderCarrier
-from ._constraints import Accelerations as Accelerations
-from ._constraints import degrees_of_freedom as degrees_of_freedom
 from ._description import GeneralisedState as GeneralisedState
-from ._discrete import variational_motion as variational_motion
 from ._flexible_missile import FlexibleMissile as FlexibleMissile
 from ._flexible_missile import MissileState as MissileState
-from ._impact import contact_impulse as contact_impulse
-from ._impact import contact_inverse_mass as contact_inverse_mass
-from ._impact import crushable_pad as crushable_pad
-from ._impact import impact_energy_loss as impact_energy_loss
-from ._impulse import apply_impact as apply_impact
-from ._impulse import apply_impulse as apply_impulse
 from ._lagrangian import AbstractLagrangian as AbstractLagrangian
 from ._lagrangian import Lagrangian as Lagrangian
 from ._landing_legs import LandingLegs as LandingLegs
-from ._missile_loop import MissileLoop as MissileLoop
-from ._missile_loop import MissileLoopState as MissileLoopState
-from ._moving_point import moment_about_moving_point as moment_about_moving_point
-from ._moving_point import momentum_about as momentum_about
 from ._pendulums import DoublePendulum as DoublePendulum
 from ._pendulums import ElasticPendulum as ElasticPendulum
 from ._pendulums import SimplePendulum as SimplePendulum
-from ._reduction import CanonicalState as CanonicalState
-from ._reduction import Hamiltonian as Hamiltonian
-from ._reduction import routh as routh
-from ._rolling import InclineDisk as InclineDisk
-from ._rolling import Trailer as Trailer
-from ._rolling import TrailerState as TrailerState
-from ._rolling import rolling_loop as rolling_loop
-from ._rolling import turntable_motion as turntable_motion
-from ._variational import action as action
-from ._variational import brachistochrone as brachistochrone
-from ._variational import hanging_chain as hanging_chain
-from ._work import work_along as work_along
+from .arm import ArmPendulum as ArmPendulum
+from .arm import ArmState as ArmState
+from .reduction import CanonicalState as CanonicalState
+from .reduction import Hamiltonian as Hamiltonian
+from .rolling import InclineDisk as InclineDisk
+from .rolling import Trailer as Trailer
+from .rolling import TrailerState as TrailerState
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import arm as arm
+    from . import beams as beams
+    from . import constraints as constraints
+    from . import discrete as discrete
+    from . import impact as impact
+    from . import impulse as impulse
+    from . import missile_loop as missile_loop
+    from . import moving_point as moving_point
+    from . import reduction as reduction
+    from . import rolling as rolling
+    from . import variational as variational
+    from . import work as work
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

@@ -33,18 +33,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractSystem,
-    NumberField,
-    Scalar,
-    argument,
-    as_float,
-    constructor,
-    quantity,
-    with_rank,
-)
-from ._beams import beam_integral, beam_roots, beam_shape
+from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.shapes import with_rank
+from ..core.types import as_float
 from ._equations import solve
+from .beams import beam_integral, beam_roots, beam_shape
 
 
 @final

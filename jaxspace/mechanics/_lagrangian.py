@@ -36,11 +36,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import InputError, NumberField, Scalar, as_float, quantity
-from ._constraints import Accelerations, accelerations, consistent, projected, together
+from ..core import InputError, NumberField, Scalar, quantity
+from ..core.types import as_float
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import mass_matrix, momenta
 from ._symmetry import symmetries
+from .constraints import Accelerations, accelerations, consistent, projected, together
 
 
 class AbstractLagrangian(AbstractDescription):

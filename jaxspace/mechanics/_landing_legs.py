@@ -24,16 +24,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import (
-    NumberField,
-    OptionalNumberField,
-    Scalar,
-    argument,
-    as_float,
-    constructor,
-    increasing_root,
-    quantity,
-)
+from ..core import NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core.roots import increasing_root
+from ..core.types import as_float
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 

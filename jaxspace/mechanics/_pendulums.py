@@ -16,7 +16,9 @@ from typing import ClassVar, final
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import NumberField, Scalar, argument, as_float, complete_elliptic, constructor, quantity
+from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.elliptic import complete_elliptic
+from ..core.types import as_float
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 

@@ -17,9 +17,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import component_axes_of
-from ._constraints import constraints_of
+from ..core.layout import component_axes_of
 from ._description import AbstractDescription
+from .constraints import constraints_of
 
 PLACES = 8
 

@@ -1,28 +1,17 @@
 """Optimal rockets and transfers: staging, steering, direct shooting, rendezvous, and a constrained
 minimiser by gradients."""
 
-from ._ascent import AbstractThrustAcceleration as AbstractThrustAcceleration
-from ._ascent import Ascent as Ascent
-from ._ascent import ConstantMassFlow as ConstantMassFlow
-from ._ascent import ConstantThrustAcceleration as ConstantThrustAcceleration
-from ._ascent import FlightState as FlightState
-from ._ascent import apex as apex
-from ._ascent import burnout_state as burnout_state
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._criterion import Criterion as Criterion
 from ._criterion import Minimum as Minimum
 from ._criterion import StopReason as StopReason
 from ._drive import Progress as Progress
-from ._fixed_masses import StageNumbers as StageNumbers
-from ._fixed_masses import number_of_stages as number_of_stages
-from ._flown_staging import FlownStaging as FlownStaging
-from ._flown_staging import staging_with_losses as staging_with_losses
 from ._insertion import Insertion as Insertion
 from ._insertion import InsertionOptimum as InsertionOptimum
 from ._insertion import InsertionState as InsertionState
 from ._insertion import optimise_insertion as optimise_insertion
-from ._laws import SteeringNetwork as SteeringNetwork
-from ._laws import SteeringProfile as SteeringProfile
-from ._laws import TangentLaw as TangentLaw
 from ._minimise import minimise as minimise
 from ._minimise import minimise_from as minimise_from
 from ._propellant_use import PropellantUse as PropellantUse
@@ -32,14 +21,18 @@ from ._rendezvous import least_rendezvous as least_rendezvous
 from ._shooting import SteeredFlight as SteeredFlight
 from ._shooting import SteeringOptimum as SteeringOptimum
 from ._shooting import optimise_steering as optimise_steering
-from ._staged_flight import StageDesign as StageDesign
-from ._staging import Staging as Staging
-from ._staging import equal_stages_payload as equal_stages_payload
-from ._staging import optimal_staging as optimal_staging
-from ._staging import optimal_staging_by_gradient as optimal_staging_by_gradient
-from ._staging import stationary_mass_ratio as stationary_mass_ratio
-from ._steering import LinearTangentSteering as LinearTangentSteering
-from ._steering import MaximumVelocitySteering as MaximumVelocitySteering
-from ._steering import linear_tangent_steering as linear_tangent_steering
-from ._steering import maximum_velocity_steering as maximum_velocity_steering
-from ._steering import minimum_time_steering as minimum_time_steering
+from .laws import SteeringProfile as SteeringProfile
+from .staging import Staging as Staging
+from .staging import optimal_staging as optimal_staging
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import ascent as ascent
+    from . import fixed_masses as fixed_masses
+    from . import flown_staging as flown_staging
+    from . import laws as laws
+    from . import staged_flight as staged_flight
+    from . import staging as staging
+    from . import steering as steering
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

@@ -14,7 +14,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import InputError, is_concrete
+from ..core import InputError
+from ..core.checks import is_concrete
 from ._criterion import Point
 
 # How near a bound a descent may begin, in units of its range: on it the slope of the map is zero.

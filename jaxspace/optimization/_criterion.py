@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import InputError, is_concrete
+from ..core import InputError
+from ..core.checks import is_concrete
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
 

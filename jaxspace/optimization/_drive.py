@@ -16,7 +16,7 @@ import jax
 from jax import lax
 from jaxtyping import Array
 
-from ..core import is_traced
+from ..core.tracing import is_traced
 
 # What a search carries from step to step, and what is evaluated for it.
 S = TypeVar("S", bound=Any)

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import keystr, tree_leaves_with_path
 
-from ..core import InputError, is_concrete
+from ..core import InputError
+from ..core.checks import is_concrete
 from ._criterion import Criterion, Point
 
 

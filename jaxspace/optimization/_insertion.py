@@ -12,7 +12,7 @@
     R, W, V  those of the orbit at the end; by default the circle's          m, m/s
     T        duration of the burn                                            s
 
-phi is a law of the fraction t/T of the burn (`_laws.py`): over a flat earth the linear tangent is
+phi is a law of the fraction t/T of the burn (`laws.py`): over a flat earth the linear tangent is
 the optimum, here the bilinear tangent comes near it, and a free profile reaches it. With a constant
 flow the least time is the greatest mass.
 
@@ -26,21 +26,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import (
-    AbstractParameters,
-    AbstractSystem,
-    InputError,
-    Scalar,
-    SingleNumberField,
-    as_float,
-    check_positive,
-    quantity,
-)
+from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
+from ..core.checks import check_positive
+from ..core.types import SingleNumberField, as_float
 from ..simulation import Mission, Phase, fly_compact
-from ._ascent import AbstractThrustAcceleration
 from ._criterion import Criterion, Minimum
-from ._laws import Law, corners, free_numbers
 from ._minimise import minimise
+from .ascent import AbstractThrustAcceleration
+from .laws import Law, corners, free_numbers
 
 FORMS = ("time", "velocity")
 

@@ -18,7 +18,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import InputError, Scalar, is_traced
+from ..core import InputError, Scalar
+from ..core.tracing import is_traced
 from ._bounds import as_bounds
 from ._by_multipliers import by_multipliers
 from ._by_sqp import by_sqp

@@ -36,17 +36,10 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import (
-    Flag,
-    InputError,
-    Scalar,
-    as_float,
-    check_non_negative,
-    check_positive,
-    is_concrete,
-    safe_divide,
-    safe_sqrt,
-)
+from ..core import Flag, InputError, Scalar
+from ..core.checks import check_non_negative, check_positive, is_concrete
+from ..core.safe import safe_divide, safe_sqrt
+from ..core.types import as_float
 
 
 @final

@@ -18,8 +18,11 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import Scalar, norm
-from ..orbits import Interception, OrbitState, circular_speed, interception
+from ..core import Scalar
+from ..core.vectors import norm
+from ..orbits import Interception
+from ..orbits.burnout import circular_speed
+from ..orbits.interception import OrbitState, interception
 from ._criterion import Criterion
 from ._minimise import minimise
 

@@ -9,7 +9,7 @@ it holds where that does not.
 
     symbol    meaning                                                    unit
     phi_i     thrust angle at the time t_i, straight lines in between    rad
-    and the symbols of `_ascent.py`
+    and the symbols of `ascent.py`
 
 Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima whose
 apex is before burnout.
@@ -22,9 +22,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, as_float
+from ..core import AbstractSystem, InputError, Scalar
+from ..core.types import as_float
 from ..simulation import Accuracy, simulate
-from ._ascent import (
+from ._criterion import Criterion
+from ._minimise import minimise
+from .ascent import (
     AbstractThrustAcceleration,
     Ascent,
     FlightState,
@@ -32,9 +35,7 @@ from ._ascent import (
     release_state,
     velocity_gain,
 )
-from ._criterion import Criterion
-from ._laws import Law, SteeringProfile, corners, free_numbers
-from ._minimise import minimise
+from .laws import Law, SteeringProfile, corners, free_numbers
 
 Unknowns: TypeAlias = dict[str, PyTree[Float[Array, "..."]]]
 

@@ -2,160 +2,74 @@
 oblate body, orbital elements, two-body motion in closed form, radial motion by quadrature,
 transfers."""
 
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._at_altitude import AtAltitude as AtAltitude
-from ._ballistic import BallisticFlight as BallisticFlight
-from ._ballistic import BallisticImpact as BallisticImpact
-from ._ballistic import ballistic_angles as ballistic_angles
-from ._ballistic import ballistic_flight as ballistic_flight
-from ._ballistic import ballistic_impact as ballistic_impact
-from ._ballistic import least_energy_launch as least_energy_launch
-from ._ballistic import longest_range as longest_range
-from ._bielliptic import bielliptic_break_even as bielliptic_break_even
-from ._burnout import circular_speed as circular_speed
-from ._burnout import elements_from_burnout as elements_from_burnout
-from ._burnout import escape_speed as escape_speed
-from ._burnout import excess_speed as excess_speed
-from ._burnout import orbit_from_burnout as orbit_from_burnout
-from ._burnout import vis_viva_speed as vis_viva_speed
-from ._central_force import CentralPotential as CentralPotential
-from ._central_force import PowerLawForce as PowerLawForce
-from ._central_force import SphereGravity as SphereGravity
-from ._central_force import power_law as power_law
-from ._central_force import power_law_potential as power_law_potential
-from ._central_force import shell_gravity as shell_gravity
-from ._central_force import shell_potential as shell_potential
-from ._central_force import sphere_gravity as sphere_gravity
-from ._central_force import sphere_potential as sphere_potential
-from ._clohessy_wiltshire import ClohessyWiltshire as ClohessyWiltshire
-from ._clohessy_wiltshire import clohessy_wiltshire_flow as clohessy_wiltshire_flow
-from ._clohessy_wiltshire import clohessy_wiltshire_transfer as clohessy_wiltshire_transfer
-from ._conic import conic_radius as conic_radius
-from ._conic import eccentric_anomaly as eccentric_anomaly
-from ._conic import mean_anomaly as mean_anomaly
-from ._conic import true_anomaly as true_anomaly
-from ._conic import turning_angle as turning_angle
-from ._deviation_outputs import along_track_error as along_track_error
-from ._deviation_outputs import argument_of_periapsis as argument_of_periapsis
-from ._deviation_outputs import cross_track_error as cross_track_error
-from ._deviation_outputs import eccentricity as eccentricity
-from ._deviation_outputs import node_longitude as node_longitude
-from ._deviation_outputs import radial_error as radial_error
-from ._drag import Drag as Drag
-from ._drag import circular_decay_rate as circular_decay_rate
-from ._drag import drag_acceleration as drag_acceleration
-from ._elements import ClassicalElements as ClassicalElements
-from ._elements import angular_momentum as angular_momentum
-from ._elements import apoapsis_radius as apoapsis_radius
-from ._elements import eccentricity_vector as eccentricity_vector
-from ._elements import elements_from_state as elements_from_state
-from ._elements import inclination as inclination
-from ._elements import periapsis_radius as periapsis_radius
-from ._elements import semi_latus_rectum as semi_latus_rectum
-from ._elements import semi_major_axis as semi_major_axis
-from ._elements import specific_energy as specific_energy
-from ._elements import state_from_elements as state_from_elements
 from ._equinoctial import EquinoctialElements as EquinoctialElements
-from ._ground_track import GroundPoint as GroundPoint
-from ._ground_track import geocentric_latitude as geocentric_latitude
-from ._ground_track import ground_point as ground_point
-from ._ground_track import position_of as position_of
-from ._impulses import Impulse as Impulse
-from ._impulses import OrbitChange as OrbitChange
-from ._impulses import apse_line_impulse as apse_line_impulse
-from ._impulses import eccentricities_through as eccentricities_through
-from ._impulses import plane_change_impulse as plane_change_impulse
-from ._impulses import small_tangential_impulse as small_tangential_impulse
-from ._impulses import tangential_impulse as tangential_impulse
-from ._initial import orbit_from_altitude as orbit_from_altitude
-from ._initial import orbit_from_radius as orbit_from_radius
-from ._interception import Interception as Interception
-from ._interception import OrbitState as OrbitState
-from ._interception import Porkchop as Porkchop
-from ._interception import interception as interception
-from ._interception import porkchop as porkchop
-from ._kepler import kepler_flow as kepler_flow
-from ._lambert import lambert as lambert
-from ._lambert import least_duration as least_duration
-from ._lambert import transfer_status as transfer_status
-from ._low_thrust import LowThrust as LowThrust
-from ._low_thrust import spiral_radius as spiral_radius
 from ._modified_equinoctial import ModifiedEquinoctialElements as ModifiedEquinoctialElements
-from ._oblateness import Oblateness as Oblateness
-from ._oblateness import apsidal_rate as apsidal_rate
-from ._oblateness import node_regression_rate as node_regression_rate
-from ._oblateness import oblateness as oblateness
-from ._oblateness import oblateness_potential as oblateness_potential
-from ._orbit_force import force_of_orbit as force_of_orbit
-from ._outputs import altitude as altitude
-from ._outputs import apoapsis as apoapsis
-from ._outputs import apoapsis_altitude as apoapsis_altitude
-from ._outputs import ascending_node as ascending_node
-from ._outputs import descending_node as descending_node
-from ._outputs import periapsis as periapsis
-from ._outputs import periapsis_altitude as periapsis_altitude
-from ._outputs import radial_speed as radial_speed
-from ._outputs import speed as speed
-from ._outputs import speed_error as speed_error
-from ._outputs import velocity_error as velocity_error
-from ._paths import AbstractPath as AbstractPath
-from ._paths import CircularPath as CircularPath
-from ._paths import KeplerPath as KeplerPath
-from ._paths import TabulatedPath as TabulatedPath
-from ._phasing import Phasing as Phasing
-from ._phasing import phasing as phasing
-from ._planets import departure_phase as departure_phase
-from ._planets import synodic_period as synodic_period
-from ._point_gravity import PointGravity as PointGravity
-from ._point_gravity import point_gravity as point_gravity
-from ._point_gravity import point_gravity_potential as point_gravity_potential
-from ._projectile import projectile_angles as projectile_angles
-from ._projectile import projectile_envelope as projectile_envelope
-from ._projectile import projectile_position as projectile_position
-from ._radial_motion import RadialMotion as RadialMotion
-from ._radial_motion import circular_rate as circular_rate
-from ._radial_motion import effective_potential as effective_potential
-from ._radial_motion import radial_frequency_squared as radial_frequency_squared
-from ._radial_motion import radial_motion as radial_motion
-from ._radial_motion import turning_points as turning_points
-from ._rotating_earth import local_frame as local_frame
-from ._rotating_earth import navigation_rates as navigation_rates
-from ._rotating_earth import planet_frame as planet_frame
-from ._rotating_earth import plumb_line_deviation as plumb_line_deviation
 from ._rotating_frame import RotatingFrame as RotatingFrame
-from ._secular_rates import CRITICAL_INCLINATION as CRITICAL_INCLINATION
-from ._secular_rates import SecularRates as SecularRates
-from ._secular_rates import secular_rates as secular_rates
-from ._secular_rates import sun_synchronous_inclination as sun_synchronous_inclination
-from ._shadow import shadow as shadow
-from ._shadow import shadow_event as shadow_event
-from ._shadow import sunlight as sunlight
-from ._small_impulse import impulse_change as impulse_change
-from ._solar_pressure import SolarPressure as SolarPressure
-from ._solar_pressure import solar_pressure as solar_pressure
-from ._station import LookAngles as LookAngles
-from ._station import Station as Station
-from ._steps import steps_for as steps_for
-from ._third_body import ThirdBody as ThirdBody
-from ._third_body import third_body as third_body
-from ._third_body import third_body_potential as third_body_potential
-from ._time_of_flight import period as period
-from ._time_of_flight import semi_major_axis_of_period as semi_major_axis_of_period
-from ._time_of_flight import time_of_flight as time_of_flight
-from ._time_of_flight import true_anomaly_after as true_anomaly_after
-from ._transfer_status import TransferStatus as TransferStatus
-from ._transfers import ImpulsiveTransfer as ImpulsiveTransfer
-from ._transfers import apsidal_impulse as apsidal_impulse
-from ._transfers import bielliptic_transfer as bielliptic_transfer
-from ._transfers import coaxial_transfer as coaxial_transfer
-from ._transfers import hohmann_transfer as hohmann_transfer
 from ._two_body import TwoBody as TwoBody
-from ._two_masses import from_relative as from_relative
-from ._two_masses import reduced_mass as reduced_mass
-from ._two_masses import sphere_of_influence as sphere_of_influence
-from ._two_masses import to_relative as to_relative
-from ._uniform_gravity import UniformGravity as UniformGravity
-from ._uniform_gravity import touchdown as touchdown
 from ._velocity_to_be_gained import VelocityToBeGained as VelocityToBeGained
-from ._zonals import Zonals as Zonals
-from ._zonals import zonal_potential as zonal_potential
-from ._zonals import zonals as zonals
+from .central_force import CentralPotential as CentralPotential
+from .central_force import PowerLawForce as PowerLawForce
+from .central_force import SphereGravity as SphereGravity
+from .clohessy_wiltshire import ClohessyWiltshire as ClohessyWiltshire
+from .drag import Drag as Drag
+from .elements import ClassicalElements as ClassicalElements
+from .impulses import Impulse as Impulse
+from .interception import Interception as Interception
+from .low_thrust import LowThrust as LowThrust
+from .oblateness import Oblateness as Oblateness
+from .paths import CircularPath as CircularPath
+from .paths import KeplerPath as KeplerPath
+from .paths import TabulatedPath as TabulatedPath
+from .point_gravity import PointGravity as PointGravity
+from .solar_pressure import SolarPressure as SolarPressure
+from .station import Station as Station
+from .third_body import ThirdBody as ThirdBody
+from .uniform_gravity import UniformGravity as UniformGravity
+from .zonals import Zonals as Zonals
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import ballistic as ballistic
+    from . import bielliptic as bielliptic
+    from . import burnout as burnout
+    from . import central_force as central_force
+    from . import clohessy_wiltshire as clohessy_wiltshire
+    from . import conic as conic
+    from . import deviation_outputs as deviation_outputs
+    from . import drag as drag
+    from . import elements as elements
+    from . import ground_track as ground_track
+    from . import impulses as impulses
+    from . import initial as initial
+    from . import interception as interception
+    from . import kepler as kepler
+    from . import lambert as lambert
+    from . import low_thrust as low_thrust
+    from . import oblateness as oblateness
+    from . import orbit_force as orbit_force
+    from . import outputs as outputs
+    from . import paths as paths
+    from . import phasing as phasing
+    from . import planets as planets
+    from . import point_gravity as point_gravity
+    from . import projectile as projectile
+    from . import radial_motion as radial_motion
+    from . import rotating_earth as rotating_earth
+    from . import secular_rates as secular_rates
+    from . import shadow as shadow
+    from . import small_impulse as small_impulse
+    from . import solar_pressure as solar_pressure
+    from . import station as station
+    from . import steps as steps
+    from . import third_body as third_body
+    from . import time_of_flight as time_of_flight
+    from . import transfers as transfers
+    from . import two_masses as two_masses
+    from . import uniform_gravity as uniform_gravity
+    from . import zonals as zonals
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

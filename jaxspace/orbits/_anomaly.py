@@ -1,7 +1,7 @@
 """The universal anomaly a given duration after any start.
 
 It is counted from periapsis, so that no large terms cancel. The functions here have no derivatives
-of their own: `_kepler.py` has the rule for them.
+of their own: `kepler.py` has the rule for them.
 
     G_n(x) = x^n c_n(beta x^2)               c_n: Stumpff functions
     t = q x + e G3(x)                        time since periapsis
@@ -28,7 +28,9 @@ from typing import NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 
-from ..core import Flag, Scalar, barrier, stumpff, stumpff_near
+from ..core import Flag, Scalar
+from ..core.barrier import barrier
+from ..core.special import stumpff, stumpff_near
 
 _TURN = 2.0 * math.pi
 

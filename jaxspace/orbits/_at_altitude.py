@@ -4,7 +4,7 @@ from typing import ClassVar, final
 
 from ..bodies import AbstractCondition, BodyState
 from ..core import NumberField, Scalar, quantity
-from ._outputs import altitude
+from .outputs import altitude
 
 
 @final

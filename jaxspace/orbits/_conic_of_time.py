@@ -23,7 +23,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Flag, Scalar, barrier
+from ..core import Flag, Scalar
+from ..core.barrier import barrier
 from ._transfer_time import one_minus_plus, series_k, transfer_time
 
 Pair: TypeAlias = tuple[Scalar, Scalar]

@@ -24,24 +24,14 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import (
-    AbstractParameters,
-    InputError,
-    NumberField,
-    Scalar,
-    Vector,
-    atan2,
-    barrier,
-    check,
-    dot,
-    in_blocks,
-    is_concrete,
-    norm,
-    quantity,
-    sincos,
-)
-from ._kepler import conic_flow
+from ..core import AbstractParameters, InputError, NumberField, Scalar, Vector, check, quantity
+from ..core.barrier import barrier
+from ..core.blocks import in_blocks
+from ..core.checks import is_concrete
+from ..core.trigonometry import atan2, sincos
+from ..core.vectors import dot, norm
 from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
+from .kepler import conic_flow
 
 
 @final

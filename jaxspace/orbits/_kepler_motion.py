@@ -7,8 +7,9 @@ import jax
 import jax.numpy as jnp
 
 from ..bodies import BodyState
-from ..core import AbstractClosedForm, Flag, Scalar, Vector, cross, dot
-from ._kepler import conic_flow
+from ..core import AbstractClosedForm, Flag, Scalar, Vector
+from ..core.vectors import cross, dot
+from .kepler import conic_flow
 
 
 @final

@@ -6,7 +6,8 @@ Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar, Vector, dot
+from ..core import Scalar, Vector
+from ..core.vectors import dot
 
 
 def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:

@@ -28,15 +28,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..bodies import BodyState
-from ..core import (
-    AbstractRegularised,
-    AbstractSecondOrderForm,
-    AbstractSystem,
-    Scalar,
-    Vector,
-    barrier,
-    dot,
-)
+from ..core import AbstractRegularised, AbstractSecondOrderForm, AbstractSystem, Scalar, Vector
+from ..core.barrier import barrier
+from ..core.vectors import dot
 from ._ks_map import dot4, ks_map, ks_transposed
 
 # Radii within which 1/H follows from the time: more cost as many roundings.

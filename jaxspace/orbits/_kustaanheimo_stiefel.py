@@ -26,18 +26,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import (
-    AbstractRegularised,
-    AbstractSystem,
-    Scalar,
-    Vector,
-    depending_on,
-    dot,
-    once_per_structure,
-)
-from ._kepler import universal_anomaly
+from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector
+from ..core.structure import once_per_structure
+from ..core.tracing import depending_on
+from ..core.vectors import dot
 from ._ks_map import dot4, ks_map, ks_parameters, ks_transposed
 from ._ks_second_order import SecondOrderKS
+from .kepler import universal_anomaly
 
 
 @final

@@ -26,26 +26,14 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import (
-    AbstractParameters,
-    InputError,
-    NumberField,
-    Scalar,
-    Vector,
-    as_float,
-    atan2,
-    barrier,
-    check,
-    cross,
-    dot,
-    in_blocks,
-    is_concrete,
-    quantity,
-    scale,
-    sincos,
-    unit,
-)
-from ._elements import eccentricity_vector
+from ..core import AbstractParameters, InputError, NumberField, Scalar, Vector, check, quantity
+from ..core.barrier import barrier
+from ..core.blocks import in_blocks
+from ..core.checks import is_concrete
+from ..core.trigonometry import atan2, sincos
+from ..core.types import as_float
+from ..core.vectors import cross, dot, scale, unit
+from .elements import eccentricity_vector
 
 
 @final

@@ -20,7 +20,8 @@ from typing import ClassVar, final
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import Scalar, cross, dot, quantity
+from ..core import Scalar, quantity
+from ..core.vectors import cross, dot
 
 
 @final

@@ -20,7 +20,9 @@ it do not exist, and are zero here.
 
 import jax.numpy as jnp
 
-from ..core import Scalar, Vector, dot, safe_divide, safe_sqrt
+from ..core import Scalar, Vector
+from ..core.safe import safe_divide, safe_sqrt
+from ..core.vectors import dot
 
 
 def straight_motion(

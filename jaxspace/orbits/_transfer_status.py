@@ -5,7 +5,9 @@ import enum
 import jax.numpy as jnp
 from jaxtyping import Array, Int
 
-from ..core import Flag, Scalar, Vector, axis, cross, dot, with_rank
+from ..core import Flag, Scalar, Vector
+from ..core.shapes import with_rank
+from ..core.vectors import axis, cross, dot
 
 
 class TransferStatus(enum.IntEnum):

@@ -26,7 +26,8 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 
-from ..core import Scalar, barrier
+from ..core import Scalar
+from ..core.barrier import barrier
 
 # After five halvings of the angle S is so small that eight terms of the series reach rounding.
 _HALVINGS = 5

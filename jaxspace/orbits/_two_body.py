@@ -19,10 +19,10 @@ from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import AbstractSystem, NumberField, Scalar
-from ._elements import angular_momentum, eccentricity_vector, specific_energy
 from ._kepler_motion import KeplerMotion
 from ._planet import gravitational_parameter
-from ._point_gravity import point_gravity
+from .elements import angular_momentum, eccentricity_vector, specific_energy
+from .point_gravity import point_gravity
 
 
 @final

@@ -23,17 +23,10 @@ from typing import ClassVar, final
 import jax.numpy as jnp
 
 from ..bodies import AbstractCondition, BodyState
-from ..core import (
-    NumberField,
-    Scalar,
-    check,
-    dot,
-    is_concrete,
-    norm,
-    quantity,
-    safe_divide,
-    safe_sqrt,
-)
+from ..core import NumberField, Scalar, check, quantity
+from ..core.checks import is_concrete
+from ..core.safe import safe_divide, safe_sqrt
+from ..core.vectors import dot, norm
 
 
 @final

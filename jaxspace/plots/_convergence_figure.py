@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import extra
+from ..core.extras import extra
 from ._style import COLOURS, dress
 
 if TYPE_CHECKING:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ..core import extra
+from ..core.extras import extra
 from ._bins import bins
 from ._style import BAD, COLOURS, dress
 
@@ -13,7 +13,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..dispersion import Contributors, Dispersion, Row
+    from ..dispersion import Dispersion
+    from ..dispersion.contributors import Contributors
+    from ..dispersion.table import Row
 
 LEAST_SHARE = 5e-4
 """The least share of the variance that is shown, with one digit of a percent."""

@@ -13,12 +13,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ..core import extra
+from ..core.extras import extra
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Failure, Flights
+    from ..dispersion import Dispersion, Flights
+    from ..dispersion.statistics import Failure
 
 HERE = Path(__file__).parent
 EXAMPLES = 5

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..core import extra
+from ..core.extras import extra
 from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:

@@ -10,10 +10,11 @@ from numpy.typing import ArrayLike
 
 from ._bins import bins
 from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
-from ._footprint_figure import degrees_by_length, required_radius, wind_rose
+from .footprint import degrees_by_length, required_radius, wind_rose
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights, Row
+    from ..dispersion import Dispersion, Flights
+    from ..dispersion.table import Row
 
 MOST_POINTS = 2000
 """Runs of the scatter plots: more hide one another."""

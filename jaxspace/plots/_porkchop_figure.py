@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from jaxtyping import ArrayLike
 
-from ..core import extra
+from ..core.extras import extra
 from ._style import BAD, dress
 
 if TYPE_CHECKING:
@@ -30,8 +30,8 @@ def porkchop_figure(
     **Arguments**
 
     - `departures`, `arrivals`: times, s.
-    - `total`: velocities, m/s, (departures, arrivals), as of `orbits.porkchop`; NaN where there is
-      no transfer.
+    - `total`: velocities, m/s, (departures, arrivals), as of `orbits.interception.porkchop`; NaN
+      where there is no transfer.
     - `unit`, `unit_name`: of the times on the axes, s, and its name.
     - `title`: of the figure.
 

@@ -22,7 +22,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import quantities
+from ..core.quantities import quantities
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:

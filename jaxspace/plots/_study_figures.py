@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 import numpy as np
 
-from ..core import extra
+from ..core.extras import extra
 from ._style import COLOURS, MUTED, dress
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # do not import it; tests check their types where they run.
 @runtime_checkable
 class CostRow(Protocol):
-    """What the figure reads of a `jaxspace.studies.Cost`."""
+    """What the figure reads of a `jaxspace.studies.cost_table.Cost`."""
 
     @property
     def method(self) -> str: ...
@@ -52,7 +52,7 @@ class CostTable(Protocol):
 
 @runtime_checkable
 class InfluenceRow(Protocol):
-    """What the figure reads of a `jaxspace.studies.Influence`."""
+    """What the figure reads of a `jaxspace.studies.budget_table.Influence`."""
 
     @property
     def effect(self) -> str: ...

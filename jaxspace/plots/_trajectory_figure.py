@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 import jax
 import numpy as np
 
-from ..core import InputError, extra
+from ..core import InputError
+from ..core.extras import extra
 from ..rotations import Quaternion, to_euler_angles
 from ._resolution import Drawn, resolved, state_leaves
 from ._style import BAD, COLOURS, MUTED, dress

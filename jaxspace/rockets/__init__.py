@@ -1,49 +1,38 @@
 """Bodies whose mass changes: thrust and how it is steered, jet damping, the rocket equation, the
 gravity turn."""
 
-from ._angle_of_attack import angle_of_attack as angle_of_attack
-from ._angle_of_attack import complex_angle_of_attack as complex_angle_of_attack
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._attitude_control import AttitudeControl as AttitudeControl
 from ._back_pressure import BackPressure as BackPressure
 from ._cold_gas import ColdGasThrusters as ColdGasThrusters
 from ._gimballed_thrust import Gimbal as Gimbal
 from ._gimballed_thrust import GimballedThrust as GimballedThrust
-from ._gravity_turn import GravityTurn as GravityTurn
-from ._gravity_turn import GravityTurnState as GravityTurnState
-from ._gravity_turn import gravity_turn as gravity_turn
-from ._gravity_turn import gravity_turn_after as gravity_turn_after
-from ._jet_damping import JetDamping as JetDamping
-from ._jet_damping import jet_damping_ratio as jet_damping_ratio
-from ._jet_damping import spin_angle as spin_angle
-from ._jet_damping import spin_ratio as spin_ratio
 from ._motor import Motor as Motor
 from ._motor import read_motor as read_motor
 from ._pitch_kick import PitchKick as PitchKick
 from ._propellant_depletion import PropellantDepletion as PropellantDepletion
-from ._rocket_equation import coast_height as coast_height
-from ._rocket_equation import mass_ratio_for as mass_ratio_for
-from ._rocket_equation import propulsive_efficiency as propulsive_efficiency
-from ._rocket_equation import rocket_equation as rocket_equation
-from ._rocket_equation import vertical_burnout_height as vertical_burnout_height
-from ._rocket_equation import vertical_burnout_velocity as vertical_burnout_velocity
-from ._servo import servo_rate as servo_rate
 from ._spinning_rocket import SpinningRocket as SpinningRocket
-from ._sprinkler import sprinkler_moment as sprinkler_moment
-from ._sprinkler import sprinkler_speed as sprinkler_speed
 from ._steered_thrust import Separation as Separation
 from ._steered_thrust import SteeredThrust as SteeredThrust
-from ._steering import AbstractSteering as AbstractSteering
-from ._steering import AlongVelocity as AlongVelocity
-from ._steering import FixedDirection as FixedDirection
-from ._steering import FlightPlane as FlightPlane
-from ._steering import PitchPolynomial as PitchPolynomial
-from ._steering import PitchTable as PitchTable
-from ._steering import TangentSteering as TangentSteering
-from ._steering import UserSteering as UserSteering
 from ._throttled_engine import ThrottledEngine as ThrottledEngine
 from ._thrust import Thrust as Thrust
 from ._thrust_profile import ThrustProfile as ThrustProfile
-from ._variable_mass import MassStream as MassStream
-from ._variable_mass import jet_engine_thrust as jet_engine_thrust
-from ._variable_mass import swept_motion as swept_motion
-from ._variable_mass import variable_mass_acceleration as variable_mass_acceleration
+from .gravity_turn import GravityTurn as GravityTurn
+from .gravity_turn import GravityTurnState as GravityTurnState
+from .jet_damping import JetDamping as JetDamping
+from .variable_mass import MassStream as MassStream
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import angle_of_attack as angle_of_attack
+    from . import gravity_turn as gravity_turn
+    from . import jet_damping as jet_damping
+    from . import rocket_equation as rocket_equation
+    from . import servo as servo
+    from . import sprinkler as sprinkler
+    from . import steering as steering
+    from . import variable_mass as variable_mass
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

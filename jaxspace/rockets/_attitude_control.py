@@ -21,8 +21,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, axis, cross, quantity
-from ._steering import AbstractSteering
+from ..core import NumberField, Scalar, quantity
+from ..core.vectors import axis, cross
+from .steering import AbstractSteering
 
 
 @final

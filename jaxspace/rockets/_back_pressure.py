@@ -23,11 +23,11 @@ from ..core import (
     OptionalNumberField,
     Scalar,
     argument,
-    as_float,
     constructor,
-    norm,
     quantity,
 )
+from ..core.types import as_float
+from ..core.vectors import norm
 
 
 @final

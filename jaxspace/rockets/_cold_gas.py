@@ -19,7 +19,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, quantity, with_rank
+from ..core import NumberField, Scalar, quantity
+from ..core.shapes import with_rank
 
 
 @final

@@ -34,16 +34,16 @@ from ..core import (
     Vector,
     argument,
     constructor,
-    cross,
     known_time,
     quantity,
-    with_rank,
 )
+from ..core.shapes import with_rank
+from ..core.vectors import cross
 from ._back_pressure import BackPressure
 from ._motor_file import read_motor_file
-from ._steering import AbstractSteering, joined_breaks
 from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
+from .steering import AbstractSteering, joined_breaks
 
 
 @final

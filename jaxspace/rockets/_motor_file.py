@@ -24,7 +24,10 @@ from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
-from ..core import InputError, Scalar, as_float, check, check_positive, read_text
+from ..core import InputError, Scalar, check
+from ..core.checks import check_positive
+from ..core.files import read_text
+from ..core.types import as_float
 from ._thrust_profile import ThrustProfile
 
 Point: TypeAlias = tuple[float, float]

@@ -20,8 +20,10 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..bodies import AbstractJump, BodyState
-from ..core import NumberField, Scalar, axis, cross, dot, quantity, unit, with_rank
-from ._steering import FlightPlane
+from ..core import NumberField, Scalar, quantity
+from ..core.shapes import with_rank
+from ..core.vectors import axis, cross, dot, unit
+from .steering import FlightPlane
 
 
 @final

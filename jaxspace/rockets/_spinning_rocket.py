@@ -29,17 +29,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractParameters,
-    NumberField,
-    Scalar,
-    argument,
-    as_float,
-    constructor,
-    quantity,
-)
-from ._angle_of_attack import check_axes
-from ._jet_damping import _power, spin_angle
+from ..core import AbstractParameters, NumberField, Scalar, argument, constructor, quantity
+from ..core.types import as_float
+from .angle_of_attack import check_axes
+from .jet_damping import _power, spin_angle
 
 # Nodes of one panel, and the panels of the quadrature of the angle of attack.
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(16)

@@ -23,16 +23,16 @@ from ..core import (
     OptionalNumberField,
     Scalar,
     argument,
-    as_float,
     constructor,
     known_time,
     quantity,
 )
+from ..core.types import as_float
 from ._back_pressure import BackPressure
 from ._motor_file import read_motor_file
-from ._steering import AbstractSteering, joined_breaks
 from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
+from .steering import AbstractSteering, joined_breaks
 
 
 @final

@@ -24,9 +24,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, State, cross, quantity, with_rank
+from ..core import NumberField, Scalar, State, quantity
+from ..core.shapes import with_rank
+from ..core.vectors import cross
 from ._back_pressure import BackPressure
-from ._servo import servo_rate
+from .servo import servo_rate
 
 
 @final

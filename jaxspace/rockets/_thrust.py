@@ -32,13 +32,13 @@ from ..core import (
     Scalar,
     Vector,
     argument,
-    as_float,
     constructor,
-    cross,
     known_time,
     quantity,
-    with_rank,
 )
+from ..core.shapes import with_rank
+from ..core.types import as_float
+from ..core.vectors import cross
 from ._back_pressure import BackPressure
 from ._motor_file import read_motor_file
 from ._thrust_profile import ThrustProfile

@@ -17,18 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractParameters,
-    InputError,
-    Scalar,
-    argument,
-    as_float,
-    check,
-    constructor,
-    is_concrete,
-    polygon,
-    quantity,
-)
+from ..core import AbstractParameters, InputError, Scalar, argument, check, constructor, quantity
+from ..core.checks import is_concrete
+from ..core.tables import polygon
+from ..core.types import as_float
 
 
 @final

@@ -30,25 +30,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractGroupElement,
-    Matrix,
-    Scalar,
-    Vector,
-    as_float,
-    axis,
-    check,
-    check_components,
-    components,
-    cross,
-    dot,
-    is_concrete,
-    norm,
-    safe_atan2,
-    sinc_squared,
-    unit,
-    with_rank,
-)
+from ..core import AbstractGroupElement, Matrix, Scalar, Vector, check
+from ..core.checks import is_concrete
+from ..core.safe import safe_atan2, sinc_squared
+from ..core.shapes import check_components, with_rank
+from ..core.types import as_float
+from ..core.vectors import axis, components, cross, dot, norm, unit
 
 
 @final

@@ -15,14 +15,9 @@ from typing import final
 
 import jax.numpy as jnp
 
-from ..bodies import (
-    PARTS,
-    AbstractBody,
-    AbstractEffect,
-    BodyState,
-    FreeRotation,
-    linear_acceleration,
-)
+from ..bodies import AbstractBody, AbstractEffect, BodyState, FreeRotation
+from ..bodies.newton_euler import linear_acceleration
+from ..bodies.state import PARTS
 from ..core import (
     AbstractClosedForm,
     AbstractDecoupled,
@@ -30,10 +25,10 @@ from ..core import (
     AbstractSplit,
     Flag,
     Scalar,
-    norm,
 )
+from ..core.vectors import norm
 from ._interface import AbstractScene
-from ._reading import ROTATION, TRANSLATION
+from .reading import ROTATION, TRANSLATION
 
 
 @final

@@ -16,8 +16,10 @@ from collections.abc import Sequence
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import AbstractBody, AbstractEffect, BodyState, kinetic_energy
-from ..core import Scalar, cross, dot, matvec
+from ..bodies import AbstractBody, AbstractEffect, BodyState
+from ..bodies.inertia import kinetic_energy
+from ..core import Scalar
+from ..core.vectors import cross, dot, matvec
 from ._interface import AbstractScene
 
 ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})

@@ -11,7 +11,9 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, Scalar, check_components, dot, norm, quantity
+from ..core import InputError, Scalar, quantity
+from ..core.shapes import check_components
+from ..core.vectors import dot, norm
 
 # What an effect may keep.
 KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_momentum")

@@ -7,7 +7,8 @@ import jax
 import jax.numpy as jnp
 from jax.stages import Compiled
 
-from ..bodies import BodyState, sample_state
+from ..bodies import BodyState
+from ..bodies.state import sample_state
 from ..core import AbstractSystem, Scalar, State
 from ._interface import AbstractScene
 

@@ -7,7 +7,7 @@ from equinox import AbstractVar
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import AbstractSystem, Scalar
-from ._reading import Reading
+from .reading import Reading
 
 
 class AbstractScene(AbstractSystem):

@@ -21,17 +21,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bodies import (
-    PARTS,
-    AbstractBody,
-    AbstractEffect,
-    BodyState,
-    Load,
-    RigidBody,
-    angular_acceleration,
-    linear_acceleration,
-    with_parts,
-)
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
+from ..bodies.effects import with_parts
+from ..bodies.newton_euler import angular_acceleration, linear_acceleration
+from ..bodies.state import PARTS
 from ..core import (
     AbstractClosedForm,
     AbstractDecoupled,
@@ -46,9 +39,9 @@ from ._capabilities import body_motion, scene_decoupled, scene_regularised, scen
 from ._conserved import conserved
 from ._custom import Custom
 from ._explain import explain
-from ._ground import ground_warning
 from ._interface import AbstractScene
-from ._reading import ROTATION, TRANSLATION, Reading, read_effects
+from .ground_check import ground_warning
+from .reading import ROTATION, TRANSLATION, Reading, read_effects
 
 
 def _as_effects(x: Any) -> tuple[AbstractEffect, ...]:

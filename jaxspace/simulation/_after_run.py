@@ -2,7 +2,7 @@
 
 import warnings
 
-from ..core import is_traced
+from ..core.tracing import is_traced
 from ._mission_trajectory import MissionTrajectory
 from .trajectory import Trajectory
 

@@ -9,7 +9,9 @@ import jax
 import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
-from ..core import AbstractSystem, State, is_concrete, is_traced
+from ..core import AbstractSystem, State
+from ..core.checks import is_concrete
+from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event

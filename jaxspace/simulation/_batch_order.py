@@ -6,10 +6,11 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, PyTree
 
-from ..core import AbstractSystem, State, safe_divide
+from ..core import AbstractSystem, State
+from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.layout import broadcast_state
-from ..solvers import Tolerance
+from ..solvers.tolerances import Tolerance
 from .batch_layout import cut_batch
 from .blocks import Blocks
 

@@ -22,7 +22,8 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
-from ..core import InputError, Scalar, State, as_float
+from ..core import InputError, Scalar, State
+from ..core.types import as_float
 from ..integration.events import Event, newton_correct
 from ..solvers import tableaus as tableau
 from ..solvers.runge_kutta import combine, stages

@@ -7,7 +7,9 @@ import jax
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import State, extra, quantities
+from ..core import State
+from ..core.extras import extra
+from ..core.quantities import quantities
 
 if TYPE_CHECKING:
     import xarray

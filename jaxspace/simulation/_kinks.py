@@ -14,7 +14,8 @@ import jax
 from jax.extend.core import Jaxpr, Literal, Var
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, breaks_of
+from ..core import AbstractSystem
+from ..core.tables import breaks_of
 
 
 class Follows(NamedTuple):

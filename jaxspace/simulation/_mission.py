@@ -15,15 +15,9 @@ import equinox as eqx
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import (
-    AbstractSystem,
-    InputError,
-    Scalar,
-    State,
-    as_float,
-    check_finite,
-    is_concrete,
-)
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.checks import check_finite, is_concrete
+from ..core.types import as_float
 from ..integration.events import Event
 from .flight import AbstractFlight, moving
 

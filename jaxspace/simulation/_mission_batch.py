@@ -4,7 +4,9 @@ import functools
 
 from jaxtyping import ArrayLike, Float, Real
 
-from ..core import InputError, State, is_concrete, is_traced
+from ..core import InputError, State
+from ..core.checks import is_concrete
+from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
 from ._after_run import warn_after
 from ._batch_repeat import repeat_missions

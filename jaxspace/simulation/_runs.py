@@ -11,7 +11,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, State, safe_divide
+from ..core import AbstractSystem, State
+from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings, crossings_between
 from ..integration.event_search import first_event, happened_together

@@ -5,7 +5,8 @@ import functools
 import equinox as eqx
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
-from ..core import InputError, is_concrete
+from ..core import InputError
+from ..core.checks import is_concrete
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,

@@ -10,7 +10,9 @@ import numpy as np
 from jax.core import Tracer
 from jaxtyping import Array, ArrayLike, Int, PyTree
 
-from ..core import State, aligned, html_table, is_concrete
+from ..core import State
+from ..core.checks import is_concrete
+from ..core.text import aligned, html_table
 from ..integration.config import IntegrationConfig
 from ..integration.layout import state_at
 from ..integration.status import Status

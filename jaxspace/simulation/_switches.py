@@ -10,7 +10,8 @@ import equinox as eqx
 import jax
 from jaxtyping import PyTree
 
-from ..core import AbstractSystem, Scalar, State, without_numbers
+from ..core import AbstractSystem, Scalar, State
+from ..core.structure import without_numbers
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
 

@@ -9,7 +9,9 @@ import jax.numpy as jnp
 from jax.export import is_symbolic_dim
 from jaxtyping import Array, ArrayLike, PyTree
 
-from ..core import InputError, State, add_batch_axis, is_traced, run_axes_of
+from ..core import InputError, State
+from ..core.layout import add_batch_axis, run_axes_of
+from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
 from ..integration.mapping import BLOCK
 from .blocks import Blocks, NumRuns

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 from jax.sharding import AxisType, Mesh, PartitionSpec
 from jaxtyping import Array, PyTree
 
-from ..core import is_traced
+from ..core.tracing import is_traced
 from ..integration.mapping import BLOCK
 
 # Where the processor has no vectors as wide, the compiler takes what there is.

@@ -10,17 +10,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import (
-    AbstractSystem,
-    InputError,
-    Scalar,
-    State,
-    check_finite,
-    is_concrete,
-    is_traced,
-    once_per_structure,
-    run_axes_of,
-)
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.checks import check_finite, is_concrete
+from ..core.layout import run_axes_of
+from ..core.structure import once_per_structure
+from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
 from ..integration.events import Event
 from ..integration.layout import broadcast_state

@@ -7,7 +7,9 @@ from typing import TypeVar
 
 import numpy as np
 
-from ..core import AbstractSystem, InputError, is_concrete, is_traced
+from ..core import AbstractSystem, InputError
+from ..core.checks import is_concrete
+from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.result import DenseOutput

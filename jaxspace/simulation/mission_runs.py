@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, State, safe_divide
+from ..core import AbstractSystem, Scalar, State
+from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents, first_event
 from ..integration.events import Event, closures_of_events, newton_correct

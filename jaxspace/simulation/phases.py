@@ -4,7 +4,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
-from ..core import InputError, Scalar, shape_of
+from ..core import InputError, Scalar
+from ..core.structure import shape_of
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event

@@ -8,7 +8,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
-from ..core import AbstractSystem, InputError, Scalar, State, run_axes_of
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.layout import run_axes_of
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings

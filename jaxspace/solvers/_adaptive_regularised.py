@@ -24,9 +24,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import State
-from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._vector_field import ScaledField, StepField
+from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .regularised_step import Regular, attempt, landed, regularised_start
+from .vector_field import ScaledField, StepField
 
 # Steps to land within a step of a given end: each leaves what the perturbation changes within it.
 LANDINGS = 4

@@ -39,11 +39,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import State, barrier
+from ..core import State
+from ..core.barrier import barrier
 from ._phi import Square, phi_functions
-from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._tolerance import Tolerance
-from ._vector_field import StepField, just_before
+from .protocol import AbstractFieldSolver, Advance, SolverTraits
+from .tolerances import Tolerance
+from .vector_field import StepField, just_before
 
 Flat = Float[Array, "*runs n"]
 

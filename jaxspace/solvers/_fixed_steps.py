@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
-from ._protocol import (
+from .protocol import (
     AbstractFixedStep,
     SolverTraits,
     Step,
@@ -23,7 +23,7 @@ from ._protocol import (
     small_program,
     solver_traits,
 )
-from ._tolerance import Tolerance
+from .tolerances import Tolerance
 
 # Beyond this a loop: written out, the steps would take longer to compile than they save.
 UNROLLED = 2

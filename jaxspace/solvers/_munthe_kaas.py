@@ -19,19 +19,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractGroupElement, State, barrier, on_group
-from ._protocol import (
-    AbstractFieldSolver,
-    Advance,
-    SolverTraits,
-    bind,
-    small_program,
-    solver_traits,
-)
-from ._tolerance import Tolerance
-from ._vector_field import StepField
+from ..core import AbstractGroupElement, State
+from ..core.barrier import barrier
+from ..core.groups import on_group
 from .dense_output import AbstractDenseOutput
+from .protocol import AbstractFieldSolver, Advance, SolverTraits, bind, small_program, solver_traits
 from .runge_kutta import DOP853
+from .tolerances import Tolerance
+from .vector_field import StepField
 
 Block = AbstractGroupElement | Array
 

@@ -16,7 +16,8 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar, barrier
+from ..core import Scalar
+from ..core.barrier import barrier
 from . import tableaus as tableau
 from .runge_kutta import Weights, dense_rows, stage_loop, weighted
 from .second_order import SecondOrder, Vectors

@@ -31,17 +31,11 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
 from . import tableaus as tableau
-from ._protocol import (
-    AbstractFieldSolver,
-    AbstractFixedStep,
-    Advance,
-    SolverTraits,
-    check_steps,
-)
-from ._vector_field import ScaledField, StepField
+from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits, check_steps
 from .regularised_step import Regular, derivative_in
 from .runge_kutta import combine
 from .second_order import estimate_by_coarsening
+from .vector_field import ScaledField, StepField
 
 STAGES = len(tableau.DOP853_A)
 # Blocks of steps that land. Each leaves of the time what the perturbation changes within its few

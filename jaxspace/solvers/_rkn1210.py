@@ -30,12 +30,12 @@ from jaxtyping import Array, Bool, Float
 from ..core import State
 from . import tableaus as tableau
 from ._nystrom import RKN12, NystromStep, nystrom_step
-from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._tolerance import Tolerance
-from ._vector_field import StepField
 from .dense_output import AbstractDenseOutput
+from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .runge_kutta import Weights, weighted, weighted_rows
 from .second_order import SecondOrder, Vectors, known_parts, moved, second_order
+from .tolerances import Tolerance
+from .vector_field import StepField
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 COEFFICIENTS = 3 * len(NODES) - 2

@@ -24,17 +24,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import InputError, State, barrier, safe_divide
-from ._protocol import (
-    AbstractFieldSolver,
-    AbstractFixedStep,
-    Advance,
-    SolverTraits,
-    check_steps,
-)
+from ..core import InputError, State
+from ..core.barrier import barrier
+from ..core.safe import safe_divide
 from ._split_schemes import SCHEMES, Scheme
-from ._vector_field import ScaledField, StepField, just_before
+from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits, check_steps
 from .second_order import estimate_by_coarsening
+from .vector_field import ScaledField, StepField, just_before
 
 # Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
 # difference that is seen.

@@ -34,18 +34,12 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, State
 from ._polynomials import integrals_of
-from ._protocol import (
-    AbstractFieldSolver,
-    AbstractFixedStep,
-    Advance,
-    SolverTraits,
-    check_steps,
-)
 from ._stormer_steps import StepRecord, StormerSteps
-from ._tolerance import Tolerance
-from ._vector_field import StepField
 from .dense_output import AbstractDenseOutput
+from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits, check_steps
 from .second_order import Vectors, moved, second_order
+from .tolerances import Tolerance
+from .vector_field import StepField
 
 
 class _InterpolatedAccelerations(AbstractDenseOutput):

@@ -12,7 +12,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core import State, barrier
+from ..core import State
+from ..core.barrier import barrier
 from ._nystrom import DOP853_NYSTROM, nystrom_step
 from ._polynomials import stormer_weights
 from .second_order import SecondOrder, Vectors

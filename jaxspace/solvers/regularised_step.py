@@ -18,11 +18,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
-from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State, barrier
+from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State
+from ..core.barrier import barrier
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from ._vector_field import ScaledField
 from .runge_kutta import blend, combine, weighted
+from .vector_field import ScaledField
 
 Regular = Float[Array, "variables *runs"]
 

@@ -22,12 +22,13 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar, State, barrier
+from ..core import Scalar, State
+from ..core.barrier import barrier
 from . import tableaus as tableau
-from ._protocol import AbstractFieldSolver, Advance, SolverTraits
-from ._tolerance import Tolerance
-from ._vector_field import StepField
 from .dense_output import AbstractDenseOutput
+from .protocol import AbstractFieldSolver, Advance, SolverTraits
+from .tolerances import Tolerance
+from .vector_field import StepField
 
 Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""

@@ -18,8 +18,9 @@ from diffrax import AbstractTerm
 from jax.interpreters import partial_eval
 from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import InputError, Scalar, State, barrier
-from ._vector_field import just_before
+from ..core import InputError, Scalar, State
+from ..core.barrier import barrier
+from .vector_field import just_before
 
 Vectors = Float[Array, "..."]
 

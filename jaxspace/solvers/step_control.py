@@ -1,6 +1,6 @@
 """Step control for one run or many that share their steps.
 
-The error of a step is measured for each run in units of the tolerance (`_tolerance.py`). A shared
+The error of a step is measured for each run in units of the tolerance (`tolerances.py`). A shared
 step is right if it is right for the worst run. A run that is no longer finite does not count: its
 status reports it, and other runs do not suffer.
 
@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
-from ._tolerance import Tolerance
+from .tolerances import Tolerance
 
 SAFETY = 0.8
 SHRINK = 0.2

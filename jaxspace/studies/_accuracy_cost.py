@@ -13,16 +13,16 @@ from collections.abc import Callable, Sequence
 import jax
 from jaxtyping import ArrayLike, Float
 
-from ..core import InputError, Scalar, State, check_positive
-from ..integration import least_tolerance
-from ..integration.accuracy import state_dtype
+from ..core import InputError, Scalar, State
+from ..core.checks import check_positive
+from ..integration.accuracy import least_tolerance, state_dtype
 from ._cost_case import Case
 from ._cost_methods import TOLERANCES, default_methods, methods_by_name, tolerances_of
 from ._cost_reference import reference_of
 from ._cost_rows import cost_rows
-from ._cost_table import MAX_STEPS, AccuracyCost, Cost, Method
 from ._runs import check_start
 from ._scene_effects import Runnable
+from .cost_table import MAX_STEPS, AccuracyCost, Cost, Method
 
 PRECISIONS = ("float64", "float32")
 REPEATS = 5

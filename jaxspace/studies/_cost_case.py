@@ -8,10 +8,10 @@ import jax
 from jaxtyping import Array, PyTree
 
 from ..core import Scalar, State
-from ..integration import Accuracy
-from ._cost_table import MAX_STEPS, Method
+from ..integration.accuracy import Accuracy
 from ._runs import Program, RunOutcome, in_precision, run_once
 from ._scene_effects import Runnable
+from .cost_table import MAX_STEPS, Method
 
 
 class Case(NamedTuple):

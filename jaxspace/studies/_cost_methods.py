@@ -6,16 +6,16 @@ import diffrax
 from jaxtyping import Array
 
 from ..core import InputError, State
-from ..integration import eligible_methods, least_tolerance, select_method
-from ..integration.accuracy import state_dtype
+from ..integration import eligible_methods, select_method
+from ..integration.accuracy import least_tolerance, state_dtype
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..simulation import Mission
 from ..simulation.phases import resolve_phases
-from ..solvers import solver_traits
+from ..solvers.protocol import solver_traits
 from ._cost_case import accuracy_of
-from ._cost_table import CLOSED_FORM, Method, method_name
 from ._runs import systems_of
 from ._scene_effects import Runnable, numbered
+from .cost_table import CLOSED_FORM, Method, method_name
 
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 

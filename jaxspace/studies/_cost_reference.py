@@ -11,14 +11,15 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import Scalar, State
-from ..integration import Status, least_tolerance
+from ..integration.accuracy import least_tolerance
 from ..integration.methods import HIGH_ORDER, STIFF
+from ..integration.status import Status
 from ..simulation import Mission
-from ..solvers import solver_traits
+from ..solvers.protocol import solver_traits
 from ._cost_case import Case, Programs
-from ._cost_table import CLOSED_FORM, Method, method_name
 from ._runs import Program, RunOutcome, aot_compile, blocks, distance
 from ._scene_effects import Runnable
+from .cost_table import CLOSED_FORM, Method, method_name
 
 # Of the duration: where a closed form is cut in two. In no simple ratio to the rest, so that no
 # whole number of revolutions hides an error.

@@ -9,13 +9,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import State
-from ..integration import Status
+from ..integration.status import Status
 from ..simulation.trajectory import relative_change
 from ._cost_case import Case, Programs
 from ._cost_reference import Reference
-from ._cost_table import FIXED_STEP_RTOL, Cost, Method
 from ._runs import aot_compile, blocks, distance, systems_of, timed
 from ._scene_effects import Runnable
+from .cost_table import FIXED_STEP_RTOL, Cost, Method
 
 
 def cost_rows(

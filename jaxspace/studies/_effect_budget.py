@@ -15,16 +15,19 @@ from collections.abc import Callable
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core import InputError, Output, Scalar, State, check_positive, quantities
-from ..integration import Accuracy, SimulationError, Status, least_tolerance
-from ..integration.accuracy import DEFAULT_RTOL, as_accuracy, state_dtype
-from ..solvers import refine, solver_traits
-from ._budget_table import EffectBudget
+from ..core import InputError, Scalar, State
+from ..core.checks import check_positive
+from ..core.declarations import Output
+from ..core.quantities import quantities
+from ..integration.accuracy import DEFAULT_RTOL, Accuracy, as_accuracy, least_tolerance, state_dtype
+from ..integration.status import SimulationError, Status
+from ..solvers.protocol import refine, solver_traits
 from ._effect_choice import negligible, timed_run, verified
 from ._effect_rows import influence_of, shares_of
 from ._runs import OutputOfRun, check_start
 from ._scaled_runs import scaled_runs
 from ._scene_effects import Runnable, phases_by_effect
+from .budget_table import EffectBudget
 
 REPEATS = 5
 

@@ -9,11 +9,12 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import State
-from ..integration import Accuracy, Status
-from ._budget_table import EffectBudget
+from ..integration.accuracy import Accuracy
+from ..integration.status import Status
 from ._runs import OutputOfRun, aot_compile, run_once, timed
 from ._scaled_runs import ScaledRuns
 from ._scene_effects import Runnable, remove_effects
+from .budget_table import EffectBudget
 
 
 def negligible(table: EffectBudget, runs: ScaledRuns) -> tuple[str, ...]:

@@ -4,10 +4,10 @@ import jax
 import numpy as np
 
 from ..scene import budget
-from ._budget_table import Influence
 from ._runs import in_precision
 from ._scaled_runs import ScaledOutcome, ScaledRuns
 from ._scene_effects import Runnable, effect_names, scenes
+from .budget_table import Influence
 
 # Of the influence: where the prediction is off by more, the run without the effect counts.
 NONLINEAR = 0.1

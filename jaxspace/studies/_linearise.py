@@ -13,16 +13,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import (
-    AbstractSystem,
-    InputError,
-    Scalar,
-    State,
-    add_batch_axis,
-    component_axes_of,
-    on_group,
-    run_axes_of,
-)
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.groups import on_group
+from ..core.layout import add_batch_axis, component_axes_of, run_axes_of
 
 Input = str | Callable[[Any, Array], AbstractSystem]
 Output = str | Callable[[Any], Array]

@@ -11,7 +11,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
-from ..core import AbstractSystem, Scalar, State, check_finite
+from ..core import AbstractSystem, Scalar, State
+from ..core.checks import check_finite
 from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import State
-from ..integration import Accuracy, Status
-from ..integration.accuracy import state_dtype
+from ..integration.accuracy import Accuracy, state_dtype
+from ..integration.status import Status
 from ._runs import OutputOfRun, RunOutcome, run_once
 from ._scene_effects import Runnable, scale_effects
 

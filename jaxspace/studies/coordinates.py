@@ -13,7 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractGroupElement, InputError, on_group
+from ..core import AbstractGroupElement, InputError
+from ..core.groups import on_group
 
 
 class Coordinates(NamedTuple):

@@ -16,6 +16,8 @@ Source: Maybeck, Stochastic Models, Estimation, and Control, 4.9; for attitude M
 Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2.
 """
 
+__all__ = ["MeanCovariance", "Uncertain"]
+
 from collections.abc import Callable
 from typing import Any, final
 

@@ -1,40 +1,40 @@
 """Rockets in air: one vehicle, flown as a point or as a body, from its rail or its pad."""
 
-from ._aerodynamic_table import AerodynamicTable as AerodynamicTable
-from ._aerodynamic_table import read_aerodynamics as read_aerodynamics
+from typing import TYPE_CHECKING
+
+from ..core.modules import modules_of as _modules_of
 from ._aerodynamics import Aerodynamics as Aerodynamics
 from ._air_brake import AirBrake as AirBrake
-from ._air_drag import AirDrag as AirDrag
-from ._air_drag import Parachute as Parachute
-from ._air_drag import descent_rate as descent_rate
-from ._air_drag import drag_force as drag_force
-from ._airframe import FinSet as FinSet
-from ._airframe import NoseCone as NoseCone
-from ._airframe import RadiusChange as RadiusChange
-from ._airframe import prandtl_factor as prandtl_factor
-from ._along_air import AlongAir as AlongAir
-from ._coefficient import MachTable as MachTable
 from ._dryden_gusts import DrydenGusts as DrydenGusts
 from ._flexible_stage import FlexibleStage as FlexibleStage
-from ._ground_gravity import GroundGravity as GroundGravity
-from ._ground_gravity import normal_gravity as normal_gravity
-from ._landing import landing as landing
-from ._landing import landing_latitude as landing_latitude
-from ._landing import landing_longitude as landing_longitude
-from ._local_air import AbstractWind as AbstractWind
-from ._local_air import LocalAir as LocalAir
-from ._local_air import Wind as Wind
 from ._measured_air import MeasuredAtmosphere as MeasuredAtmosphere
 from ._measured_air import MeasuredWind as MeasuredWind
 from ._movable_fins import MovableFins as MovableFins
 from ._rail import Rail as Rail
-from ._sounding import Sounding as Sounding
-from ._sounding import read_sounding as read_sounding
-from ._sounding_flight import LaunchSite as LaunchSite
-from ._sounding_flight import Recovery as Recovery
-from ._sounding_flight import apogee as apogee
-from ._sounding_flight import flight_phases as flight_phases
-from ._sounding_flight import sounding_flight as sounding_flight
 from ._tabulated_aerodynamics import TabulatedAerodynamics as TabulatedAerodynamics
 from ._uncertain_wind import UncertainWind as UncertainWind
 from ._vehicle import Vehicle as Vehicle
+from .air_drag import AirDrag as AirDrag
+from .air_drag import Parachute as Parachute
+from .airframe import FinSet as FinSet
+from .airframe import NoseCone as NoseCone
+from .airframe import RadiusChange as RadiusChange
+from .flights import LaunchSite as LaunchSite
+from .flights import Recovery as Recovery
+from .flights import sounding_flight as sounding_flight
+from .local_air import Wind as Wind
+
+if TYPE_CHECKING:
+    # For type checkers, which do not see how a module is imported when it is first used.
+    from . import aerodynamic_table as aerodynamic_table
+    from . import air_drag as air_drag
+    from . import airframe as airframe
+    from . import along_air as along_air
+    from . import coefficient as coefficient
+    from . import flights as flights
+    from . import ground_gravity as ground_gravity
+    from . import landings as landings
+    from . import local_air as local_air
+    from . import sounding as sounding
+else:
+    __getattr__, __dir__ = _modules_of(__name__)

@@ -25,7 +25,8 @@ import re
 
 import numpy as np
 
-from ..core import InputError, read_text
+from ..core import InputError
+from ..core.files import read_text
 from ._separated import separated
 
 DEGREE = np.pi / 180.0

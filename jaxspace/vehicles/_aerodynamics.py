@@ -28,16 +28,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, OptionalNumberField, Scalar, norm, output, quantity
-from ._airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
-from ._coefficient import (
-    BURNOUT,
-    MachTable,
-    as_coefficient,
-    as_optional_coefficient,
-    coefficient_at,
-)
-from ._local_air import LocalAir, air_about
+from ..core import NumberField, OptionalNumberField, Scalar, output, quantity
+from ..core.vectors import norm
+from .airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
+from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
+from .local_air import LocalAir, air_about
 
 
 def moments_of_slope(

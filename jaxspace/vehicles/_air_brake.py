@@ -18,11 +18,12 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, State, norm, quantity
-from ..rockets import servo_rate
-from ._air_drag import drag_force
-from ._coefficient import MachTable, as_coefficient
-from ._local_air import LocalAir, air_about
+from ..core import NumberField, Scalar, State, quantity
+from ..core.vectors import norm
+from ..rockets.servo import servo_rate
+from .air_drag import drag_force
+from .coefficient import MachTable, as_coefficient
+from .local_air import LocalAir, air_about
 
 
 @final

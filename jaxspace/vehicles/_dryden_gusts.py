@@ -48,12 +48,12 @@ from ..core import (
     NumberField,
     Scalar,
     argument,
-    as_float,
     check,
     constructor,
     quantity,
-    with_rank,
 )
+from ..core.shapes import with_rank
+from ..core.types import as_float
 from ._hermite import cubic, stacked
 from ._random_paths import longitudinal, normal_numbers, transverse
 

@@ -2,7 +2,7 @@
 
     axes: z forward, x and y across; both planes (z, x) and (z, y) are alike
     (d, q, s)~ = (d, q, s)' + W z x (d, q, s)          rates in axes that do not roll
-    (d, q, s)~~ as in the plane: see `jaxspace.mechanics.MissileLoop`
+    (d, q, s)~~ as in the plane: see `jaxspace.mechanics.missile_loop.MissileLoop`
     F_B = m F/(m + m_s) z + (F [(1 - C_2) d + y_h'] + f),   M_B = z x I_0 (th + C_2 d)~~
 
     symbol       meaning                                                     unit
@@ -31,8 +31,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
-from ..core import InputError, Scalar, State, Vector, is_concrete, quantity, unit, with_rank
-from ..mechanics import MissileLoop, MissileLoopState, MissileState
+from ..core import InputError, Scalar, State, Vector, quantity
+from ..core.checks import is_concrete
+from ..core.shapes import with_rank
+from ..core.vectors import unit
+from ..mechanics import MissileState
+from ..mechanics.missile_loop import MissileLoop, MissileLoopState
 
 Two = Float[Array, "2 *#runs"]
 # Of the body's moments and mass, against those of the beam.

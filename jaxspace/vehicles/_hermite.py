@@ -27,7 +27,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from ..core import Scalar, is_concrete, with_rank
+from ..core import Scalar
+from ..core.checks import is_concrete
+from ..core.shapes import with_rank
 
 Known: TypeAlias = Array | np.ndarray
 

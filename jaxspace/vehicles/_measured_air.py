@@ -24,11 +24,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractAtmosphere, Air, dry_air, isothermal_ratio
-from ..core import FileName, NumberField, Scalar, as_float, constructor, quantity
+from ..bodies import AbstractAtmosphere, Air
+from ..bodies.atmosphere import dry_air, isothermal_ratio
+from ..core import FileName, NumberField, Scalar, constructor, quantity
+from ..core.types import as_float
 from ._hermite import cubic, interval, stacked
-from ._local_air import AbstractWind, check_nodes
 from ._sounding_file import read_sounding_file
+from .local_air import AbstractWind, check_nodes
 
 SOUNDING = FileName("of a sounding: text or CSV of the University of Wyoming, or CSV")
 

@@ -30,11 +30,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, NumberField, Scalar, State, is_concrete, norm, quantity, with_rank
-from ..rockets import servo_rate
+from ..core import InputError, NumberField, Scalar, State, quantity
+from ..core.checks import is_concrete
+from ..core.shapes import with_rank
+from ..core.vectors import norm
+from ..rockets.servo import servo_rate
 from ._aerodynamics import centre_of
-from ._airframe import FinSet
-from ._local_air import LocalAir, air_about
+from .airframe import FinSet
+from .local_air import LocalAir, air_about
 
 
 @final

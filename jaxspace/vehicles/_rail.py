@@ -16,7 +16,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, Scalar, Vector, dot, event, quantity, unit, with_rank
+from ..core import NumberField, Scalar, Vector, event, quantity
+from ..core.shapes import with_rank
+from ..core.vectors import dot, unit
 
 
 @final

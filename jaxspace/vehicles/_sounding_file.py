@@ -22,8 +22,9 @@ from typing import NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from ..bodies import geometric_height
-from ..core import InputError, read_text
+from ..bodies.standard_atmosphere import geometric_height
+from ..core import InputError
+from ..core.files import read_text
 from ._separated import separated
 
 WIDTH = 7

@@ -31,22 +31,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, Air, BodyState, Load
-from ..core import (
-    Flag,
-    NumberField,
-    OptionalNumberField,
-    Scalar,
-    Vector,
-    norm,
-    output,
-    quantity,
-    safe_atan2,
-    safe_sqrt,
-)
-from ._aerodynamic_table import AerodynamicTable
+from ..core import Flag, NumberField, OptionalNumberField, Scalar, Vector, output, quantity
+from ..core.safe import safe_atan2, safe_sqrt
+from ..core.vectors import norm
 from ._aerodynamics import centre_of, moments_of_slope
-from ._airframe import FinSet, NoseCone, RadiusChange
-from ._local_air import LocalAir, air_about
+from .aerodynamic_table import AerodynamicTable
+from .airframe import FinSet, NoseCone, RadiusChange
+from .local_air import LocalAir, air_about
 
 
 def viscosity(temperature: Scalar) -> Scalar:

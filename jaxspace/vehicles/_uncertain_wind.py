@@ -20,11 +20,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import NumberField, Scalar, argument, as_float, constructor, quantity, with_rank
+from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.shapes import with_rank
+from ..core.types import as_float
 from ._hermite import cubic, stacked
-from ._local_air import AbstractWind, check_nodes
 from ._random_paths import longitudinal, normal_numbers
 from ._sounding_file import FASTEST
+from .local_air import AbstractWind, check_nodes
 
 
 @final

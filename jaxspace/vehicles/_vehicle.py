@@ -28,15 +28,13 @@ from ..core import (
     Scalar,
     Vector,
     argument,
-    as_float,
-    as_optional_float,
     check,
     constructor,
-    is_concrete,
     quantity,
 )
+from ..core.checks import is_concrete
+from ..core.types import as_float, as_optional_float
 from ..rockets import (
-    AbstractSteering,
     AttitudeControl,
     Gimbal,
     GimballedThrust,
@@ -46,14 +44,15 @@ from ..rockets import (
     Thrust,
     read_motor,
 )
-from ._aerodynamic_table import AerodynamicTable
+from ..rockets.steering import AbstractSteering
 from ._aerodynamics import Aerodynamics
-from ._air_drag import AirDrag
-from ._airframe import FinSet, NoseCone, RadiusChange
-from ._coefficient import MachTable, as_optional_coefficient
-from ._ground_gravity import RADIUS, STANDARD_GRAVITY
-from ._local_air import LocalAir
 from ._tabulated_aerodynamics import TabulatedAerodynamics
+from .aerodynamic_table import AerodynamicTable
+from .air_drag import AirDrag
+from .airframe import FinSet, NoseCone, RadiusChange
+from .coefficient import MachTable, as_optional_coefficient
+from .ground_gravity import RADIUS, STANDARD_GRAVITY
+from .local_air import LocalAir
 
 
 @final

@@ -5,19 +5,15 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..attitude import (
-    Nutation,
-    Polhode,
-    SphericalPendulum,
-    Top,
-    YoYo,
-    cone_angles,
-    cord_length,
-    gravity_gradient_torque,
-    pitch_libration_period,
-)
-from ..bodies import PrincipalInertia, free_turn
-from ..gyros import GimbalWalk
+from ..attitude import SphericalPendulum, Top, YoYo
+from ..attitude.despin import cord_length
+from ..attitude.gravity_gradient import gravity_gradient_torque, pitch_libration_period
+from ..attitude.nutation import Nutation
+from ..attitude.polhode import Polhode
+from ..attitude.torque_free import cone_angles
+from ..bodies import PrincipalInertia
+from ..bodies.principal_frame import free_turn
+from ..gyros.gimbal_walk import GimbalWalk
 from ..rotations import Quaternion
 from ._case import Case
 

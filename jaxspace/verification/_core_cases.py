@@ -5,18 +5,10 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import (
-    complete_elliptic,
-    complete_third,
-    end_sqrt,
-    norm,
-    phi1,
-    safe_atan2,
-    safe_sqrt,
-    sinc_squared,
-    stumpff,
-    unit,
-)
+from ..core.elliptic import complete_elliptic, complete_third
+from ..core.safe import end_sqrt, phi1, safe_atan2, safe_sqrt, sinc_squared
+from ..core.special import stumpff
+from ..core.vectors import norm, unit
 from ..rotations import Quaternion, from_euler_angles, to_euler_angles
 from ._case import Case
 

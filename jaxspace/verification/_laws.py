@@ -24,7 +24,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core import AbstractSystem, InputError, Scalar, State, aligned, check_positive
+from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.checks import check_positive
+from ..core.text import aligned
 from ..simulation import Accuracy, Status, Trajectory, simulate, simulate_batch
 
 Tree = TypeVar("Tree")

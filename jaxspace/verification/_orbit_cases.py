@@ -5,19 +5,18 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..orbits import (
-    ClassicalElements,
+from ..orbits import ClassicalElements
+from ..orbits.elements import (
     apoapsis_radius,
     elements_from_state,
     inclination,
-    kepler_flow,
-    lambert,
-    least_duration,
-    oblateness,
     periapsis_radius,
     semi_major_axis,
     state_from_elements,
 )
+from ..orbits.kepler import kepler_flow
+from ..orbits.lambert import lambert, least_duration
+from ..orbits.oblateness import oblateness
 from ._case import Case
 
 

@@ -5,15 +5,14 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import exponential_density
-from ..optimization import minimum_time_steering, optimal_staging
-from ..rockets import (
+from ..bodies.atmosphere import exponential_density
+from ..optimization import optimal_staging
+from ..optimization.steering import minimum_time_steering
+from ..rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
+from ..rockets.rocket_equation import (
     coast_height,
-    jet_damping_ratio,
     mass_ratio_for,
     rocket_equation,
-    spin_angle,
-    spin_ratio,
     vertical_burnout_height,
 )
 from ._case import Case

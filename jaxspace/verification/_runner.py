@@ -17,7 +17,7 @@ from . import (
     _simulation_cases,
 )
 from ._case import Case, CaseFunction
-from ._report import CaseResult, Verification
+from .report import CaseResult, Verification
 
 CASES: tuple[Case, ...] = (
     *_core_cases.CASES,

@@ -5,9 +5,11 @@ import math
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..bodies import BodyState, BurningBody, as_inertia
+from ..bodies import BodyState, BurningBody
+from ..bodies.inertia import as_inertia
 from ..dispersion import Normal, TruncatedNormal, Uniform
-from ..orbits import TwoBody, apoapsis
+from ..orbits import TwoBody
+from ..orbits.outputs import apoapsis
 from ..rockets import Thrust
 from ..rotations import Quaternion
 from ..scene import Scene

@@ -7,8 +7,8 @@ from jaxtyping import Array, Float
 
 from jaxspace import Scene, simulate
 from jaxspace.bodies import BodyState, Load, RigidBody
-from jaxspace.core import axis, cross, unit
-from jaxspace.orbits import kepler_flow
+from jaxspace.core.vectors import axis, cross, unit
+from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 

@@ -3,25 +3,16 @@
 import jax.numpy as jnp
 
 from jaxspace import Scene, simulate
-from jaxspace.core import axis, cross, dot, matvec, norm, safe_atan2
-from jaxspace.orbits import (
-    apoapsis_radius,
-    kepler_flow,
-    local_frame,
-    navigation_rates,
-    orbit_from_radius,
-    plumb_line_deviation,
-    point_gravity,
-)
-from jaxspace.rotations import (
-    MovingFrame,
-    Quaternion,
-    cosine_rates,
-    from_euler_angles,
-    instantaneous_centre,
-    path_components,
-    polar_components,
-)
+from jaxspace.core.safe import safe_atan2
+from jaxspace.core.vectors import axis, cross, dot, matvec, norm
+from jaxspace.orbits.elements import apoapsis_radius
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.point_gravity import point_gravity
+from jaxspace.orbits.rotating_earth import local_frame, navigation_rates, plumb_line_deviation
+from jaxspace.rotations import MovingFrame, Quaternion, from_euler_angles
+from jaxspace.rotations.direction_cosines import cosine_rates
+from jaxspace.rotations.moving_frame import instantaneous_centre, path_components, polar_components
 from jaxspace.scene import Custom
 
 from .case import DEG, MILE, STEPS, Case, rates, vec

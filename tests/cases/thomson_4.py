@@ -5,53 +5,46 @@ import jax.numpy as jnp
 
 from jaxspace import Scene, simulate
 from jaxspace.bodies import BodyState, RigidBody
-from jaxspace.core import cross, dot, inverse_norm, norm
-from jaxspace.mechanics import (
+from jaxspace.core.vectors import cross, dot, inverse_norm, norm
+from jaxspace.mechanics.impact import (
     contact_impulse,
     contact_inverse_mass,
     crushable_pad,
     impact_energy_loss,
 )
-from jaxspace.orbits import (
-    PowerLawForce,
-    SphereGravity,
-    angular_momentum,
-    apoapsis_radius,
-    ballistic_flight,
-    ballistic_impact,
-    circular_rate,
-    coaxial_transfer,
-    eccentricity_vector,
-    effective_potential,
-    elements_from_burnout,
-    elements_from_state,
-    escape_speed,
-    from_relative,
-    hohmann_transfer,
-    kepler_flow,
-    lambert,
-    longest_range,
-    node_regression_rate,
-    oblateness,
-    orbit_from_radius,
-    periapsis_radius,
-    period,
-    point_gravity,
-    point_gravity_potential,
+from jaxspace.orbits import PowerLawForce, SphereGravity
+from jaxspace.orbits.ballistic import ballistic_flight, ballistic_impact, longest_range
+from jaxspace.orbits.burnout import elements_from_burnout, escape_speed, vis_viva_speed
+from jaxspace.orbits.central_force import (
     power_law_potential,
-    radial_frequency_squared,
-    radial_motion,
-    secular_rates,
-    semi_major_axis,
-    semi_major_axis_of_period,
     shell_gravity,
     shell_potential,
-    small_tangential_impulse,
     sphere_gravity,
-    tangential_impulse,
-    to_relative,
-    vis_viva_speed,
 )
+from jaxspace.orbits.elements import (
+    angular_momentum,
+    apoapsis_radius,
+    eccentricity_vector,
+    elements_from_state,
+    periapsis_radius,
+    semi_major_axis,
+)
+from jaxspace.orbits.impulses import small_tangential_impulse, tangential_impulse
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
+from jaxspace.orbits.oblateness import node_regression_rate, oblateness
+from jaxspace.orbits.point_gravity import point_gravity, point_gravity_potential
+from jaxspace.orbits.radial_motion import (
+    circular_rate,
+    effective_potential,
+    radial_frequency_squared,
+    radial_motion,
+)
+from jaxspace.orbits.secular_rates import secular_rates
+from jaxspace.orbits.time_of_flight import period, semi_major_axis_of_period
+from jaxspace.orbits.transfers import coaxial_transfer, hohmann_transfer
+from jaxspace.orbits.two_masses import from_relative, to_relative
 
 from .case import CLOSED, DEG, LINEAR, MILE, STEPS, Case, vec
 from .motions import fly, kepler

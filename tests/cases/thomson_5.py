@@ -3,19 +3,17 @@
 import jax
 import jax.numpy as jnp
 
-from jaxspace.attitude import Polhode, Top, bank_angle, bearing_reactions, required_torque
-from jaxspace.bodies import (
-    InertiaTensor,
-    PrincipalInertia,
-    box,
-    moment_along,
-    particles,
-    pivot_impact,
-)
-from jaxspace.bodies import cylinder as solid_cylinder
-from jaxspace.core import cross, dot, norm
-from jaxspace.orbits import angular_momentum, inclination
-from jaxspace.rotations import Quaternion, from_euler_angles, omega_from_euler_rates
+from jaxspace.attitude import Top
+from jaxspace.attitude.forced_rotation import bank_angle, bearing_reactions, required_torque
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.bodies import InertiaTensor, PrincipalInertia
+from jaxspace.bodies.mass_properties import moment_along, pivot_impact
+from jaxspace.bodies.solids import box, particles
+from jaxspace.bodies.solids import cylinder as solid_cylinder
+from jaxspace.core.vectors import cross, dot, norm
+from jaxspace.orbits.elements import angular_momentum, inclination
+from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
 
 from .case import DEG, LINEAR, Case, rates, vec
 

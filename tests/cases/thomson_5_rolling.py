@@ -4,15 +4,9 @@ import jax
 import jax.numpy as jnp
 
 from jaxspace import simulate
-from jaxspace.attitude import (
-    RollingDisk,
-    ShaftPendulum,
-    Top,
-    best_crusher_tilt,
-    crusher_force,
-    crusher_spin,
-    luni_solar_rate,
-)
+from jaxspace.attitude import RollingDisk, ShaftPendulum, Top
+from jaxspace.attitude.precession_of_earth import luni_solar_rate
+from jaxspace.attitude.top_relatives import best_crusher_tilt, crusher_force, crusher_spin
 
 from .case import DEG, STEPS, Case, vec
 

@@ -2,19 +2,11 @@
 
 import jax.numpy as jnp
 
-from jaxspace.gyros import (
-    DuffingOscillator,
-    Gyrocompass,
-    Gyropendulum,
-    NavigationErrors,
-    PlatformAxis,
-    RateGyro,
-    coupled_rates,
-    resolve_signals,
-    schuler_frequency,
-    schuler_period,
-    table_rates,
-)
+from jaxspace.gyros import Gyrocompass, Gyropendulum, PlatformAxis, RateGyro
+from jaxspace.gyros.duffing import DuffingOscillator
+from jaxspace.gyros.gyropendulum import schuler_frequency, schuler_period
+from jaxspace.gyros.navigation_errors import NavigationErrors, coupled_rates, table_rates
+from jaxspace.gyros.platform import resolve_signals
 
 from .case import DEG, Case, vec
 

@@ -5,54 +5,36 @@ import jax.numpy as jnp
 
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.attitude import (
-    FASTEST_DRIFT,
     AttitudeDrift,
     NutationDamper,
     ReactionWheels,
     SpinningMissile,
-    SwingOutArms,
-    SwingState,
     TorqueFreeBody,
-    UnwindingCords,
     YoYo,
+)
+from jaxspace.attitude.despin import cord_length, zero_spin_cord_length
+from jaxspace.attitude.drift import FASTEST_DRIFT, structural_damping, tube_drift_constant
+from jaxspace.attitude.gravity_gradient import pitch_libration_period
+from jaxspace.attitude.libration import libration_modes
+from jaxspace.attitude.moving_masses import particle_equations
+from jaxspace.attitude.swinging import SwingOutArms, SwingState
+from jaxspace.attitude.torque_free import (
     body_precession_rate,
     coning_omega,
-    cord_length,
-    libration_modes,
-    particle_equations,
-    pitch_libration_period,
     precession_rate,
-    rotor_moment,
-    structural_damping,
     symmetric_flow,
-    tube_drift_constant,
-    zero_spin_cord_length,
 )
-from jaxspace.bodies import (
-    BurningBody,
-    InertiaTensor,
-    Load,
-    PrincipalInertia,
-    RigidBody,
-    angular_acceleration,
-)
-from jaxspace.core import cross, norm
-from jaxspace.orbits import angular_momentum
-from jaxspace.rockets import (
-    JetDamping,
-    SpinningRocket,
-    jet_damping_ratio,
-    spin_angle,
-    spin_ratio,
-    sprinkler_moment,
-    sprinkler_speed,
-)
-from jaxspace.rotations import (
-    Quaternion,
-    from_euler_angles,
-    omega_from_euler_rates,
-    to_euler_angles,
-)
+from jaxspace.attitude.unwinding import UnwindingCords
+from jaxspace.attitude.wheels import rotor_moment
+from jaxspace.bodies import BurningBody, InertiaTensor, Load, PrincipalInertia, RigidBody
+from jaxspace.bodies.newton_euler import angular_acceleration
+from jaxspace.core.vectors import cross, norm
+from jaxspace.orbits.elements import angular_momentum
+from jaxspace.rockets import JetDamping, SpinningRocket
+from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
+from jaxspace.rockets.sprinkler import sprinkler_moment, sprinkler_speed
+from jaxspace.rotations import Quaternion, from_euler_angles, to_euler_angles
+from jaxspace.rotations.euler_angles import omega_from_euler_rates
 from jaxspace.scene import Custom
 
 from .case import CLOSED, DEG, LINEAR, STEPS, Case, vec

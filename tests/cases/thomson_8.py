@@ -4,23 +4,21 @@ import jax
 import jax.numpy as jnp
 
 from jaxspace import Scene, simulate
-from jaxspace.optimization import (
+from jaxspace.optimization.ascent import (
     Ascent,
     ConstantMassFlow,
     ConstantThrustAcceleration,
     apex,
     burnout_state,
-    linear_tangent_steering,
 )
-from jaxspace.rockets import (
-    GravityTurn,
-    GravityTurnState,
+from jaxspace.optimization.steering import linear_tangent_steering
+from jaxspace.rockets import GravityTurn, GravityTurnState
+from jaxspace.rockets.rocket_equation import (
     coast_height,
-    jet_engine_thrust,
-    variable_mass_acceleration,
     vertical_burnout_height,
     vertical_burnout_velocity,
 )
+from jaxspace.rockets.variable_mass import jet_engine_thrust, variable_mass_acceleration
 from jaxspace.scene import Custom
 
 from .case import DEG, MILE, STEPS, Case, vec

@@ -4,16 +4,13 @@ import jax
 import jax.numpy as jnp
 
 from jaxspace import simulate
-from jaxspace.attitude import SphericalPendulum, Top, symmetric_flow
+from jaxspace.attitude import SphericalPendulum, Top
+from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState
-from jaxspace.core import cross
-from jaxspace.orbits import kepler_flow
-from jaxspace.rotations import (
-    Quaternion,
-    euler_rates_from_omega,
-    from_euler_angles,
-    omega_from_euler_rates,
-)
+from jaxspace.core.vectors import cross
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.rotations.euler_angles import euler_rates_from_omega, omega_from_euler_rates
 from jaxspace.scene import Custom, Scene
 
 from .case import DEG, LINEAR, MILE, STEPS, Case, rates, vec

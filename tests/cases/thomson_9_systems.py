@@ -23,17 +23,13 @@ from jaxspace.mechanics import (
     SliderCarrier,
     Trailer,
     TrailerState,
-    action,
-    apply_impact,
-    apply_impulse,
-    beam_roots,
-    beam_shape,
-    degrees_of_freedom,
-    hanging_chain,
-    rolling_loop,
-    routh,
-    turntable_motion,
 )
+from jaxspace.mechanics.beams import beam_roots, beam_shape
+from jaxspace.mechanics.constraints import degrees_of_freedom
+from jaxspace.mechanics.impulse import apply_impact, apply_impulse
+from jaxspace.mechanics.reduction import routh
+from jaxspace.mechanics.rolling import rolling_loop, turntable_motion
+from jaxspace.mechanics.variational import action, hanging_chain
 from jaxspace.studies import modes
 
 from .case import DEG, LINEAR, STEPS, Case, vec

@@ -5,29 +5,29 @@ from types import SimpleNamespace
 import jax.numpy as jnp
 import twins
 
-from jaxspace.attitude import (
-    Nutation,
-    Polhode,
-    SphericalPendulum,
-    Top,
-    YoYo,
-    attitude_along,
+from jaxspace.attitude import SphericalPendulum, Top, YoYo
+from jaxspace.attitude.despin import zero_spin_cord_length
+from jaxspace.attitude.gravity_gradient import gravity_gradient_energy
+from jaxspace.attitude.initial import attitude_along, attitude_from_angles
+from jaxspace.attitude.nutation import Nutation
+from jaxspace.attitude.outputs import (
     attitude_error,
     attitude_error_x,
     attitude_error_y,
     attitude_error_z,
-    attitude_from_angles,
-    body_precession_rate,
     cone_angle,
-    coning_omega,
-    gravity_gradient_energy,
     pointing,
+)
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.attitude.torque_free import (
+    body_precession_rate,
+    coning_omega,
     precession_rate,
     symmetric_flow,
-    zero_spin_cord_length,
 )
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
-from jaxspace.gyros import GimbalWalk, TwoGimbalGyro
+from jaxspace.gyros import TwoGimbalGyro
+from jaxspace.gyros.gimbal_walk import GimbalWalk
 from jaxspace.rotations import Quaternion
 
 from .form import Form

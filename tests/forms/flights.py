@@ -5,8 +5,9 @@ import jax.numpy as jnp
 from jaxspace import control as c
 from jaxspace import rockets as k
 from jaxspace import vehicles as v
-from jaxspace.bodies import BodyState, dry_air, isothermal_ratio
-from jaxspace.optimization import equal_stages_payload
+from jaxspace.bodies import BodyState
+from jaxspace.bodies.atmosphere import dry_air, isothermal_ratio
+from jaxspace.optimization.staging import equal_stages_payload
 from jaxspace.rotations import Quaternion
 
 from .form import Form
@@ -15,16 +16,23 @@ from .mechanics import numbers
 
 def steering(x):
     """Pitch by a polynomial, a table and tangents at a time; directions from a state."""
-    plane = k.FlightPlane(up=jnp.array([0.0, 0.0, 1.0]))
+    plane = k.steering.FlightPlane(up=jnp.array([0.0, 0.0, 1.0]))
     laws = (
-        k.PitchPolynomial(x[:3], x[3], plane),
-        k.PitchTable([0.0, 1.0, 3.0], x[:3], plane),
-        k.TangentSteering(x[0], x[1], x[2], x[3], plane),
+        k.steering.PitchPolynomial(x[:3], x[3], plane),
+        k.steering.PitchTable([0.0, 1.0, 3.0], x[:3], plane),
+        k.steering.TangentSteering(x[0], x[1], x[2], x[3], plane),
     )
     y = BodyState(position=x[5:8], velocity=x[8:11])
-    ways = k.AlongVelocity(x[4]).direction(x[4], y), k.FixedDirection(x[5:8]).direction(x[4], y)
-    ways += (v.AlongAir(v.LocalAir(radius=6.378e6, air_rate=x[4])).direction(x[4], y),)
-    along = k.FlightPlane().along(x[0], y), laws[2].direction(x[4], y)
+    ways = (
+        k.steering.AlongVelocity(x[4]).direction(x[4], y),
+        k.steering.FixedDirection(x[5:8]).direction(x[4], y),
+    )
+    ways += (
+        v.along_air.AlongAir(v.local_air.LocalAir(radius=6.378e6, air_rate=x[4])).direction(
+            x[4], y
+        ),
+    )
+    along = k.steering.FlightPlane().along(x[0], y), laws[2].direction(x[4], y)
     polynomial, table, tangents = (law.pitch(x[4]) for law in laws)
     # A table is right to a rounding of its largest value.
     return *numbers(polynomial, tangents), jnp.append(x[:3], table), *ways, *along
@@ -33,7 +41,7 @@ def steering(x):
 def engines(x):
     """Thrust, rate, burnout, loss and what it leaves: thrust, impulse, propellant, time, mass and
     place."""
-    law = k.FixedDirection([0.0, 0.0, 1.0])
+    law = k.steering.FixedDirection([0.0, 0.0, 1.0])
     engine = k.SteeredThrust.of_propellant(law, x[0], x[1], x[2])
     y = BodyState(position=x[5:8], velocity=x[5:8], mass=x[4])
     air = k.BackPressure.of_impulses(x[0], x[1], 0.9 * x[1], 6.4e6)
@@ -44,7 +52,9 @@ def engines(x):
 
 def streams(x):
     """Acceleration by two streams of mass: mass, velocity, force, rates and their velocities."""
-    return k.variable_mass_acceleration(x[0], x[1:4], x[4:7], x[7:9], x[9:15].reshape(3, 2))
+    return k.variable_mass.variable_mass_acceleration(
+        x[0], x[1:4], x[4:7], x[7:9], x[9:15].reshape(3, 2)
+    )
 
 
 def attack_angles(x):
@@ -59,27 +69,30 @@ def surfaces(x):
     nose = v.NoseCone.of_shape(x[4], 1.16, x[5], "von_karman")
     tail = v.RadiusChange(x[4], x[6], x[7], -1.3)
     mach = x[8]
-    table = v.MachTable([0.0, 0.5, 1.0], [0.4, 0.5, 0.6])
+    table = v.coefficient.MachTable([0.0, 0.5, 1.0], [0.4, 0.5, 0.6])
     one = v.Aerodynamics(0.0127, table, nose, fins, tail)
     slopes = nose.slope(mach), fins.slope(mach), tail.slope(mach), fins.single_slope(mach)
     places = nose.centre(), fins.centre(), tail.centre()
     whole = *one.moments_of_slope(mach), one.axial_coefficient(0.0, mach), table(mach)
     roll = fins.roll_damping(mach), fins.roll_forcing(mach)
-    return numbers(*slopes, *places, *whole, *roll, v.prandtl_factor(mach))
+    return numbers(*slopes, *places, *whole, *roll, v.airframe.prandtl_factor(mach))
 
 
 def airs_at(x):
     """Air, wind and drag at a place: place, velocity; latitude, height; mass, area and density."""
-    air = v.LocalAir(wind=v.Wind([0.0, 1e4], [3.0, 8.0], [-2.0, 1.0]))
+    air = v.local_air.LocalAir(wind=v.Wind([0.0, 1e4], [3.0, 8.0], [-2.0, 1.0]))
     state, moving = air.at(x[:3])
     drag = v.AirDrag(0.02, 0.5, air=air)
     y = BodyState(position=x[:3], velocity=x[3:6])
     figures = state.density, air.height(x[:3]), drag.dynamic_pressure(y)
-    ground = v.normal_gravity(x[6], x[7]), v.GroundGravity.of_latitude(x[6], x[7]).gravity
-    rates = v.descent_rate(*x[8:11], 9.8 + 0.0 * x[0])
+    ground = (
+        v.ground_gravity.normal_gravity(x[6], x[7]),
+        v.ground_gravity.GroundGravity.of_latitude(x[6], x[7]).gravity,
+    )
+    rates = v.air_drag.descent_rate(*x[8:11], 9.8 + 0.0 * x[0])
     site = v.LaunchSite(5.0, 1.4, 0.3 + x[6], x[6])
     placed = site.direction(), site.attitude().wxyz
-    force = v.drag_force(x[3:6], x[10], x[9])
+    force = v.air_drag.drag_force(x[3:6], x[10], x[9])
     dry, left = dry_air(280.0 + x[9], 9e4 + x[8]), isothermal_ratio(x[2], 280.0 + x[9])
     rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]), *dry, left)
     return moving, air.velocity(x[:3]), force, *placed, *rest
@@ -93,7 +106,7 @@ def stages(x):
 def attitude_laws(x):
     """The error of an attitude, and the torque against it: attitude and rate."""
     target = jnp.array([0.6, -0.3, 0.7, 0.2])
-    return (c.error_vector(Quaternion(x[:4]), target),)
+    return (c.attitude_laws.error_vector(Quaternion(x[:4]), target),)
 
 
 def of(kind, *methods):

@@ -3,32 +3,17 @@
 import jax.numpy as jnp
 import twins
 
-from jaxspace.bodies import (
-    BurningBody,
-    InertiaTensor,
-    PrincipalInertia,
-    angular_acceleration,
-    kinetic_energy,
-    linear_acceleration,
-    parallel_axes,
-    principal_axes,
-    tensor_function,
-)
-from jaxspace.core import (
-    Spline,
-    Table,
-    complete_first,
-    cross,
-    dot,
-    inverse_norm,
-    matvec,
-    phi2,
-    safe_divide,
-    scale,
-    solve3,
-    stumpff_near,
-)
-from jaxspace.rotations import Quaternion, euler_rates_from_omega, omega_from_euler_rates
+from jaxspace.bodies import BurningBody, InertiaTensor, PrincipalInertia
+from jaxspace.bodies.inertia import kinetic_energy, parallel_axes
+from jaxspace.bodies.newton_euler import angular_acceleration, linear_acceleration
+from jaxspace.bodies.principal_axes import principal_axes, tensor_function
+from jaxspace.core import Spline, Table
+from jaxspace.core.elliptic import complete_first
+from jaxspace.core.safe import phi2, safe_divide
+from jaxspace.core.special import stumpff_near
+from jaxspace.core.vectors import cross, dot, inverse_norm, matvec, scale, solve3
+from jaxspace.rotations import Quaternion
+from jaxspace.rotations.euler_angles import euler_rates_from_omega, omega_from_euler_rates
 
 from .form import Form
 

@@ -12,17 +12,17 @@ from .mechanics import numbers
 def rubbing(x):
     """Moments and margins of a smooth and of a dry bearing, and of a motor: viscous and dry
     friction, creep, rate, acting moment, gain, speed."""
-    smooth, dry = g.BearingFriction(*x[:3]), g.BearingFriction(*x[:2])
+    smooth, dry = g.bearing.BearingFriction(*x[:3]), g.bearing.BearingFriction(*x[:2])
     moments = smooth.moment(x[3], None), dry.moment(x[3], jnp.sign(x[3]))
     margins = dry.margin(x[3], x[4], 0.0), dry.margin(x[3], x[4], jnp.sign(x[3]))
-    motor = g.RotorMotor(x[5], x[6]).torque(x[3])
+    motor = g.bearing.RotorMotor(x[5], x[6]).torque(x[3])
     return numbers(*moments, *margins, dry.slip_at_rest(x[4]), motor)
 
 
 def blows(x):
     """A gyro after a blow, after an arrest and after a bearing has stopped; its energy, margins and
     the impulses of a turn: 7 numbers, angles, rate, momentum, two impulses and the turn."""
-    rubbed = g.BearingFriction(0.01, 0.02), g.BearingFriction(0.02, 0.03)
+    rubbed = g.bearing.BearingFriction(0.01, 0.02), g.bearing.BearingFriction(0.02, 0.03)
     gyro = g.TwoGimbalGyro(*x[:7], inner_bearing=rubbed[0], outer_bearing=rubbed[1])
     slips = jnp.sign(x[9]), jnp.ones_like(x[9])
     y = g.GimbalState(*x[7:11], None, *slips)
@@ -30,7 +30,11 @@ def blows(x):
     still, *impulses = gyro.arrested(struck)
     stopped = gyro.stick_or_slip(0.0, y)
     states = numbers(*(f for s in (struck, still, stopped) for f in _moving(s)))
-    figures = gyro.energy(struck), gyro.friction_margin(0.0, y), g.near_gimbal_lock(0.0, y)
+    figures = (
+        gyro.energy(struck),
+        gyro.friction_margin(0.0, y),
+        g.gimbal_state.near_gimbal_lock(0.0, y),
+    )
     return *states, *numbers(*figures, *impulses, *gyro.attitude_change(x[13]))
 
 

@@ -13,7 +13,7 @@ from .mechanics import numbers
 def forced_oscillator(x):
     """First order, balance and resonance of an oscillator: mass, stiffness, softening, force,
     frequency, damping and amplitude."""
-    one = g.DuffingOscillator(*x[:6])
+    one = g.duffing.DuffingOscillator(*x[:6])
     found = one.first_order(), one.resonance_frequencies(x[6])
     return numbers(*found[0], one.harmonic_balance(), *found[1])
 
@@ -97,15 +97,17 @@ def error_equations(x):
     """The rate of errors by the linear equations of a navigator at a time."""
     one = g.InertialNavigator(*x[:7], roll_amplitude=0.1, roll_frequency=0.05)
     linear = one.error_equations(x[16])
-    y = g.NavigationErrors.errors(x[7:10], x[10:13], x[13:16])
+    y = g.navigation_errors.NavigationErrors.errors(x[7:10], x[10:13], x[13:16])
     rate = linear.vector_field(jnp.zeros_like(x[0]), y)
     return rate.position, rate.velocity, rate.tilt
 
 
 def error_motion(x):
     """Errors a time later: radius, gravity, rate and specific force, errors, time."""
-    linear = g.NavigationErrors(x[0], x[1], x[2:5], x[5:8])
-    later = linear.closed_form().flow(x[17], g.NavigationErrors.errors(x[8:11], x[11:14], x[14:17]))
+    linear = g.navigation_errors.NavigationErrors(x[0], x[1], x[2:5], x[5:8])
+    later = linear.closed_form().flow(
+        x[17], g.navigation_errors.NavigationErrors.errors(x[8:11], x[11:14], x[14:17])
+    )
     return later.position, later.velocity, later.tilt
 
 
@@ -118,13 +120,13 @@ def gimbals(x):
         fourth=True,
     )
     held = one.held(x[10], x[:4])
-    return g.gimbal_axes(x[:4]).reshape(-1), held, one.vehicle_turn(x[10])
+    return g.stable_platform.gimbal_axes(x[:4]).reshape(-1), held, one.vehicle_turn(x[10])
 
 
 def noise(x):
     """Allan's variance of a record and of walks: five rates, step, time and both walks."""
-    record = g.allan_variance(x[:5], x[5], (1, 2))
-    return record, *numbers(g.allan_of_walks(*x[6:9]))
+    record = g.noise.allan_variance(x[:5], x[5], (1, 2))
+    return record, *numbers(g.noise.allan_of_walks(*x[6:9]))
 
 
 COMPASS = (30.0, 0.2, 0.2, 8.5, 0.8, 0.17)

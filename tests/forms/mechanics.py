@@ -39,19 +39,19 @@ def rolled(x):
 
 def turntable(x):
     """Place and velocity of a sphere on it: time, place, velocity, rate and ratio of inertia."""
-    return m.turntable_motion(x[0], x[1:3], x[3:5], x[5], x[6])
+    return m.rolling.turntable_motion(x[0], x[1:3], x[3:5], x[5], x[6])
 
 
 def foucault(x):
     """The same of a pendulum over the turning earth."""
-    return m.foucault_motion(x[0], x[1:3], x[3:5], x[5], x[6])
+    return m.arm.foucault_motion(x[0], x[1:3], x[3:5], x[5], x[6])
 
 
 def reduced(x):
     """The Routhian, the canonical energy and a force-free rate of a frame with a pendulum."""
     framed = m.FramedPendulum(*x[:4])
     y = m.GeneralisedState(x[4:6], x[6:8])
-    rest = m.routh(m.FramedPendulum(1.0, 1.0, 1.0, 1.0), y)
+    rest = m.reduction.routh(m.FramedPendulum(1.0, 1.0, 1.0, 1.0), y)
     # The constant momenta with the numbers of this system.
     momenta = framed.momenta(0.0, y)
     canonical = m.Hamiltonian.of(framed)
@@ -65,39 +65,39 @@ def struck(x):
     angles, rates, blow and restitution."""
     swing = m.DoublePendulum(*x[:5])
     y = m.GeneralisedState(x[5:7], x[7:9])
-    after, contacts = m.apply_impact(
+    after, contacts = m.impulse.apply_impact(
         swing, 0.0, y, lambda q: (x[2] * jnp.sin(q[0]) + x[3] * jnp.sin(q[1]))[None], x[11]
     )
-    return m.apply_impulse(swing, 0.0, y, x[9:11]).rates, after.rates, contacts
+    return m.impulse.apply_impulse(swing, 0.0, y, x[9:11]).rates, after.rates, contacts
 
 
 def impacts(x):
     """Impulse, loss and pad: approach, inverse mass, restitution; weight, height, deceleration,
     strength and gravity."""
-    blow = m.contact_impulse(*x[:3]), m.impact_energy_loss(*x[:3])
-    return numbers(*blow, *m.crushable_pad(*x[3:]))
+    blow = m.impact.contact_impulse(*x[:3]), m.impact.impact_energy_loss(*x[:3])
+    return numbers(*blow, *m.impact.crushable_pad(*x[3:]))
 
 
 def contact(x):
     """The inverse mass at a contact: mass, 6 elements of inertia, arm and normal."""
     a, b, c, d, e, f = x[1:7]
     inertia = jnp.stack([a, d, e, d, b, f, e, f, c]).reshape(3, 3)
-    return numbers(m.contact_inverse_mass(x[0], inertia, x[7:10], x[10:13]))
+    return numbers(m.impact.contact_inverse_mass(x[0], inertia, x[7:10], x[10:13]))
 
 
 def about_points(x):
     """Moment about a moving point, and the momentum of two particles about one."""
     places, velocities = x[:6].reshape(3, 2), x[6:12].reshape(3, 2)
-    momentum = m.momentum_about(x[12:14], places, velocities, x[14:17], x[17:20])
-    return m.moment_about_moving_point(x[0:3], x[12], x[14:17], x[17:20]), momentum
+    momentum = m.moving_point.momentum_about(x[12:14], places, velocities, x[14:17], x[17:20])
+    return m.moving_point.moment_about_moving_point(x[0:3], x[12], x[14:17], x[17:20]), momentum
 
 
 def chain(x):
-    return numbers(*m.hanging_chain(*x))
+    return numbers(*m.variational.hanging_chain(*x))
 
 
 def quickest_descent(x):
-    return numbers(*m.brachistochrone(*x))
+    return numbers(*m.variational.brachistochrone(*x))
 
 
 def swing_rates(x):
@@ -126,12 +126,12 @@ def work_of_a_force(x):
         away = jnp.stack([r[0], 0.5 * r[1], r[2] - 1.0])
         return -x[0] * away - x[1] * jnp.stack([-r[1], r[0], 1.0 + 0.0 * r[2]])
 
-    return numbers(m.work_along(force, arc, 0.0, x[3]))
+    return numbers(m.work.work_along(force, arc, 0.0, x[3]))
 
 
 def assumed(x):
     """Frequencies of a cantilever in two powers: length, stiffness and mass per length."""
-    return m.assumed_modes(lambda z: jnp.stack([z**2, z**3]), *x)[0]
+    return m.beams.assumed_modes(lambda z: jnp.stack([z**2, z**3]), *x)[0]
 
 
 def pendulum_swing(x):
@@ -149,7 +149,7 @@ def wheels(x):
     trailer = m.Trailer(1.0, x[3], x[4], x[5], 1.0, 1.0)
     y = m.GeneralisedState(x[6:10], x[10:14])
     moving = m.SliderCarrier.body_velocity(y)
-    return numbers(*m.rolling_loop(*x[:3]), trailer.stability_margin(), *moving)
+    return numbers(*m.rolling.rolling_loop(*x[:3]), trailer.stability_margin(), *moving)
 
 
 def arm(x):
@@ -161,13 +161,15 @@ def arm(x):
 
 def shapes(x):
     """A mode of a free beam and its slopes at two places and inside, and an integral of it."""
-    root = float(m.beam_roots("free-free", 2)[1])
+    root = float(m.beams.beam_roots("free-free", 2)[1])
     places = jnp.stack([x[0], x[1], 0.3 * x[0] + 0.4 * x[1] + 0.1])
-    parts = [m.beam_shape("free-free", root, places, k) for k in range(4)]
+    parts = [m.beams.beam_shape("free-free", root, places, k) for k in range(4)]
     # The first mode of two spans, right to the digits of its root.
-    spans = float(m.beam_roots("clamped-free", 1, 0.6)[0])
-    parts += [m.beam_shape("clamped-free", spans, places, k, 0.6) for k in range(2)]
-    whole = m.beam_integral(lambda z: m.beam_shape("clamped-free", 1.8751040687119611, z), *x)
+    spans = float(m.beams.beam_roots("clamped-free", 1, 0.6)[0])
+    parts += [m.beams.beam_shape("clamped-free", spans, places, k, 0.6) for k in range(2)]
+    whole = m.beams.beam_integral(
+        lambda z: m.beams.beam_shape("clamped-free", 1.8751040687119611, z), *x
+    )
     return *parts, *numbers(whole)
 
 
@@ -191,7 +193,7 @@ def felt(x):
     still = 0.0 * x[0]
     y = m.MissileState(still, x[1:3], x[3], still, x[4:6], x[6])
     found = [
-        m.MissileLoop(body, 1.0, 0.1, place, 1500.0, 2.5, 0.01, 4.0).felt_pitch(y)
+        m.missile_loop.MissileLoop(body, 1.0, 0.1, place, 1500.0, 2.5, 0.01, 4.0).felt_pitch(y)
         for place in (x[0], 9.0 + still)
     ]
     return tuple(jnp.stack(pair) for pair in zip(*found, strict=True))
@@ -200,7 +202,9 @@ def felt(x):
 def action_of_a_swing(x):
     """The action of a swing through an amplitude at a frequency, in a time."""
     swing = m.SimplePendulum(x[2], x[3])
-    return numbers(m.action(swing, lambda t: jnp.sin(x[1] * t)[None] * x[0], 0.0, x[4], pieces=1))
+    return numbers(
+        m.variational.action(swing, lambda t: jnp.sin(x[1] * t)[None] * x[0], 0.0, x[4], pieces=1)
+    )
 
 
 def variational(x):
@@ -208,7 +212,7 @@ def variational(x):
     swing = m.SimplePendulum(x[0], x[1])
     y = m.SimplePendulum.state(x[2], x[3])
     ts = jnp.stack([0.0 * x[4], x[4]])
-    found = m.variational_motion(swing, y, ts, steps=2, order=2)
+    found = m.discrete.variational_motion(swing, y, ts, steps=2, order=2)
     return found.coordinates[:, -1], found.rates[:, -1]
 
 

@@ -5,8 +5,9 @@ import twins
 
 from jaxspace.attitude import Top
 from jaxspace.bodies import BodyState
-from jaxspace.orbits import turning_points
-from jaxspace.rockets import GravityTurnState, gravity_turn_after
+from jaxspace.orbits.radial_motion import turning_points
+from jaxspace.rockets import GravityTurnState
+from jaxspace.rockets.gravity_turn import gravity_turn_after
 from jaxspace.rotations import Quaternion
 
 from .form import Form

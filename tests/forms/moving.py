@@ -10,15 +10,15 @@ from jaxspace.bodies import (
     PrincipalInertia,
     RigidBody,
     StandardAtmosphere,
-    inertia_ellipsoid,
 )
-from jaxspace.rotations import (
-    Quaternion,
+from jaxspace.bodies.mass_properties import inertia_ellipsoid
+from jaxspace.rotations import Quaternion
+from jaxspace.rotations.direction_cosines import (
     cosine_conditions,
     cosine_rates,
-    mean_attitude,
     omega_from_cosine_rates,
 )
+from jaxspace.rotations.mean import mean_attitude
 
 from .form import Form
 from .mechanics import numbers
@@ -29,7 +29,7 @@ def disk(x):
     one = a.RollingDisk(*x[:5])
     y = one.state(x[5:8], x[8:11])
     places = one.velocity(y), one.contact(y), one.contact_force(y)
-    return *numbers(one.energy(y), a.disk_tilt(y.attitude)), *places
+    return *numbers(one.energy(y), a.disk_tilt.disk_tilt(y.attitude)), *places
 
 
 def steady_disk(x):
@@ -54,21 +54,21 @@ def settling(x):
 
 def cords(x):
     """Tensions: I, R, m, stiffness, spin and angle; cord and rate of those that swing."""
-    firm, soft = a.UnwindingCords(*x[:3]), a.StretchingCords(*x[:4])
+    firm, soft = a.unwinding.UnwindingCords(*x[:3]), a.unwinding.StretchingCords(*x[:4])
     y = soft.state(x[4], x[5])
-    swung = a.SwingingCords(*x[:3], x[6])
-    at = a.SwingingCords.state(x[4], x[7])
-    start = a.UnwindingCords.state(x[4])
+    swung = a.swinging.SwingingCords(*x[:3], x[6])
+    at = a.swinging.SwingingCords.state(x[4], x[7])
+    start = a.unwinding.UnwindingCords.state(x[4])
     pulls = firm.tension(y), soft.tension(y), swung.tension(at), firm.inertia_ratio()
     return numbers(*pulls, start.angle_rate, y.stretch_rate)
 
 
 def arms(x):
     """Moment, spin, rates, acceleration and time of arms: 4 numbers, angle and first spin."""
-    one = a.SwingOutArms(*x[:4])
-    y = a.SwingState(one.spin_rate(x[4], x[5]), x[4], one.angle_rate(x[4], x[5]))
+    one = a.swinging.SwingOutArms(*x[:4])
+    y = a.swinging.SwingState(one.spin_rate(x[4], x[5]), x[4], one.angle_rate(x[4], x[5]))
     found = one.moment(x[4]), y.spin, y.angle_rate, one.swing_time(x[4], x[5])
-    return numbers(*found, one.outward_acceleration(y), a.SwingOutArms.state(x[5]).spin)
+    return numbers(*found, one.outward_acceleration(y), a.swinging.SwingOutArms.state(x[5]).spin)
 
 
 def spinning_missile(x):
@@ -88,16 +88,20 @@ def gyros(x):
         x[2:4], x[:2], 0.0 * x[:2],
     )  # fmt: skip
     axes = jnp.array([[1.0, 0.0, 0.6], [0.0, 1.0, 0.6], [0.0, 0.2, 0.5]])
-    control = a.PointingControl([0.6, -0.3, 0.7, 0.2], x[4], x[5])
+    control = a.motors.PointingControl([0.6, -0.3, 0.7, 0.2], x[4], x[5])
     y = BodyState(attitude=Quaternion(x[6:10]), omega=x[10:13])
-    constant = a.ConstantTorque([0.1, 0.2, 0.3]).torque(0.0, y, axes, x[10:13])
-    torques = control.torque(0.0, y, axes, x[10:13]), a.wheel_torques(axes, x[10:13]), constant
+    constant = a.motors.ConstantTorque([0.1, 0.2, 0.3]).torque(0.0, y, axes, x[10:13])
+    torques = (
+        control.torque(0.0, y, axes, x[10:13]),
+        a.motors.wheel_torques(axes, x[10:13]),
+        constant,
+    )
     return one.wheel_axes(x[:2]).reshape(-1), one.torque_matrix(x[:2]).reshape(-1), *torques
 
 
 def limited_wheels(x):
     """Limited torques and speeds of wheels: speeds, attitude, rate and torque limit."""
-    control = a.PointingControl([0.6, -0.3, 0.7, 0.2], 2.0, 30.0)
+    control = a.motors.PointingControl([0.6, -0.3, 0.7, 0.2], 2.0, 30.0)
     one = a.ReactionWheels(
         jnp.eye(3), [0.4, 0.5, 0.3], x[:3], torque_limit=x[10], speed_limit=49.0, motor=control
     )
@@ -120,7 +124,7 @@ def damper(x):
 
 def particles(x):
     """Moment and force of two moving particles: masses, places, velocities, rates, origin."""
-    found = a.particle_equations(
+    found = a.moving_masses.particle_equations(
         x[:2], x[2:8].reshape(3, 2), x[8:14].reshape(3, 2), x[2:8].reshape(3, 2), -0.1 * x[:2],
         x[8:14].reshape(3, 2), x[14:17], x[17:20], x[20:23],
     )  # fmt: skip
@@ -132,12 +136,16 @@ def particles(x):
 def forced(x):
     """Torque, bearings and bank: moments, omega, its rate, mass, centre, speed, radius, gravity."""
     inertia = PrincipalInertia(x[:3])
-    torque = a.required_torque(inertia, x[3:6], x[6:9])
+    torque = a.forced_rotation.required_torque(inertia, x[3:6], x[6:9])
     shaft = jnp.array([0.1, 0.2, 1.0])
-    held = a.bearing_reactions(inertia, x[9], x[10:13], shaft, (-0.5, 0.7), x[5], x[8])
+    held = a.forced_rotation.bearing_reactions(
+        inertia, x[9], x[10:13], shaft, (-0.5, 0.7), x[5], x[8]
+    )
     across = torque, jnp.concatenate([held.first, held.second])
     return *across, *numbers(
-        held.drive, a.bank_angle(*x[13:16]), a.space_cone_angle(x[3:6], *x[:2])
+        held.drive,
+        a.forced_rotation.bank_angle(*x[13:16]),
+        a.torque_free.space_cone_angle(x[3:6], *x[:2]),
     )
 
 
@@ -148,28 +156,28 @@ def planes(x):
     y = BodyState(
         attitude=Quaternion(x[6:10]), omega=x[10:13], position=x[13:16], velocity=x[16:19]
     )
-    plane = a.invariable_plane(inertia, y)
-    found = plane.normal, plane.herpolhode, a.principal_tilt(inertia)
-    return *found, *numbers(plane.distance, a.jacobi_integral(y, inertia, x[19]))
+    plane = a.principal_spins.invariable_plane(inertia, y)
+    found = plane.normal, plane.herpolhode, a.spinning_missile.principal_tilt(inertia)
+    return *found, *numbers(plane.distance, a.libration.jacobi_integral(y, inertia, x[19]))
 
 
 def pitching(x):
     """Pitch on a circle: time, amplitude, three moments and the mean motion."""
-    return numbers(a.pitch_libration(x[0], x[1], x[2:5], x[5]))
+    return numbers(a.pitch_libration.pitch_libration(x[0], x[1], x[2:5], x[5]))
 
 
 def relatives(x):
     """Crusher, gyro on a string, shaft pendulum and energy sink."""
     shaft = a.ShaftPendulum(x[0], x[1], x[2], 0.0)
-    string = a.gyro_on_a_string(x[3], x[4], x[5], x[0], x[1], x[6], x[7], x[8])
-    sink = a.energy_sink_angle(x[3], x[9], x[0], x[1], x[10])
-    crusher = a.best_crusher_tilt(x[4], x[2], x[6], x[7], x[0], x[1])
+    string = a.top_relatives.gyro_on_a_string(x[3], x[4], x[5], x[0], x[1], x[6], x[7], x[8])
+    sink = a.energy_sink.energy_sink_angle(x[3], x[9], x[0], x[1], x[10])
+    crusher = a.top_relatives.best_crusher_tilt(x[4], x[2], x[6], x[7], x[0], x[1])
     return numbers(shaft.plane_period(x[3]), *string, sink, crusher)
 
 
 def turning_circles(x):
     """Rates of a top at its turning circles, from N, alpha, beta and gamma."""
-    return numbers(*a.Nutation.of(*x).circle_rates())
+    return numbers(*a.nutation.Nutation.of(*x).circle_rates())
 
 
 def cosines(x):

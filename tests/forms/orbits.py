@@ -3,29 +3,24 @@
 from types import SimpleNamespace
 
 from jaxspace.bodies import BodyState, ExponentialAtmosphere
-from jaxspace.orbits import (
-    AtAltitude,
-    Drag,
-    VelocityToBeGained,
+from jaxspace.orbits import AtAltitude, Drag, VelocityToBeGained
+from jaxspace.orbits.drag import circular_decay_rate, drag_acceleration
+from jaxspace.orbits.elements import (
     angular_momentum,
-    apoapsis_altitude,
-    apsidal_rate,
-    circular_decay_rate,
-    drag_acceleration,
     eccentricity_vector,
-    node_regression_rate,
-    oblateness_potential,
-    orbit_from_altitude,
-    orbit_from_radius,
-    periapsis_altitude,
-    point_gravity,
-    point_gravity_potential,
     semi_latus_rectum,
     specific_energy,
+)
+from jaxspace.orbits.initial import orbit_from_altitude, orbit_from_radius
+from jaxspace.orbits.oblateness import apsidal_rate, node_regression_rate, oblateness_potential
+from jaxspace.orbits.outputs import (
+    apoapsis_altitude,
+    periapsis_altitude,
     speed,
     speed_error,
     velocity_error,
 )
+from jaxspace.orbits.point_gravity import point_gravity, point_gravity_potential
 from jaxspace.verification._orbit_cases import CIRCLE, on_conic
 
 from .form import Form

@@ -20,44 +20,59 @@ def yukawa(r):
 def deviations(x):
     """Errors along, across and radial from two states, altitude and radial speed."""
     nominal = SimpleNamespace(position=x[3:6], velocity=x[6:9])
-    errors = [f(x[:3], nominal) for f in (o.along_track_error, o.cross_track_error, o.radial_error)]
+    errors = [
+        f(x[:3], nominal)
+        for f in (
+            o.deviation_outputs.along_track_error,
+            o.deviation_outputs.cross_track_error,
+            o.deviation_outputs.radial_error,
+        )
+    ]
     # Of the size of the largest.
-    return jnp.stack(errors), *numbers(o.altitude(x[3:6], x[9]), o.radial_speed(x[3:6], x[6:9]))
+    return jnp.stack(errors), *numbers(
+        o.outputs.altitude(x[3:6], x[9]), o.outputs.radial_speed(x[3:6], x[6:9])
+    )
 
 
 def outputs(x):
     """Eccentricity and both angles from position, velocity and mu."""
     r, v, mu = x[:3], x[3:6], x[6]
-    angles = o.argument_of_periapsis(r, v, mu), o.node_longitude(r, v, mu)
+    angles = (
+        o.deviation_outputs.argument_of_periapsis(r, v, mu),
+        o.deviation_outputs.node_longitude(r, v, mu),
+    )
     # Angles as directions, which have no jump at pi.
     parts = (jnp.stack([jnp.cos(a), jnp.sin(a)]) for a in angles)
-    return *numbers(o.eccentricity(r, v, mu)), *parts
+    return *numbers(o.deviation_outputs.eccentricity(r, v, mu)), *parts
 
 
 def orbit_sizes(x):
     """Period and back from a semi-major axis and mu; the height over a plane."""
-    period = o.period(x[0], x[1])
-    touch = o.touchdown(0.0, BodyState(position=x[2:5]))
-    return numbers(period, o.semi_major_axis_of_period(x[0], x[1]), touch)
+    period = o.time_of_flight.period(x[0], x[1])
+    touch = o.uniform_gravity.touchdown(0.0, BodyState(position=x[2:5]))
+    return numbers(period, o.time_of_flight.semi_major_axis_of_period(x[0], x[1]), touch)
 
 
 def radial(x):
     """Rates at a circle and the effective potential, from r and h; force of a conic at an angle,
     from e and h."""
-    rates = o.circular_rate(yukawa, x[0]), o.radial_frequency_squared(yukawa, x[0])
-    force = o.force_of_orbit(lambda a: 1.0 / (1.0 + x[3] * jnp.cos(a)), x[2], x[1])
-    return numbers(*rates, o.effective_potential(yukawa, x[0], x[1]), force)
+    rates = (
+        o.radial_motion.circular_rate(yukawa, x[0]),
+        o.radial_motion.radial_frequency_squared(yukawa, x[0]),
+    )
+    force = o.orbit_force.force_of_orbit(lambda a: 1.0 / (1.0 + x[3] * jnp.cos(a)), x[2], x[1])
+    return numbers(*rates, o.radial_motion.effective_potential(yukawa, x[0], x[1]), force)
 
 
 def between_turns(x):
     """Apsidal angle, period, energy and momentum from both radii."""
-    found = o.radial_motion(yukawa, x[0], x[1])
+    found = o.radial_motion.radial_motion(yukawa, x[0], x[1])
     return numbers(found.apsidal_angle, found.period, found.energy, found.angular_momentum)
 
 
 def impulse(x):
     """Changes of elements by an impulse from position, velocity, impulse and mu."""
-    found = o.impulse_change(x[:3], x[3:6], x[6:9], x[9])
+    found = o.small_impulse.impulse_change(x[:3], x[3:6], x[6:9], x[9])
     return numbers(*(found[name] for name in sorted(found)))
 
 
@@ -65,22 +80,29 @@ def shells(x):
     """Of a shell: position, mu and radius; sunlight and the shadow from the place of the sun, area
     and radius."""
     r = x[:3]
-    dark = o.shadow_event(x[5:8], x[4], 0.1 * x[4])(0.0, BodyState(position=r))
-    pull = o.shell_gravity(r, x[3], x[4]), o.solar_pressure(r, x[5:8], x[8], x[9])
-    return *pull, *numbers(o.shell_potential(jnp.sqrt(jnp.sum(r * r)), x[3], x[4]), dark)
+    dark = o.shadow.shadow_event(x[5:8], x[4], 0.1 * x[4])(0.0, BodyState(position=r))
+    pull = (
+        o.central_force.shell_gravity(r, x[3], x[4]),
+        o.solar_pressure.solar_pressure(r, x[5:8], x[8], x[9]),
+    )
+    return *pull, *numbers(
+        o.central_force.shell_potential(jnp.sqrt(jnp.sum(r * r)), x[3], x[4]), dark
+    )
 
 
 def third(x):
     """Acceleration and potential by a third body from two places and mu."""
-    return o.third_body(x[:3], x[3:6], x[6]), *numbers(o.third_body_potential(x[:3], x[3:6], x[6]))
+    return o.third_body.third_body(x[:3], x[3:6], x[6]), *numbers(
+        o.third_body.third_body_potential(x[:3], x[3:6], x[6])
+    )
 
 
 def turning_earth(x):
     """Frames, a projectile and a station: latitude, longitude, radius, rate; velocity, time,
     gravity; altitude, flattening."""
-    frame = o.local_frame(x[0], x[1], x[2], x[3])
-    planet = o.planet_frame(x[1], x[3])
-    gone = o.projectile_position(x[4:7], x[7], x[8:11], planet.omega)
+    frame = o.rotating_earth.local_frame(x[0], x[1], x[2], x[3])
+    planet = o.rotating_earth.planet_frame(x[1], x[3])
+    gone = o.projectile.projectile_position(x[4:7], x[7], x[8:11], planet.omega)
     station = o.Station(x[0], x[1], x[2], x[3], altitude=x[11], flattening=x[12])
     held = frame.attitude.matrix().reshape(-1), frame.omega, planet.attitude.wxyz
     return *held, gone, station.position(x[7])
@@ -113,8 +135,8 @@ def relative(x):
 def meeting(x):
     """Impulses of an interception: two states, departure, arrival and mu."""
     chaser, target = (x[:3], x[3:6]), (x[6:9], x[9:12])
-    found = o.interception(chaser, target, x[12], x[13], x[14])
-    table = o.porkchop(chaser, target, x[12][None], x[13][None], x[14])
+    found = o.interception.interception(chaser, target, x[12], x[13], x[14])
+    table = o.interception.porkchop(chaser, target, x[12][None], x[13][None], x[14])
     return found.departure, found.arrival, *numbers(found.total, table.total)
 
 

@@ -5,12 +5,14 @@ import inspect
 from collections.abc import Iterable
 from fnmatch import fnmatch
 
+from jaxspace.core import modules
+
 ROOMS = (
     "core rotations bodies orbits attitude gyros mechanics rockets vehicles control"
     " optimization".split()
 )
 # Of core only these files hold formulas.
-FLOOR = ("_safe", "_special", "_elliptic", "_linear", "_tables")
+FLOOR = ("safe", "special", "elliptic", "vectors", "tables")
 
 # Patterns of names, by why there is nothing to search.
 LEFT_OUT: dict[str, list[str]] = {
@@ -36,7 +38,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.*Body.loaded_mass bodies.RigidBody.inertia* bodies.RigidBody.centre*
         bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
         vehicles.apogee
-        core.components core.expand rotations.Quaternion.coordinates
+        core.components rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
         *.breaks *.switches *.ground *.scaled bodies.sample_state attitude.TiltState
         rockets.ThrustProfile.constant vehicles.Rail.load
@@ -123,8 +125,8 @@ def public_names() -> set[str]:
     names = set()
     for room in ROOMS:
         module = importlib.import_module(f"jaxspace.{room}")
-        for name, found in vars(module).items():
-            if name.startswith("_") or inspect.ismodule(found) or not callable(found):
+        for name, found in modules.public_names(module).items():
+            if not callable(found):
                 continue
             if room == "core" and found.__module__.rpartition(".")[2] not in FLOOR:
                 continue

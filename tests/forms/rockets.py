@@ -3,25 +3,16 @@
 import jax.numpy as jnp
 import twins
 
-from jaxspace.optimization import (
-    Ascent,
-    ConstantMassFlow,
-    FlightState,
+from jaxspace.optimization import SteeredFlight, SteeringProfile
+from jaxspace.optimization.ascent import Ascent, ConstantMassFlow, FlightState, apex, burnout_state
+from jaxspace.optimization.staging import stationary_mass_ratio
+from jaxspace.optimization.steering import (
     LinearTangentSteering,
-    SteeredFlight,
-    SteeringProfile,
-    apex,
-    burnout_state,
     linear_tangent_steering,
     minimum_time_steering,
-    stationary_mass_ratio,
 )
-from jaxspace.rockets import (
-    Thrust,
-    ThrustProfile,
-    propulsive_efficiency,
-    vertical_burnout_velocity,
-)
+from jaxspace.rockets import Thrust, ThrustProfile
+from jaxspace.rockets.rocket_equation import propulsive_efficiency, vertical_burnout_velocity
 
 from .form import Form
 

@@ -15,63 +15,71 @@ def _numbers(part):
 
 def boxes(x):
     """A box, an ellipsoid, a hollow sphere: mass, three lengths, inner radius."""
-    found = b.box(x[0], x[1:4]), b.ellipsoid(x[0], x[1:4]), b.sphere(x[0], x[1], x[4])
+    found = (
+        b.solids.box(x[0], x[1:4]),
+        b.solids.ellipsoid(x[0], x[1:4]),
+        b.solids.sphere(x[0], x[1], x[4]),
+    )
     return tuple(part.tensor.reshape(-1) for part in found)
 
 
 def round_solids(x):
     """A tube, a frustum and its shell: mass, radius, height, second radius."""
-    found = b.cylinder(*x), b.cone(*x), b.conical_shell(*x)
+    found = b.solids.cylinder(*x), b.solids.cone(*x), b.solids.conical_shell(*x)
     return tuple(y for part in found for y in (part.centre, part.tensor.reshape(-1)))
 
 
 def points(x):
     """Two particles and a triangle: masses, six and nine coordinates."""
-    set_of_two = b.particles(x[:2], x[2:8].reshape(3, 2))
-    return *_numbers(set_of_two), *_numbers(b.simplex(x[0], x[2:11].reshape(3, 3)))
+    set_of_two = b.solids.particles(x[:2], x[2:8].reshape(3, 2))
+    return *_numbers(set_of_two), *_numbers(b.solids.simplex(x[0], x[2:11].reshape(3, 3)))
 
 
 def put_together(x):
     """Two boxes, one moved and turned, and the moment about an axis."""
-    one, other = b.box(x[0], x[1:4]), b.box(x[4], x[5:8])
+    one, other = b.solids.box(x[0], x[1:4]), b.solids.box(x[4], x[5:8])
     turned = other.turned(Quaternion.from_rotation_vector(x[11:14])).moved(x[8:11])
-    whole = b.combined(one, turned)
+    whole = b.mass_properties.combined(one, turned)
     moment = whole.moment_about(x[14:17], x[17:20])
     about, moments = whole.about(x[17:20]), whole.inertia().matrix()
-    rest = b.combined(whole, turned.hole())
+    rest = b.mass_properties.combined(whole, turned.hole())
     return *_numbers(whole), about.reshape(-1), moment[None], moments.reshape(-1), rest.mass[None]
 
 
 def held(x):
     """The motion after a stop of one point: moments, mass, arm, velocity, rate."""
-    found = b.pivot_impact(b.PrincipalInertia(x[:3]), x[3], x[4:7], x[7:10], x[10:13])
+    found = b.mass_properties.pivot_impact(
+        b.PrincipalInertia(x[:3]), x[3], x[4:7], x[7:10], x[10:13]
+    )
     return found.omega, found.velocity, found.impulse, found.energy_loss[None]
 
 
 def standard_air(x):
     """Temperature, pressure and density of the standard atmosphere, and both heights."""
-    air = b.standard_atmosphere(x[0])
-    high = b.geopotential_height(x[0])
+    air = b.standard_atmosphere.standard_atmosphere(x[0])
+    high = b.standard_atmosphere.geopotential_height(x[0])
     parts = air.temperature, air.pressure, air.density, air.sound_speed
-    return tuple(f[None] for f in (*parts, high, b.geometric_height(high)))
+    return tuple(f[None] for f in (*parts, high, b.standard_atmosphere.geometric_height(high)))
 
 
 def between(x):
     """The orientation on the way between two: two rotation vectors and a share."""
     start, end = (Quaternion.from_rotation_vector(v) for v in (x[:3], x[3:6]))
-    return r.slerp(start, end, x[6]).matrix().reshape(-1)
+    return r.interpolation.slerp(start, end, x[6]).matrix().reshape(-1)
 
 
 def between_rates(x):
     """Orientation and rate between two with their rates."""
     start, end = (Quaternion.from_rotation_vector(v) for v in (x[2:5], x[8:11]))
-    found = r.interpolate_attitude(x[0], x[1], start, x[5:8], end, x[11:14])
+    found = r.interpolation.interpolate_attitude(x[0], x[1], start, x[5:8], end, x[11:14])
     return found[0].matrix().reshape(-1), found[1]
 
 
 def vector_rates(x):
     """The rate of a rotation vector, and the angular velocity from a rate."""
-    return r.rotation_vector_rate(x[:3], x[3:]), r.omega_from_rotation_vector_rate(x[:3], x[3:])
+    return r.rotation_vector.rotation_vector_rate(
+        x[:3], x[3:]
+    ), r.rotation_vector.omega_from_rotation_vector_rate(x[:3], x[3:])
 
 
 def moving(x):
@@ -85,13 +93,15 @@ def moving(x):
 def at_rest(x):
     """The instantaneous centre from position, velocity and rate about z."""
     flat = jnp.array([1.0, 1.0, 0.0])
-    return r.instantaneous_centre(x[:3], x[3:6] * flat, x[6] * jnp.array([0.0, 0.0, 1.0]))
+    return r.moving_frame.instantaneous_centre(
+        x[:3], x[3:6] * flat, x[6] * jnp.array([0.0, 0.0, 1.0])
+    )
 
 
 def along_the_path(x):
     """Polar components, and those along the path with the curvature."""
-    polar = r.polar_components(*x[:5])
-    path = r.path_components(x[5:8], x[8:11])
+    polar = r.moving_frame.polar_components(*x[:5])
+    path = r.moving_frame.path_components(x[5:8], x[8:11])
     return tuple(jnp.atleast_1d(f) for f in (*polar, *path))
 
 

@@ -33,19 +33,19 @@ def pulled(x):
     """Acceleration of a missile across its axis, and the moments of its body: 5 numbers, thrust,
     engine, two bends, slosh, its rate, moment of roll."""
     body = m.FlexibleMissile(*x[:5], x[5], actuator_stiffness=3e6, modes=2)
-    loop = m.MissileLoop(body, 1.0, 0.1, 2.0, 1500.0, 2.5, 0.01, 4.0)
+    loop = m.missile_loop.MissileLoop(body, 1.0, 0.1, 2.0, 1500.0, 2.5, 0.01, 4.0)
     still = 0.0 * x[0]
     y = m.MissileState(x[6], x[7:9], still, still, jnp.stack([still, still]), still)
     whole = v.FlexibleStage(loop).body(x[11])
     inertia = whole.inertia(x[0]).matrix()
-    state = m.MissileLoopState(y, x[9], x[10])
+    state = m.missile_loop.MissileLoopState(y, x[9], x[10])
     return numbers(loop.sideways(state), loop.mean_turn(state), *jnp.diag(inertia))
 
 
 def swivelled(x):
     """Tangents of a nozzle, and its motor: thrust, impulse, propellant, gain, damping, limit, time,
     mass, attitude, rate and direction."""
-    gimbal = k.Gimbal(k.FixedDirection(x[15:18]), *x[3:6])
+    gimbal = k.Gimbal(k.steering.FixedDirection(x[15:18]), *x[3:6])
     engine = k.GimballedThrust.of_propellant(gimbal, *x[:3], -2.0, burnout_mass=0.5 * x[0])
     place = jnp.zeros(3) + 0.0 * x[0]
     y = BodyState(place, place, Quaternion(x[8:12]), x[12:15], x[7])
@@ -60,8 +60,8 @@ def pressures(x):
     air = ExponentialAtmosphere(x[7], 0.0, x[8])
     orbit = o.Drag(50.0, air, x[9], x[6]).dynamic_pressure(BodyState(x[:3], x[3:6]))
     wind = v.Wind([0.0, 1e4], [3.0, 8.0], [-2.0, 1.0])
-    table = v.MachTable([0.0, 1.0], [0.4, 0.6])
-    frame = v.Aerodynamics(0.0127, table, air=v.LocalAir(air, wind=wind))
+    table = v.coefficient.MachTable([0.0, 1.0], [0.4, 0.6])
+    frame = v.Aerodynamics(0.0127, table, air=v.local_air.LocalAir(air, wind=wind))
     place = jnp.stack([0.0 * x[10], 0.0 * x[10], x[10]])
     return numbers(orbit, frame.dynamic_pressure(BodyState(place, x[3:6])))
 

@@ -4,7 +4,7 @@ import jax.numpy as jnp
 import twins
 
 from jaxspace import orbits as o
-from jaxspace.core import norm
+from jaxspace.core.vectors import norm
 from jaxspace.verification._orbit_cases import CIRCLE, on_conic
 
 from .form import Form
@@ -37,19 +37,19 @@ def of_modified_equinoctial(x):
 def burnout(x):
     """The speeds of circle, escape, excess, and of an orbit: radius, mu, speed, size."""
     radius, mu, speed, a = x
-    excess = o.excess_speed(radius, speed, mu)
-    circle, escape = o.circular_speed(radius, mu), o.escape_speed(radius, mu)
-    return tuple(f[None] for f in (circle, escape, excess, o.vis_viva_speed(radius, a, mu)))
+    excess = o.burnout.excess_speed(radius, speed, mu)
+    circle, escape = o.burnout.circular_speed(radius, mu), o.burnout.escape_speed(radius, mu)
+    return tuple(f[None] for f in (circle, escape, excess, o.burnout.vis_viva_speed(radius, a, mu)))
 
 
 def burnt_out(x):
     """Position and velocity from radius, speed, mu and four angles."""
-    return o.orbit_from_burnout(*x)
+    return o.burnout.orbit_from_burnout(*x)
 
 
 def burnout_elements(x):
     """p, e and the true anomaly as a direction, from radius, speed, angle and mu."""
-    e = o.elements_from_burnout(*x)
+    e = o.burnout.elements_from_burnout(*x)
     turn = e.eccentricity * jnp.stack([jnp.cos(e.true_anomaly), jnp.sin(e.true_anomaly)])
     return e.semi_latus_rectum[None], e.eccentricity[None], turn
 
@@ -57,9 +57,12 @@ def burnout_elements(x):
 def apsides(x):
     """Impulse, coaxial, Hohmann and bi-elliptic transfer from four radii and mu."""
     r1, r2, r3, r4, mu = x
-    coaxial = o.coaxial_transfer(r1, r2, r3, r4, mu)
-    hohmann, bielliptic = o.hohmann_transfer(r1, r3, mu), o.bielliptic_transfer(r1, r4, r3, mu)
-    one = o.apsidal_impulse(r1, r2, r3, mu)[None]
+    coaxial = o.transfers.coaxial_transfer(r1, r2, r3, r4, mu)
+    hohmann, bielliptic = (
+        o.transfers.hohmann_transfer(r1, r3, mu),
+        o.transfers.bielliptic_transfer(r1, r4, r3, mu),
+    )
+    one = o.transfers.apsidal_impulse(r1, r2, r3, mu)[None]
     times = coaxial.duration[None], bielliptic.duration[None]
     return one, coaxial.impulses, hohmann.impulses, bielliptic.impulses, *times
 
@@ -67,7 +70,7 @@ def apsides(x):
 def tangential(x):
     """The orbit after an impulse along the path: p, e, true anomaly, gain."""
     x = (x[0], jnp.abs(x[1]), x[2], x[3])
-    change, small = o.tangential_impulse(*x), o.small_tangential_impulse(*x)
+    change, small = o.impulses.tangential_impulse(*x), o.impulses.small_tangential_impulse(*x)
     turn = jnp.stack([jnp.cos(change.true_anomaly), jnp.sin(change.true_anomaly)])
     e = change.eccentricity
     return e[None], e * turn, change.semi_major_axis[None], small.eccentricity[None]
@@ -75,168 +78,174 @@ def tangential(x):
 
 def apse_kept(x):
     """The impulse that keeps the apse line."""
-    return tuple(f[None] for f in o.apse_line_impulse(*x))
+    return tuple(f[None] for f in o.impulses.apse_line_impulse(*x))
 
 
 def plane_change(x):
     """The size of the impulse from two speeds and an angle."""
-    return o.plane_change_impulse(*x)[None]
+    return o.impulses.plane_change_impulse(*x)[None]
 
 
 def through_a_place(x):
     """The two eccentricities from radius, true anomaly and size."""
-    return tuple(f[None] for f in o.eccentricities_through(*x))
+    return tuple(f[None] for f in o.impulses.eccentricities_through(*x))
 
 
 def break_even(x):
     """The least radius between of a bi-elliptic transfer."""
-    return o.bielliptic_break_even(x[0])[None]
+    return o.bielliptic.bielliptic_break_even(x[0])[None]
 
 
 def ballistic(x):
     """Range, height and time from radius, speed, angle and mu."""
-    return tuple(f[None] for f in o.ballistic_flight(*x))
+    return tuple(f[None] for f in o.ballistic.ballistic_flight(*x))
 
 
 def ballistic_launch(x):
     """The two angles, and the slowest launch, from radius, speed, range and mu."""
     radius, speed, range_angle, mu = x
-    slowest = o.least_energy_launch(radius, range_angle, mu)
-    return tuple(f[None] for f in (*o.ballistic_angles(*x), *slowest))
+    slowest = o.ballistic.least_energy_launch(radius, range_angle, mu)
+    return tuple(f[None] for f in (*o.ballistic.ballistic_angles(*x), *slowest))
 
 
 def farthest(x):
     """Longest range and its angle, from radius, speed and mu."""
-    return tuple(f[None] for f in o.longest_range(*x))
+    return tuple(f[None] for f in o.ballistic.longest_range(*x))
 
 
 def ballistic_ground(x):
     """Where a flight ends on a turning sphere; the longitude as a direction."""
-    place = o.ballistic_impact(*x)
+    place = o.ballistic.ballistic_impact(*x)
     turn = jnp.stack([jnp.cos(place.longitude), jnp.sin(place.longitude)])
     return place.latitude[None], turn
 
 
 def relative_flow(x):
     """Relative position and velocity after a duration: state, duration, mean motion."""
-    return o.clohessy_wiltshire_flow(x[:3], x[3:6], x[6], x[7])
+    return o.clohessy_wiltshire.clohessy_wiltshire_flow(x[:3], x[3:6], x[6], x[7])
 
 
 def relative_transfer(x):
     """Relative velocities at both ends: two places, duration, mean motion."""
-    return o.clohessy_wiltshire_transfer(x[:3], x[3:6], x[6], x[7])
+    return o.clohessy_wiltshire.clohessy_wiltshire_transfer(x[:3], x[3:6], x[6], x[7])
 
 
 def flight_time(x):
     """Period and time of flight: two anomalies, p, e, mu."""
-    return o.time_of_flight(*x)[None]
+    return o.time_of_flight.time_of_flight(*x)[None]
 
 
 def anomaly_later(x):
     """The true anomaly later, as it is (whole turns included): start, duration, p, e, mu."""
-    return o.true_anomaly_after(*x)[None]
+    return o.time_of_flight.true_anomaly_after(*x)[None]
 
 
 def power_laws(x):
     """Acceleration and potential from position, k and n."""
     r = norm(x[:3])
-    return o.power_law(x[:3], x[3], x[4]), o.power_law_potential(r, x[3], x[4])[None]
+    return o.central_force.power_law(x[:3], x[3], x[4]), o.central_force.power_law_potential(
+        r, x[3], x[4]
+    )[None]
 
 
 def solid_sphere(x):
     """Acceleration and potential of a sphere from position, mu and radius."""
     r = norm(x[:3])
-    return o.sphere_gravity(x[:3], x[3], x[4]), o.sphere_potential(r, x[3], x[4])[None]
+    return o.central_force.sphere_gravity(x[:3], x[3], x[4]), o.central_force.sphere_potential(
+        r, x[3], x[4]
+    )[None]
 
 
 def anomalies(x):
     """Radius, eccentric and mean anomaly from p, e and the true anomaly, and back."""
     p, e, nu = x
-    eccentric = o.eccentric_anomaly(nu, e)
-    back = o.true_anomaly(eccentric, e)
-    mean = o.mean_anomaly(eccentric, e)
-    return tuple(f[None] for f in (o.conic_radius(p, e, nu), eccentric, mean, back))
+    eccentric = o.conic.eccentric_anomaly(nu, e)
+    back = o.conic.true_anomaly(eccentric, e)
+    mean = o.conic.mean_anomaly(eccentric, e)
+    return tuple(f[None] for f in (o.conic.conic_radius(p, e, nu), eccentric, mean, back))
 
 
 def turned(x):
     """The turning angle of a flyby."""
-    return o.turning_angle(x[0])[None]
+    return o.conic.turning_angle(x[0])[None]
 
 
 def plumb_line(x):
     """The deviation from latitude, mu, radius and rate."""
-    return o.plumb_line_deviation(*x)[None]
+    return o.rotating_earth.plumb_line_deviation(*x)[None]
 
 
 def rates_of_navigation(x):
     """Angular velocity and its rate from latitude, two rates, rate of the earth, accelerations."""
-    return o.navigation_rates(*x)
+    return o.rotating_earth.navigation_rates(*x)
 
 
 def detour(x):
     """Orbit, impulse and duration of a phasing: radius, size, lead, mu."""
-    found = o.phasing(*x)
+    found = o.phasing.phasing(*x)
     return tuple(f[None] for f in (found.semi_major_axis, found.impulse, found.duration))
 
 
 def secular(x):
     """Rates to second order from a, e, i, mu, J2, radius, J4."""
-    return tuple(f[None] for f in o.secular_rates(*x, second_order=True))
+    return tuple(f[None] for f in o.secular_rates.secular_rates(*x, second_order=True))
 
 
 def with_the_sun(x):
     """The sun-synchronous inclination from a, e, mu, J2, radius."""
-    return o.sun_synchronous_inclination(*x)[None]
+    return o.secular_rates.sun_synchronous_inclination(*x)[None]
 
 
 def zonal_field(x):
     """Acceleration and potential of J2 to J4 from position, mu, radius, three harmonics."""
     given = x[:3], x[3], x[5:], x[4]
-    return o.zonals(*given), o.zonal_potential(*given)[None]
+    return o.zonals.zonals(*given), o.zonals.zonal_potential(*given)[None]
 
 
 def lit(x):
     """How clear of the planet the sun is, and the part of its disk that is seen."""
     given = x[:3], x[3:6], x[6], x[7]
-    return o.shadow(*given)[None], o.sunlight(*given)[None]
+    return o.shadow.shadow(*given)[None], o.shadow.sunlight(*given)[None]
 
 
 def encounters(x):
     """Synodic period and phase from two radii and mu."""
-    return o.synodic_period(*x)[None], o.departure_phase(x[0], x[1])[None]
+    return o.planets.synodic_period(*x)[None], o.planets.departure_phase(x[0], x[1])[None]
 
 
 def two_bodies(x):
     """Reduced mass, barycentre, separation and back, sphere of influence."""
     m1, m2, first, second = x[0], x[1], x[2:5], x[5:8]
-    centre, apart = o.to_relative(m1, m2, first, second)
-    both = o.from_relative(m1, m2, centre, apart)
-    influence = o.sphere_of_influence(x[8], m1, m2)
-    return o.reduced_mass(m1, m2)[None], centre, apart, *both, influence[None]
+    centre, apart = o.two_masses.to_relative(m1, m2, first, second)
+    both = o.two_masses.from_relative(m1, m2, centre, apart)
+    influence = o.two_masses.sphere_of_influence(x[8], m1, m2)
+    return o.two_masses.reduced_mass(m1, m2)[None], centre, apart, *both, influence[None]
 
 
 def thrown(x):
     """Envelope and both angles from distance, height, speed and gravity."""
     distance, height, speed, gravity = x
-    angles = o.projectile_angles(distance, height, speed, gravity)
-    return tuple(f[None] for f in (o.projectile_envelope(distance, speed, gravity), *angles))
+    angles = o.projectile.projectile_angles(distance, height, speed, gravity)
+    return tuple(
+        f[None] for f in (o.projectile.projectile_envelope(distance, speed, gravity), *angles)
+    )
 
 
 def over_the_ground(x):
     """Latitude, longitude as a direction and altitude from position, angle, radius, flattening."""
-    place = o.ground_point(x[:3], x[3], x[4], x[5])
+    place = o.ground_track.ground_point(x[:3], x[3], x[4], x[5])
     turn = jnp.stack([jnp.cos(place.longitude), jnp.sin(place.longitude)])
     return place.latitude[None], turn, place.altitude[None]
 
 
 def of_the_ground(x):
     """The position of a place: latitude, longitude, altitude, angle, radius, flattening."""
-    return o.position_of(o.GroundPoint(*x[:3]), *x[3:])
+    return o.ground_track.position_of(o.ground_track.GroundPoint(*x[:3]), *x[3:])
 
 
 def spiral(x):
     """The radius of a slow spiral: radius, increment, mu."""
-    return o.spiral_radius(*x)[None]
+    return o.low_thrust.spiral_radius(*x)[None]
 
 
 def _names(*names):

@@ -12,21 +12,25 @@ from .form import Form
 
 def principal_spins(x):
     """Stiffness, frequencies and growth of the spins about three axes, and the cone's bounds."""
-    modes = a.spin_modes(x[:3], x[3])
-    return a.spin_stiffness(x[:3], x[3]), *modes, *a.cone_bounds(x[:3], x[4:7])
+    modes = a.principal_spins.spin_modes(x[:3], x[3])
+    return (
+        a.principal_spins.spin_stiffness(x[:3], x[3]),
+        *modes,
+        *a.principal_spins.cone_bounds(x[:3], x[4:7]),
+    )
 
 
 def librations(x):
     """Ratios of inertia, frequencies and growth, forced pitch: moments, mean motion, e, anomaly."""
     moments, n, e, nu = x[:3], x[3], x[4], x[5]
-    modes = a.libration_modes(moments, n)
-    ratios = jnp.stack(a.inertia_ratios(moments))
-    return ratios, modes.frequency, modes.growth, a.forced_pitch(e, nu, moments)[None]
+    modes = a.libration.libration_modes(moments, n)
+    ratios = jnp.stack(a.libration.inertia_ratios(moments))
+    return ratios, modes.frequency, modes.growth, a.libration.forced_pitch(e, nu, moments)[None]
 
 
 def drift_of_energy(x):
     """Energy and rate of the axis: angle, both moments, momentum, dissipation."""
-    return a.drift_energy(*x[:4])[None], a.drift_by_dissipation(*x)[None]
+    return a.drift.drift_energy(*x[:4])[None], a.drift.drift_by_dissipation(*x)[None]
 
 
 def drifting(x):
@@ -38,26 +42,33 @@ def drifting(x):
 
 def drift_constants(x):
     """Of a tube with two disks, and of whip antennas."""
-    tube = a.tube_drift_constant(*x[:10])
-    whips = a.antenna_drift_constant(*x[:8])
-    return tube[None], whips[None], a.structural_damping(x[0])[None]
+    tube = a.drift.tube_drift_constant(*x[:10])
+    whips = a.drift.antenna_drift_constant(*x[:8])
+    return tube[None], whips[None], a.drift.structural_damping(x[0])[None]
 
 
 def released(x):
     """Spin after radial release, and the cord for none: rate, cord, inertia, radius, mass."""
-    return a.radial_release_spin(*x)[None], a.zero_spin_radial_cord(*x[2:])[None]
+    return a.swinging.radial_release_spin(*x)[None], a.swinging.zero_spin_radial_cord(*x[2:])[None]
 
 
 def precessing_earth(x):
     """Secular and periodic luni-solar rates, and amplitudes: longitude, then five parameters."""
-    rates = jnp.stack(jnp.broadcast_arrays(*a.luni_solar_rates_at(*x)))
-    return a.luni_solar_rate(*x[1:])[None], rates, jnp.stack(a.luni_solar_nutation(*x[1:]))
+    rates = jnp.stack(jnp.broadcast_arrays(*a.precession_of_earth.luni_solar_rates_at(*x)))
+    return (
+        a.precession_of_earth.luni_solar_rate(*x[1:])[None],
+        rates,
+        jnp.stack(a.precession_of_earth.luni_solar_nutation(*x[1:])),
+    )
 
 
 def top_relatives(x):
     """Springs, crusher: angle, rate, weight, radius, arm, both moments."""
-    frequencies = a.sprung_flywheel_frequencies(x[5], x[6], x[2], x[3])
-    force, spin = a.crusher_force(*x), a.crusher_spin(x[0], x[1], x[3], x[4])
+    frequencies = a.top_relatives.sprung_flywheel_frequencies(x[5], x[6], x[2], x[3])
+    force, spin = (
+        a.top_relatives.crusher_force(*x),
+        a.top_relatives.crusher_spin(x[0], x[1], x[3], x[4]),
+    )
     return *(f[None] for f in frequencies), force[None], spin[None]
 
 
@@ -70,34 +81,41 @@ def on_a_shaft(x):
 
 def gyrostat(x):
     """The nutation rate, and the moment of a rotor."""
-    moment = a.rotor_moment(x[4:7], x[7:10], x[10], x[11], x[12])
-    return a.gyrostat_nutation_rate(*x[:4])[None], moment
+    moment = a.wheels.rotor_moment(x[4:7], x[7:10], x[10], x[11], x[12])
+    return a.wheels.gyrostat_nutation_rate(*x[:4])[None], moment
 
 
 def attack(x):
     """Angles of attack of an attitude: as complex numbers, and against a velocity."""
     attitude = Quaternion.from_rotation_vector(x[:3])
-    inertial, body = (k.complex_angle_of_attack(attitude, axes) for axes in ("inertial", "body"))
-    return inertial, body, a.angle_of_attack(attitude), k.angle_of_attack(attitude, x[3:6])[None]
+    inertial, body = (
+        k.angle_of_attack.complex_angle_of_attack(attitude, axes) for axes in ("inertial", "body")
+    )
+    return (
+        inertial,
+        body,
+        a.spinning_missile.angle_of_attack(attitude),
+        k.angle_of_attack.angle_of_attack(attitude, x[3:6])[None],
+    )
 
 
 def turning_by_gravity(x):
     """Time and state at an angle: angle, thrust ratio, g, speed, first angle."""
-    time, y = k.gravity_turn(*x)
+    time, y = k.gravity_turn.gravity_turn(*x)
     return tuple(f[None] for f in (time, y.speed, y.range, y.height))
 
 
 def variable_mass(x):
     """Speed and distance of a body that sweeps mass up, and the thrust of a jet engine."""
-    engine = k.jet_engine_thrust(*x[6:12])
-    return *(f[None] for f in k.swept_motion(*x[:6])), engine[None]
+    engine = k.variable_mass.jet_engine_thrust(*x[6:12])
+    return *(f[None] for f in k.variable_mass.swept_motion(*x[:6])), engine[None]
 
 
 def sprinkling(x):
     """Moment and speed of a sprinkler: flow, arm, jet speed, bend, friction, rate."""
     flow, arm, jet, bend, friction, rate = x
-    moment = k.sprinkler_moment(flow, arm, rate, jet, bend)
-    return moment[None], k.sprinkler_speed(flow, arm, jet, bend, friction)[None]
+    moment = k.sprinkler.sprinkler_moment(flow, arm, rate, jet, bend)
+    return moment[None], k.sprinkler.sprinkler_speed(flow, arm, jet, bend, friction)[None]
 
 
 def burning_and_spinning(x):
@@ -126,16 +144,16 @@ def rate_gyro(x):
 def of_navigation(x):
     """Schuler's frequency, coupled rates and those of a table."""
     gravity, radius, rate, latitude, north, east, earth = x
-    schuler = g.schuler_frequency(gravity, radius)
-    coupled = g.coupled_rates(schuler, rate)
-    table = g.table_rates(latitude, north, east, radius, earth)
-    period = g.schuler_period(gravity, radius)
+    schuler = g.gyropendulum.schuler_frequency(gravity, radius)
+    coupled = g.navigation_errors.coupled_rates(schuler, rate)
+    table = g.navigation_errors.table_rates(latitude, north, east, radius, earth)
+    period = g.gyropendulum.schuler_period(gravity, radius)
     return schuler[None], period[None], *(jnp.atleast_1d(f) for f in (*coupled, *table))
 
 
 def resolved(x):
     """Signals on the gimbals of a platform, and the margin of lock."""
-    found = *g.resolve_signals(x[:3], x[3], x[4]), g.gimbal_lock_margin(x[4])
+    found = *g.platform.resolve_signals(x[:3], x[3], x[4]), g.platform.gimbal_lock_margin(x[4])
     return tuple(jnp.atleast_1d(f) for f in found)
 
 

@@ -9,12 +9,9 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.mechanics import (
-    FlexibleMissile,
-    MissileLoop,
-    beam_roots,
-    beam_shape,
-)
+from jaxspace.mechanics import FlexibleMissile
+from jaxspace.mechanics.beams import beam_roots, beam_shape
+from jaxspace.mechanics.missile_loop import MissileLoop
 from jaxspace.studies import modes
 
 jaxspace.enable_x64()

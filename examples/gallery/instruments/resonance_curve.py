@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.gyros import DuffingOscillator
+from jaxspace.gyros.duffing import DuffingOscillator
 
 jaxspace.enable_x64()
 amplitude = jnp.linspace(0.02, 3.5, 40000)

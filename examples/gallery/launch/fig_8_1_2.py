@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.rockets import vertical_burnout_velocity
+from jaxspace.rockets.rocket_equation import vertical_burnout_velocity
 
 jaxspace.enable_x64()
 g, left = 9.80665, jnp.linspace(0.02, 0.6, 200)

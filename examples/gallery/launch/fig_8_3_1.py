@@ -10,13 +10,13 @@ import matplotlib.pyplot as plt
 from scipy.optimize import brentq
 
 import jaxspace
-from jaxspace.optimization import (
+from jaxspace.optimization.ascent import (
     Ascent,
     ConstantThrustAcceleration,
     apex,
     burnout_state,
-    linear_tangent_steering,
 )
+from jaxspace.optimization.steering import linear_tangent_steering
 
 jaxspace.enable_x64()
 tb, Y, g = 160.0, 182880.0, 9.81456

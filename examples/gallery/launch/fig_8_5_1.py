@@ -8,11 +8,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.rockets import (
-    GravityTurnState,
-    gravity_turn,
-    gravity_turn_after,
-)
+from jaxspace.rockets import GravityTurnState
+from jaxspace.rockets.gravity_turn import gravity_turn, gravity_turn_after
 
 jaxspace.enable_x64()
 n, g, v0 = 1.5, 9.81, 120.0

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.rotations import Quaternion, instantaneous_centre
+from jaxspace.rotations import Quaternion
+from jaxspace.rotations.moving_frame import instantaneous_centre
 
 jaxspace.enable_x64()
 tilt = jnp.radians(jnp.linspace(1.0, 89.0, 45))  # of a ladder of length one

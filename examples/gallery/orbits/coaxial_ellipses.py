@@ -10,7 +10,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import coaxial_transfer, conic_radius
+from jaxspace.orbits.conic import conic_radius
+from jaxspace.orbits.transfers import coaxial_transfer
 
 jaxspace.enable_x64()
 e1, a1, e2, a2 = 0.2, 1.5, 0.3, 4.0  # in radii of the Earth

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import kepler_flow
+from jaxspace.orbits.kepler import kepler_flow
 
 jaxspace.enable_x64()
 # In radii of the Earth and units of the speed of the lowest satellite.

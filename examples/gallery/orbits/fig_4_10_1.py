@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import elements_from_burnout
+from jaxspace.orbits.burnout import elements_from_burnout
 
 jaxspace.enable_x64()
 figure, axes = plt.subplots(figsize=(6.4, 4.4))

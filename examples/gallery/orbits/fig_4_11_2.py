@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import bielliptic_transfer, hohmann_transfer
+from jaxspace.orbits.transfers import bielliptic_transfer, hohmann_transfer
 
 jaxspace.enable_x64()
 ratio = jnp.geomspace(1.0, 100.0, 400)

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import time_of_flight
+from jaxspace.orbits.time_of_flight import time_of_flight
 
 jaxspace.enable_x64()
 figure, axes = plt.subplots(figsize=(6.8, 4.6))

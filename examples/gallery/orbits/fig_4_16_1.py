@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import kepler_flow, lambert
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.lambert import lambert
 
 jaxspace.enable_x64()
 start = jnp.array([1.0, 0.0, 0.0])

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import lambert
+from jaxspace.orbits.lambert import lambert
 
 jaxspace.enable_x64()
 start = jnp.array([[1.0], [0.0], [0.0]])

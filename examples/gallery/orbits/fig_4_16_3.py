@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import vis_viva_speed
+from jaxspace.orbits.burnout import vis_viva_speed
 
 jaxspace.enable_x64()
 ahead = jnp.radians(jnp.linspace(0.0, 360.0, 300))

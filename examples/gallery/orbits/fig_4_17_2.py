@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import ballistic_flight, longest_range
+from jaxspace.orbits.ballistic import ballistic_flight, longest_range
 
 jaxspace.enable_x64()
 beta = jnp.radians(jnp.linspace(0.01, 89.9, 300))

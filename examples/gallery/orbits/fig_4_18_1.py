@@ -10,7 +10,7 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace.constants import J2_EARTH, MU_EARTH, RADIUS_EARTH
-from jaxspace.orbits import apsidal_rate, node_regression_rate
+from jaxspace.orbits.oblateness import apsidal_rate, node_regression_rate
 
 jaxspace.enable_x64()
 i = jnp.radians(jnp.linspace(0.0, 180.0, 361))

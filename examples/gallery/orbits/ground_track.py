@@ -8,7 +8,9 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace.constants import MU_EARTH
-from jaxspace.orbits import kepler_flow, orbit_from_radius, planet_frame
+from jaxspace.orbits.initial import orbit_from_radius
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.rotating_earth import planet_frame
 
 jaxspace.enable_x64()
 day = 86164.1

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import effective_potential, power_law_potential
+from jaxspace.orbits.central_force import power_law_potential
+from jaxspace.orbits.radial_motion import effective_potential
 
 jaxspace.enable_x64()
 r = jnp.linspace(0.35, 3.0, 400)

@@ -9,7 +9,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import power_law_potential, radial_motion
+from jaxspace.orbits.central_force import power_law_potential
+from jaxspace.orbits.radial_motion import radial_motion
 
 jaxspace.enable_x64()
 ratio = jnp.geomspace(1.0, 50.0, 120)

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.orbits import lambert
+from jaxspace.orbits.lambert import lambert
 
 jaxspace.enable_x64()
 MU, AU, DAY = 1.32712440018e20, 1.495978707e11, 86400.0

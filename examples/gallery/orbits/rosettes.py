@@ -10,12 +10,9 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import BodyState, Scene, simulate_batch
-from jaxspace.orbits import (
-    PowerLawForce,
-    power_law_potential,
-    radial_motion,
-    turning_points,
-)
+from jaxspace.orbits import PowerLawForce
+from jaxspace.orbits.central_force import power_law_potential
+from jaxspace.orbits.radial_motion import radial_motion, turning_points
 
 jaxspace.enable_x64()
 n = jnp.array([-1.0, 0.0, 1.0, 1.5, 2.0, 2.4])

@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import simulate
-from jaxspace.attitude import RollingDisk, Top, disk_tilt
+from jaxspace.attitude import RollingDisk, Top
+from jaxspace.attitude.disk_tilt import disk_tilt
 
 jaxspace.enable_x64()
 m, R, g, damping = 0.0113, 0.0153, 9.80665, 4.0e-9

@@ -10,7 +10,10 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import luni_solar_nutation, luni_solar_rate
+from jaxspace.attitude.precession_of_earth import (
+    luni_solar_nutation,
+    luni_solar_rate,
+)
 
 jaxspace.enable_x64()
 year, month, spin, bulge = 365.25 * 86400.0, 27.32 * 86400.0, 7.292e-5, 0.0032

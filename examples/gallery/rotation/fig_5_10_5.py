@@ -8,8 +8,9 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import Polhode
-from jaxspace.bodies import PrincipalInertia, free_turn
+from jaxspace.attitude.polhode import Polhode
+from jaxspace.bodies import PrincipalInertia
+from jaxspace.bodies.principal_frame import free_turn
 
 jaxspace.enable_x64()
 moments = jnp.array([1.0, 2.0, 3.0])

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.bodies import PrincipalInertia, free_turn
+from jaxspace.bodies import PrincipalInertia
+from jaxspace.bodies.principal_frame import free_turn
 
 jaxspace.enable_x64()
 moments = jnp.array([3.0, 2.0, 1.0])

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import cone_angles, space_cone_angle
+from jaxspace.attitude.torque_free import cone_angles, space_cone_angle
 from jaxspace.rotations import Quaternion
 
 jaxspace.enable_x64()

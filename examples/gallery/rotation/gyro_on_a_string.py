@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import gyro_on_a_string
+from jaxspace.attitude.top_relatives import gyro_on_a_string
 
 jaxspace.enable_x64()
 body = (0.3, 1.0e-4, 1.5e-4, 0.5, 0.06, 9.80665)  # m, A, C, l1, l2, g

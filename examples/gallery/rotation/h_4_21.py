@@ -9,7 +9,8 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import simulate_batch
-from jaxspace.attitude import Top, continuous_precession
+from jaxspace.attitude import Top
+from jaxspace.attitude.outputs import continuous_precession
 
 jaxspace.enable_x64()
 top = Top(transverse_inertia=1.0e-3, axial_inertia=6.0e-4, weight_moment=0.08)

@@ -12,9 +12,14 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate_mission
-from jaxspace.bodies import Detached, come_apart, cylinder, spring_speed
-from jaxspace.rockets import AlongVelocity, SteeredThrust
-from jaxspace.vehicles import GroundGravity, LocalAir, Parachute, Wind
+from jaxspace.bodies import Detached
+from jaxspace.bodies.parting import come_apart, spring_speed
+from jaxspace.bodies.solids import cylinder
+from jaxspace.rockets import SteeredThrust
+from jaxspace.rockets.steering import AlongVelocity
+from jaxspace.vehicles import Parachute, Wind
+from jaxspace.vehicles.ground_gravity import GroundGravity
+from jaxspace.vehicles.local_air import LocalAir
 
 jaxspace.enable_x64()
 FIRST, SECOND, PAYLOAD = 40.0, 15.0, 10.0  # kg, without propellant

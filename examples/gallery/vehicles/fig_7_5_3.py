@@ -8,7 +8,8 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import YoYo, zero_spin_cord_length
+from jaxspace.attitude import YoYo
+from jaxspace.attitude.despin import zero_spin_cord_length
 
 jaxspace.enable_x64()
 I, R, m, w0 = 100.0, 0.5, 1.2, 10.0  # kg m^2, m, kg, rad/s

@@ -11,7 +11,8 @@ import matplotlib.pyplot as plt
 import jaxspace
 from jaxspace import BodyState, Scene, simulate
 from jaxspace.bodies import BurningBody
-from jaxspace.rockets import JetDamping, Thrust, jet_damping_ratio
+from jaxspace.rockets import JetDamping, Thrust
+from jaxspace.rockets.jet_damping import jet_damping_ratio
 from jaxspace.rotations import Quaternion
 
 jaxspace.enable_x64()

@@ -10,7 +10,7 @@ import jax.numpy as jnp
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.attitude import SwingOutArms
+from jaxspace.attitude.swinging import SwingOutArms
 
 jaxspace.enable_x64()
 w0 = 10.0

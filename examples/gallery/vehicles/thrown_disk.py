@@ -8,7 +8,8 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import BodyState, simulate
-from jaxspace.attitude import TorqueFreeBody, coning_omega, precession_rate
+from jaxspace.attitude import TorqueFreeBody
+from jaxspace.attitude.torque_free import coning_omega, precession_rate
 from jaxspace.rotations import Quaternion
 
 jaxspace.enable_x64()

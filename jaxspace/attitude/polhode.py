@@ -1,0 +1,136 @@
+"""The path of the angular velocity in a free asymmetric body, and how often it closes.
+
+    A > B > C,   P = (B - C)(2TA - h^2),   Q = (A - B)(h^2 - 2TC),   P - Q = (A - C)(2TB - h^2)
+
+    N^2 = max(P, Q) / (ABC),   k^2 = min(P, Q) / max(P, Q),   k'^2 = |P - Q| / max(P, Q)
+    period = 4 K / N
+
+For P > Q the polhode circles the axis of least inertia: omega_A ~ cn(Nt), omega_B ~ sn(Nt), omega_C
+~ dn(Nt); for P < Q it circles the axis of greatest inertia, and cn and dn change places. P = Q is
+the separatrix: an infinite period, and N is the rate of the exponential approach to the turn about
+the intermediate axis.
+
+    symbol    meaning                                             unit
+    A, B, C   principal moments of inertia, in falling order  kg m^2
+    T         kinetic energy                                      J
+    h         angular momentum                                    kg m^2/s
+    N         argument of the elliptic functions per second       1/s
+    k         their modulus                                       1
+    2T/h      distance of the invariable plane from the centre    rad/s
+
+Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability). No difference
+above is formed from T and h: 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2, and its like.
+Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion itself
+does.
+"""
+
+__all__ = ["Polhode"]
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float
+
+from ..core import Scalar, Vector, check
+from ..core.checks import is_concrete
+from ..core.elliptic import complete_elliptic
+from ..core.safe import safe_divide, safe_sqrt
+from ..core.vectors import cross, dot, norm
+
+
+@final
+class Polhode(eqx.Module):
+    """The closed curve of omega in a free body.
+
+    - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2.
+    - `about_least`: whether it circles the axis of least inertia, not the one of greatest.
+    - `vertices`: two points of the polhode, rad/s, body axes, components not negative: where the
+      intermediate component vanishes, and where the outer component of the axis not circled does.
+      All else of Poinsot's construction follows from them.
+    - `plane_distance`: 2T/h, rad/s, of the invariable plane from the centre.
+    - `herpolhode`: distances, rad/s, of the two vertices from the foot of that plane's normal."""
+
+    rate: Float[Array, "*#runs"]
+    modulus_squared: Float[Array, "*#runs"]
+    complement: Float[Array, "*#runs"]
+    about_least: Bool[Array, "*#runs"]
+    vertices: tuple[Float[Array, "3 *#runs"], Float[Array, "3 *#runs"]]
+    plane_distance: Float[Array, "*#runs"]
+    herpolhode: tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]]
+
+    @classmethod
+    def of(cls, moments: Vector, omega: Vector) -> "Polhode":
+        """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in
+        any order.
+
+        Raises `InputError` for a moment of zero: the spin of a rod is no point of a polhode."""
+        if is_concrete(moments):
+            check(np.asarray(moments) > 0.0, "Polhode.of: moments", moments, "positive")
+        moments = jnp.stack(
+            [moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)]
+        )
+        # The formulas take A > B > C; a body may name its axes in any order, run by run.
+        order = jnp.argsort(-moments, axis=0)
+        a, b, c = jnp.take_along_axis(moments, order, axis=0)
+        energies = jnp.take_along_axis(moments * omega * omega, order, axis=0)
+        below, above, middle = _differences((a, b, c), energies)
+        p, q = (b - c) * below, (a - b) * above
+        # p - q = (a - c) middle, whose sign has no rounding beside the separatrix.
+        most, about_least = jnp.maximum(p, q), middle > 0.0
+        two_t, h = dot(moments * omega, omega), norm(moments * omega)
+        ends = _vertices((a, b, c), (below, above, middle), about_least)
+        # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.
+        near, far = (safe_divide(norm(cross(v, jnp.stack([a, b, c]) * v)), h) for v in ends)
+        # The inverse of a permutation is its argsort.
+        back = jnp.argsort(order, axis=0)
+        first, second = (jnp.take_along_axis(v, back, axis=0) for v in ends)
+        return cls(
+            rate=safe_sqrt(most / (a * b * c)),
+            modulus_squared=safe_divide(jnp.minimum(p, q), most),
+            complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
+            about_least=about_least,
+            vertices=(first, second),
+            plane_distance=safe_divide(two_t, h),
+            herpolhode=(near, far),
+        )
+
+    def period(self) -> Scalar:
+        """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
+        separatrix, about the intermediate axis and in a body with three equal moments."""
+        # Of three equal moments the rate vanishes, on the separatrix the complement.
+        endless = (self.rate == 0.0) | (self.complement == 0.0)
+        rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
+        return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
+
+    def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
+        """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
+        (Thomson 5.10-19)."""
+        return self.herpolhode
+
+
+def _differences(
+    moments: tuple[Scalar, Scalar, Scalar], energies: Vector
+) -> tuple[Scalar, Scalar, Scalar]:
+    """2TA - h^2, h^2 - 2TC and 2TB - h^2 from I_i omega_i^2, in falling order of the moments."""
+    a, b, c = moments
+    below = (a - b) * energies[1] + (a - c) * energies[2]
+    above = (a - c) * energies[0] + (b - c) * energies[1]
+    return below, above, (b - c) * energies[2] - (a - b) * energies[0]
+
+
+def _vertices(moments, differences, about_least) -> tuple[Vector, Vector]:
+    """The polhode's points with omega_B = 0 and with omega_A = 0 (about the least axis) or omega_C
+    = 0 (greatest), in the order of the moments."""
+    (a, b, c), (below, above, middle) = moments, differences
+    zero = jnp.zeros_like(middle)
+
+    def rate(difference, moment, apart):
+        # A rounding may leave a difference below zero where the point lies on an axis.
+        return safe_sqrt(safe_divide(jnp.maximum(difference, 0.0), moment * apart))
+
+    first = jnp.stack([rate(above, a, a - c), zero, rate(below, c, a - c)])
+    least = jnp.stack([zero, rate(above, b, b - c), rate(middle, c, b - c)])
+    greatest = jnp.stack([rate(-middle, a, a - b), rate(below, b, a - b), zero])
+    return first, jnp.where(about_least, least, greatest)

@@ -1,0 +1,159 @@
+"""The interface of an effect: what acts on a body, and what it contributes to its motion."""
+
+__all__ = ["with_parts"]
+
+import dataclasses
+from abc import abstractmethod
+from collections.abc import Iterable
+from typing import final
+
+import equinox as eqx
+from jaxtyping import Array, Float
+
+from ..core import (
+    AbstractClosedForm,
+    AbstractParameters,
+    AbstractRegularised,
+    AbstractSystem,
+    Flag,
+    InputError,
+    Matrix,
+    Scalar,
+    State,
+    Vector,
+)
+from ._body import AbstractBody
+from .state import BodyState
+
+
+@final
+class Load(eqx.Module):
+    """What an effect contributes to the motion; `None` contributes nothing and costs nothing.
+
+    Vectors are (3, *runs).
+
+    - `acceleration_N`, m/s^2: of the centre of mass, in inertial axes (gravity: no mass is needed).
+    - `force_N`, N: in inertial axes.
+    - `torque_B`, N m: about the centre of mass, in body axes.
+    - `mass_rate`, kg/s: negative when mass leaves.
+    - `parts_rate`: rates of the state's extra parts, by name.
+    - `inertia_B`, kg m^2, (3, 3, *runs): what moving parts add to the inertia of the body.
+    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, beside what turns with
+      the body. Their torque is that of the changes in body axes, without omega x momentum."""
+
+    acceleration_N: Vector | None = None
+    force_N: Vector | None = None
+    torque_B: Vector | None = None
+    mass_rate: Scalar | None = None
+    parts_rate: dict[str, State] | None = None
+    inertia_B: Matrix | None = None
+    momentum_B: Vector | None = None
+
+
+class AbstractEffect(AbstractParameters):
+    """Something that acts on a body. A concrete effect is final.
+
+    What it reads and adds is read off its load, which a scene traces in states that hold some of
+    their parts: a part that is `None` there may be absent, and one that raises may not.
+
+    - `keeps`: what motion under it alone conserves, of "energy", "angular_momentum" (of the orbit,
+      all components), "axial_angular_momentum" (its z component), "rotational_momentum" (of the
+      body and its moving parts: of effects whose torques are internal); by default nothing. It is
+      declared, because no trace shows it."""
+
+    # Without an annotation it is no field, so that an effect of its own may make it one.
+    keeps = frozenset[str]()
+
+    @abstractmethod
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        """The contribution at the time `t`, s, in the state `y` of a `body`."""
+
+    def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
+        """Potential energy per unit mass, J/kg; `None`, the default, where there is none."""
+        del t, y, body
+        return None
+
+    def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
+        """The rate of the state as a guide leaves it, from the `rate` under all loads: a rail holds
+        a body on its line. By default nothing is held, and nothing costs."""
+        del t, y
+        return rate
+
+    def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
+        """The extra parts of the state that this effect integrates, by name, as they start; `None`
+        if it has none.
+
+        **Arguments**
+
+        - `y`: the state without them, of every run.
+        - `body`: that of the scene."""
+        del y, body
+        return None
+
+    def closed_form(self) -> AbstractClosedForm | None:
+        """The exact motion of a position and a velocity under this effect alone, or `None`.
+
+        For effects that depend on the position alone."""
+        return None
+
+    def regularised(self, rest: AbstractSystem | None) -> AbstractRegularised | None:
+        """The motion in variables that are smooth close to the centre of this effect, or `None`.
+
+        **Arguments**
+
+        - `rest`: a system of position and velocity whose accelerations perturb the motion."""
+        # Absent by default, so that a new effect is right before it is fast.
+        del rest
+        return None
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        """Times, s, at which the load or a derivative of it jumps, or `None`."""
+        return None
+
+    def switches(self) -> dict[str, str]:
+        """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
+        return {}
+
+    def ground(self) -> Scalar | None:
+        """Radius, m, of the sphere about the origin above which the effect is meant: a run that
+        passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
+        the default, where it says nothing."""
+        return None
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
+        """Whether the state lies outside of what the effect describes, such as a table, for each
+        run; `None`, the default, where every state is inside (`AbstractSystem.outside`)."""
+        del t, y, body
+        return None
+
+    def scaled(self, factor: Scalar) -> "AbstractEffect | None":
+        """The same effect with its load multiplied by `factor`, or `None`.
+
+        For effects with a parameter that the whole load is proportional to: they keep their other
+        capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
+        del factor
+        return None
+
+
+def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBody) -> BodyState:
+    """A state with the extra parts that effects integrate.
+
+    **Arguments**
+
+    - `y`: the state; parts that it holds already stay as they are.
+    - `effects`, `body`: of the scene.
+
+    **Raises** `InputError` where two effects integrate a part of the same name."""
+    found: dict[str, State] = {}
+    for effect in effects:
+        for name, part in (effect.start(y, body) or {}).items():
+            if name in found:
+                raise InputError(
+                    f"{type(effect).__name__}.part is {name!r}: it must be another name, "
+                    "for another effect of the scene integrates that part."
+                )
+            found[name] = part
+    if not found:
+        return y
+    # What the state holds wins: a phase goes on with the parts of the one before.
+    return dataclasses.replace(y, parts={**found, **(y.parts or {})})

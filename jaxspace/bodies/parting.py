@@ -1,0 +1,134 @@
+"""A body that comes apart: the state of each part from that of the whole.
+
+    r_i = r + C d_i,   v_i = v + C (w x d_i + u_i),   C_i = C,   w_i = w
+    sum m_i d_i = 0,   sum m_i u_i = 0
+    u = sqrt(2 E (1/m_1 + 1/m_2))                        speed of two parts that a spring drives
+
+    symbol     meaning                                                          unit
+    r, v, m    position and velocity of the centre of mass, mass                m, m/s, kg
+    C, w       attitude, angular velocity in body axes                          1, rad/s
+    d_i        centre of mass of part i from that of the whole, in body axes    m
+    u_i        velocity that springs give it, in body axes                      m/s
+    E          energy of the springs                                            J
+
+Momentum stays. The kinetic energy, turning included, grows by sum m_i u_i^2 / 2, which the springs
+give. The angular momentum stays where sum m_i d_i x u_i = 0, as for two parts driven along the line
+of their centres: elsewhere a spring would turn the parts, too, which is left out.
+
+Source: momentum and angular momentum of rigid parts (Thomson 5.5, 5.6); two masses and a spring.
+"""
+
+__all__ = ["come_apart", "spring_speed"]
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import ClassVar, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import InputError, NumberField, Scalar, Vector, quantity
+from ..core.safe import end_sqrt
+from ..core.shapes import with_rank
+from ..core.types import as_float
+from ..core.vectors import cross, scale
+from ._jump import AbstractJump
+from .mass_properties import MassProperties, combined
+from .state import BodyState
+
+
+@final
+class Detached(AbstractJump):
+    """The state of one part of a body that comes apart, from the state of the whole: the `start` of
+    a branch of a mission."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
+
+    mass: NumberField = quantity("kg", positive=True, doc="m_i, which a mass in the state becomes")
+    offset: Float[Array, "3 *#runs"] = quantity(
+        "m", doc="d_i, of its centre of mass from that of the whole, in body axes"
+    )
+    kick: Float[Array, "3 *#runs"] = quantity(
+        "m/s", default=(0.0, 0.0, 0.0), doc="u_i, the velocity that springs give it, in body axes"
+    )
+
+    def __call__(self, t: Scalar, y: BodyState) -> BodyState:
+        """The state of the part. A state without an attitude has the axes of the body, one without
+        omega does not turn."""
+        del t
+        rank = y.position.ndim - 1
+        offset, kick = with_rank(self.offset, rank), with_rank(self.kick, rank)
+        if y.omega is not None:
+            kick = kick + cross(y.omega, offset)
+        if y.attitude is not None:
+            offset, kick = y.attitude.rotate(offset), y.attitude.rotate(kick)
+        mass = y.mass if y.mass is None else self.mass * jnp.ones_like(y.mass)
+        return dataclasses.replace(
+            y, position=y.position + offset, velocity=y.velocity + kick, mass=mass
+        )
+
+    def as_point(self) -> Callable[[Scalar, BodyState], BodyState]:
+        """The same of a part whose rotation does not matter: the state holds none."""
+        return _AsPoint(self)
+
+
+@final
+class _AsPoint(eqx.Module):
+    """The state of a part that is flown as a point (`Detached.as_point`)."""
+
+    part: Detached
+
+    def __call__(self, t: Scalar, y: BodyState) -> BodyState:
+        return dataclasses.replace(self.part(t, y), attitude=None, omega=None)
+
+
+def come_apart(
+    *parts: MassProperties, kicks: Sequence[Vector] | None = None
+) -> tuple[Detached, ...]:
+    """The parts into which a body comes apart, so that its momentum stays.
+
+    **Arguments**
+
+    - `parts`: two or more, in the same axes; together they are the whole (`combined`).
+    - `kicks`: velocities, m/s, (3, *runs) each, that springs give the parts relative to each other;
+      what they have in common is taken out. Without them the parts only let go.
+
+    **Returns** a `Detached` for each part.
+
+    **Raises** `InputError` for fewer than two parts, and for another number of kicks."""
+    if len(parts) < 2:
+        raise InputError(f"come_apart got {len(parts)} parts: there must be two or more.")
+    whole = combined(*parts)
+    rank = whole.mass.ndim
+    offsets = [with_rank(part.centre, rank) - whole.centre for part in parts]
+    if kicks is None:
+        kicks = [jnp.zeros(3)] * len(parts)
+    if len(kicks) != len(parts):
+        raise InputError(
+            f"come_apart got {len(kicks)} kicks for {len(parts)} parts: there must be one for each."
+        )
+    speeds = [with_rank(as_float(kick), rank) for kick in kicks]
+    shares = [part.mass / whole.mass for part in parts]
+    common = sum(scale(share, u) for share, u in zip(shares, speeds, strict=True))
+    return tuple(
+        Detached(part.mass, offset, u - common)
+        for part, offset, u in zip(parts, offsets, speeds, strict=True)
+    )
+
+
+def spring_speed(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:
+    """Speed of two masses relative to each other, m/s, after springs between them have let go.
+
+    At zero energy the slope by the energy is infinite (the rule of ends in `core/safe.py`), those
+    by the masses are zero.
+
+    **Arguments**, each (*runs,)
+
+    - `energy`: of the springs, J.
+    - `mass`, `other`: kg."""
+
+    def radicand(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:
+        return 2.0 * energy * (1.0 / mass + 1.0 / other)
+
+    return end_sqrt(radicand, *(as_float(x) for x in (energy, mass, other)))

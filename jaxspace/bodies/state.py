@@ -1,0 +1,100 @@
+"""The state of a body in a scene: only the parts that the effects of the scene require."""
+
+__all__ = ["PARTS", "sample_state"]
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any, TypeAlias, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import InputError, State, quantity
+from ..core.checks import check_positive
+from ..core.shapes import check_components
+from ..rotations import Quaternion
+
+if TYPE_CHECKING:
+    # A part is absent only where no effect reads it, which the scene has checked: for a static
+    # type checker every part is there.
+    VectorPart: TypeAlias = Any
+    ScalarPart: TypeAlias = Any
+    AttitudePart: TypeAlias = Any
+else:
+    VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
+    # A name of its own: in axes of a batch and in shapes, the runs of a mass and of a position need
+    # not agree.
+    ScalarPart: TypeAlias = Float[Array, "*runs_of_mass"] | None
+    AttitudePart: TypeAlias = Quaternion | None
+
+
+def as_it_is(x: Any) -> Any:
+    """`x`, because a state is also built from what is no number: axes of a batch, shapes."""
+    return x
+
+
+@final
+class BodyState(eqx.Module):
+    """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
+    body; also their rates.
+
+    Vectors are (3, *runs), along a trajectory (3, times, *runs); the mass is (*runs,) or
+    (times, *runs). `parts` holds whatever else an effect integrates, by name. A part that is `None`
+    is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient.
+
+    Raises `InputError` for an array whose first axis does not hold the components."""
+
+    position: VectorPart = quantity(
+        "m", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    velocity: VectorPart = quantity(
+        "m/s", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+    )
+    attitude: AttitudePart = quantity(
+        "", optional=True, converter=as_it_is, doc="a `Quaternion`, body to inertial"
+    )
+    omega: VectorPart = quantity(
+        "rad/s",
+        optional=True,
+        converter=as_it_is,
+        doc="angular velocity relative to inertial space, in body axes",
+    )
+    mass: ScalarPart = quantity("kg", optional=True, converter=as_it_is, doc="of the body")
+    parts: dict[str, State] | None = None
+
+    def __check_init__(self):
+        # Shapes alone, so that traced states are checked too, at no cost.
+        for name in ("position", "velocity", "omega"):
+            check_components(f"BodyState.{name}", getattr(self, name), 3)
+        if isinstance(self.attitude, Quaternion):
+            check_components("BodyState.attitude", self.attitude.wxyz, 4)
+
+    def check_start(self) -> None:
+        """Raise `InputError` for known numbers that no body starts with: a mass that is not
+        positive, a quaternion of zeros."""
+        check_positive("BodyState.mass", self.mass)
+        if isinstance(self.attitude, Quaternion):
+            self.attitude.check_start()
+
+    def part(self, name: str) -> Any:
+        """The extra part of this name. Raises `InputError` where the state does not hold it."""
+        if self.parts is None or name not in self.parts:
+            raise InputError(
+                f"The state has no part {name!r}: Scene.start adds what the effects integrate."
+            )
+        return self.parts[name]
+
+    def present(self) -> tuple[str, ...]:
+        """The names of the parts that this state holds."""
+        return tuple(name for name in PARTS if getattr(self, name) is not None)
+
+
+PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")
+
+
+def sample_state(parts: Iterable[str]) -> BodyState:
+    """A state that holds these `parts`, for shapes and operation counts: every number is one."""
+    vector = jnp.ones(3)
+    # Ones and not zeros: a vector field may divide by a distance or a mass.
+    every = BodyState(vector, vector, Quaternion(jnp.ones(4)), vector, jnp.ones(()), {})
+    return BodyState(**{part: getattr(every, part) for part in parts})

@@ -1,0 +1,102 @@
+"""How a command reaches a system: by the fields `command` of its parts, or by a function."""
+
+__all__ = ["with_command"]
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any, TypeAlias, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import AbstractSystem, InputError, Scalar, State
+
+Actuate: TypeAlias = Callable[[AbstractSystem, PyTree], AbstractSystem]
+
+
+def _driven(x: Any) -> bool:
+    """Whether a part of a system is driven by a command."""
+    return dataclasses.is_dataclass(x) and any(f.name == "command" for f in dataclasses.fields(x))
+
+
+def _commands(system: Any) -> list[Any]:
+    parts = jax.tree.leaves(system, is_leaf=_driven)
+    return [part.command for part in parts if _driven(part)]
+
+
+def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
+    """The system under a command.
+
+    **Arguments**
+
+    - `system`: with one part or more that has a field `command`, such as `CommandedTorque`.
+    - `command`: of the one part; of several a tuple, in their order.
+
+    **Returns** the system with that command. **Raises** `InputError` where the system has no such
+    part, or another number of them than there are commands."""
+    found = len(_commands(system))
+    given = list(command) if found > 1 and isinstance(command, tuple | list) else [command]
+    if found == 0:
+        raise InputError(
+            f"{type(system).__name__} has no part with a command: give it an effect such as "
+            f"CommandedTorque, or say by actuate=... how a command reaches it."
+        )
+    if found != len(given):
+        raise InputError(
+            f"The controller gave {len(given)} command, and {found} parts of the system take one: "
+            f"it must be a tuple of {found}."
+        )
+    return eqx.tree_at(_commands, system, given)
+
+
+@final
+class Held(AbstractSystem):
+    """A system between two samples: under a command that is constant, or a line in time.
+
+    `limit` bounds what the line extrapolates."""
+
+    system: AbstractSystem
+    actuate: Actuate = eqx.field(static=True)
+    command: PyTree
+    slope: PyTree
+    since: Scalar
+    limit: PyTree
+
+    def at(self, t: Scalar) -> AbstractSystem:
+        """The system under the command of the time `t`, s."""
+        if self.slope is None:
+            return self.actuate(self.system, self.command)
+        passed = t - self.since
+        line = jax.tree.map(lambda u, s: u + s * passed, self.command, self.slope)
+        return self.actuate(self.system, clipped(line, self.limit))
+
+    def vector_field(self, t: Scalar, y: State) -> State:
+        return self.at(t).vector_field(t, y)
+
+    def breaks(self) -> Array | None:
+        return self.system.breaks()
+
+    def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
+        del t, y
+        return {}
+
+
+def clipped(command: PyTree, limit: Any) -> PyTree:
+    """The command within plus and minus the `limit`; `None` is no limit."""
+    if limit is None:
+        return command
+    return jax.tree.map(lambda u: jnp.clip(u, -limit, limit), command)
+
+
+def rounded(command: PyTree, quantum: Any) -> PyTree:
+    """The command in whole quanta; `None` leaves it. Its derivative is that of the command, because
+    that of a stair is zero wherever there is one."""
+    if quantum is None:
+        return command
+
+    def leaf(u: Array) -> Array:
+        return u + jax.lax.stop_gradient(quantum * jnp.round(u / quantum) - u)
+
+    return jax.tree.map(leaf, command)

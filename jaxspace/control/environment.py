@@ -1,0 +1,140 @@
+"""Environments in the pure-functional style in which JAX learns: a state goes in, a state comes
+out, and nothing is kept elsewhere.
+
+    observation, state = environment.reset(key)
+    observation, state, reward, done, info = environment.step(key, state, action)
+
+An episode that ends starts again in the same call: `state` and `observation` are then those of the
+new one, and `info` holds the last observation of the old one. Runs trail everywhere: `reset(key,
+(1024,))` starts a thousand episodes, and `step` takes them as they are, faster than mapped by
+`jax.vmap`, which works as well.
+"""
+
+__all__ = ["Box", "Episode"]
+
+from abc import abstractmethod
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PRNGKeyArray
+
+from ..core import AbstractParameters, Scalar, State
+from ._advance import select
+
+
+@final
+class Box(NamedTuple):
+    """A space of vectors: `shape` without runs, and the least and greatest value of a component."""
+
+    low: float
+    high: float
+    shape: tuple[int, ...]
+
+    def sample(self, key: PRNGKeyArray, runs: tuple[int, ...] = ()) -> Array:
+        """A vector of the space, every one as likely; unbounded spaces have none."""
+        return jax.random.uniform(key, (*self.shape, *runs), minval=self.low, maxval=self.high)
+
+    def contains(self, x: Array) -> Bool[Array, "*runs"]:
+        """Whether vectors belong to the space."""
+        inside = (x >= self.low) & (x <= self.high)
+        return jnp.all(inside, axis=tuple(range(len(self.shape))))
+
+
+@final
+class Episode(eqx.Module):
+    """Where an episode is: the state of the system, and the time since it began, s."""
+
+    y: State
+    time: Float[Array, "*runs"]
+
+
+class AbstractEnvironment(AbstractParameters):
+    """A task. A concrete environment is final, and says how an episode starts, goes on and ends."""
+
+    horizon: eqx.AbstractVar[Float[Array, ""]]
+
+    @property
+    @abstractmethod
+    def action_space(self) -> Box:
+        """Actions, of components between -1 and 1."""
+
+    @property
+    @abstractmethod
+    def observation_space(self) -> Box:
+        """Observations, scaled to the order of 1."""
+
+    @abstractmethod
+    def start(self, key: PRNGKeyArray, runs: tuple[int, ...]) -> State:
+        """A state from which an episode starts, of so many runs."""
+
+    @abstractmethod
+    def advance(self, y: State, action: Array, time: Scalar) -> tuple[State, Scalar]:
+        """The state after a period under an action, and the duration of the period, s."""
+
+    @abstractmethod
+    def observe(self, y: State, time: Scalar) -> Array:
+        """What an agent sees, (observations, *runs)."""
+
+    @abstractmethod
+    def judge(
+        self, before: State, action: Array, after: State
+    ) -> tuple[Scalar, Bool[Array, "*runs"], dict[str, Array]]:
+        """The reward of a step, whether the episode ends by what happened, and what else to tell,
+        such as whether it ended well."""
+
+    def reset(
+        self, key: PRNGKeyArray, runs: tuple[int, ...] = ()
+    ) -> tuple[Float[Array, "observations *#runs"], Episode]:
+        """The first observation, and the state of a new episode, or of as many as `runs` says."""
+        y = self.start(key, runs)
+        dtype = jnp.result_type(*jax.tree.leaves(y))
+        time = jnp.zeros(runs, dtype)
+        return self.observe(y, time), Episode(y, time)
+
+    def step(
+        self, key: PRNGKeyArray, state: Episode, action: Float[Array, "actions *#runs"]
+    ) -> tuple[Array, Episode, Array, Array, dict[str, Any]]:
+        """One period.
+
+        **Arguments**
+
+        - `key`: from which an episode that ends starts again.
+        - `state`: of every run; `action`: cut to between -1 and 1.
+
+        **Returns** observation, state, reward, whether the episode has ended, and `info`:
+        `truncated`, whether only its time was up; `last`, the observation before a new start; and
+        what the task reports."""
+        space = self.action_space
+        action = jnp.clip(action, space.low, space.high)
+        y, span = self.advance(state.y, action, state.time)
+        time = state.time + span
+        reward, ended, measures = self.judge(state.y, action, y)
+        # What left the numbers ends its own episode, and is no reward.
+        finite = _finite(y, time.shape)
+        reward = jnp.where(finite, reward, jnp.zeros_like(reward))
+        ended = ended | ~finite
+        # Half a period early, because times add up with roundings.
+        up = time >= self.horizon - 0.5 * span
+        done = ended | up
+        last = self.observe(y, time)
+
+        def again(_: None) -> tuple[State, Array, Array]:
+            # In the precision of the episode, whatever that of the process.
+            fresh = jax.tree.map(lambda a, x: a.astype(x.dtype), self.start(key, time.shape), y)
+            new, begun = select(done, fresh, y), jnp.where(done, 0.0, time)
+            return new, begun, self.observe(new, begun)
+
+        # Drawn only where an episode has ended: random numbers cost more than a step.
+        y, time, seen = jax.lax.cond(jnp.any(done), again, lambda _: (y, time, last), None)
+        info = {"truncated": up & ~ended, "last": last, **measures}
+        return seen, Episode(y, time), reward, done, info
+
+
+def _finite(y: State, runs: tuple[int, ...]) -> Bool[Array, "*runs"]:
+    flags = jnp.ones(runs, bool)
+    for x in jax.tree.leaves(y):
+        # A sum of zeros is finite where every number is, and takes many runs at once.
+        flags = flags & (jnp.sum(0.0 * x, axis=tuple(range(x.ndim - len(runs)))) == 0.0)
+    return flags

@@ -1,0 +1,77 @@
+"""Bad input, reported in one sentence that names the field, the value and what is allowed.
+
+Only values that are known are checked: a traced value passes, so that every check is free under
+`jit`, `vmap` and `grad`."""
+
+__all__ = ["check_finite", "check_non_negative", "check_positive", "is_concrete"]
+
+import difflib
+from collections.abc import Iterable
+
+import jax
+import numpy as np
+from jax.core import Tracer
+from jax.typing import ArrayLike
+
+
+class InputError(ValueError):
+    """A field has a value that is not allowed."""
+
+    @staticmethod
+    def hint(name: object, names: Iterable[str]) -> str:
+        """The question for the nearest of the `names` that are allowed, or nothing when none is
+        near."""
+        # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
+        near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
+        return f" Did you mean {near[0]}?" if near else ""
+
+
+def is_concrete(x: object) -> bool:
+    """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
+    # First of all, because a tracer is an instance of `jax.Array` too.
+    if isinstance(x, Tracer) or not isinstance(
+        x, float | int | np.ndarray | np.generic | jax.Array
+    ):
+        return False
+    # Booleans and text have no range that could be checked.
+    return np.issubdtype(np.asarray(x).dtype, np.number)
+
+
+def _show(x: object) -> str:
+    a = np.asarray(x)
+    if a.ndim == 0:
+        return f"{a.item():.6g}"
+    # A sentence stays on one line, so that the command line can print one line for each error.
+    return " ".join(np.array2string(a, precision=6, threshold=6).split("\n"))
+
+
+def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
+    """Raise `InputError` unless `ok` holds everywhere; `allowed` completes the sentence "`field` is
+    `value`: it must be ...".
+
+    **Arguments**
+
+    - `ok`: of each number, whether it is allowed.
+    - `field`, `value`, `allowed`: what the sentence names."""
+    if not np.all(ok):
+        raise InputError(f"{field} is {_show(value)}: it must be {allowed}.")
+
+
+def check_positive(field: str, value: object) -> None:
+    """Raise `InputError` if the known `value` is not finite and above zero everywhere."""
+    if is_concrete(value):
+        a = np.asarray(value)
+        check(np.isfinite(a) & (a > 0.0), field, value, "positive and finite")
+
+
+def check_non_negative(field: str, value: object) -> None:
+    """Raise `InputError` if the known `value` is negative or not finite anywhere."""
+    if is_concrete(value):
+        a = np.asarray(value)
+        check(np.isfinite(a) & (a >= 0.0), field, value, "zero or positive, and finite")
+
+
+def check_finite(field: str, value: object) -> None:
+    """Raise `InputError` if the known `value` is NaN or infinite anywhere."""
+    if is_concrete(value):
+        check(np.isfinite(np.asarray(value)), field, value, "finite")

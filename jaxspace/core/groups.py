@@ -1,0 +1,54 @@
+"""The interface of a block of a state that lies on a Lie group, for integrators on groups."""
+
+from abc import abstractmethod
+from typing import Any, TypeAlias, TypeGuard
+
+import equinox as eqx
+import jax
+from jaxtyping import Array, Float, PyTree
+
+from .types import State
+
+Local: TypeAlias = Float[Array, "n *#runs"]
+
+
+class AbstractGroupElement(eqx.Module):
+    """An element of a Lie group, with local coordinates that are zero at the element itself.
+
+    The rate of an element has the type of the element."""
+
+    @abstractmethod
+    def coordinates(self) -> Local:
+        """The coordinates of the element about itself: zeros, (n, *runs)."""
+
+    # `Any` stands for the type of the concrete class: beartype cannot check `Self` here.
+    @abstractmethod
+    def moved(self, local: Local) -> Any:
+        """The element at the coordinates `local` about this one, on the group to rounding."""
+
+    def projected(self) -> Any:
+        """The element on the group nearest to this one, which is off it by an error of rounding or
+        of a step."""
+        return self.moved(self.coordinates())
+
+    @abstractmethod
+    def coordinate_rate(self, local: Local, rate: Any) -> Local:
+        """The rate of change, 1/s, of the coordinates of this element about another one.
+
+        **Arguments**
+
+        - `local`: the coordinates of this element about the other one.
+        - `rate`: the rate of change of this element, 1/s.
+        """
+
+
+def on_group(x: PyTree) -> TypeGuard[AbstractGroupElement]:
+    """Whether a block of a state lies on a group."""
+    return isinstance(x, AbstractGroupElement)
+
+
+def project(y: State) -> State:
+    """The state with every block that lies on a group projected onto it; other blocks as they are,
+    at no cost."""
+    # An element is one leaf, because none of its arrays lies on a group by itself.
+    return jax.tree.map(lambda x: x.projected() if on_group(x) else x, y, is_leaf=on_group)

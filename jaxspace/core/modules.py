@@ -1,0 +1,60 @@
+"""The public modules of a package: how its root gives them, and what they hold.
+
+The root of a package gives what a user meets first. The rest stands in modules named by their
+subject, each with its names in `__all__`; a module is imported when it is first used."""
+
+import pkgutil
+import sys
+import types
+from collections.abc import Callable
+from importlib import import_module
+
+
+def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callable[[], list[str]]]:
+    """`__getattr__` and `__dir__` for the root of a package, which import its public modules when
+    they are first used.
+
+    **Arguments**
+
+    - `package`: the `__name__` of the root.
+
+    **Returns** the two functions."""
+
+    def module(name: str) -> types.ModuleType:
+        if name in _files(package):
+            # The import sets the attribute too: the next use does not come here.
+            return import_module(f"{package}.{name}")
+        raise AttributeError(f"module {package!r} has no attribute {name!r}")
+
+    def names() -> list[str]:
+        given = {*vars(sys.modules[package]), *_files(package)}
+        return sorted(given - {"TYPE_CHECKING"})
+
+    return module, names
+
+
+def public_names(package: types.ModuleType) -> dict[str, object]:
+    """What a package gives its users, by name: the names of its root, then those of its modules.
+
+    Names that the root of one package gives on from another are among them.
+
+    **Arguments**
+
+    - `package`: such as `jaxspace.orbits`."""
+    found = {name: thing for name, thing in vars(package).items() if _counts(name, thing)}
+    for file in _files(package.__name__):
+        module = import_module(f"{package.__name__}.{file}")
+        # A module without the list is there for other packages of the library, and no promise.
+        found |= {name: getattr(module, name) for name in getattr(module, "__all__", ())}
+    return found
+
+
+def _counts(name: str, thing: object) -> bool:
+    private = name.startswith("_") or name == "TYPE_CHECKING"
+    return not private and not isinstance(thing, types.ModuleType)
+
+
+def _files(package: str) -> list[str]:
+    """The files of a package whose names are public."""
+    found = pkgutil.iter_modules(sys.modules[package].__path__)
+    return [file.name for file in found if not file.name.startswith("_")]

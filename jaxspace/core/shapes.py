@@ -1,0 +1,81 @@
+"""The rule of shapes: components lead, then times, then runs.
+
+A position is (3, *runs), along a trajectory (3, times, *runs). A check of the first axis reads
+nothing but the static shape of an array, so that it costs nothing when the program runs and works
+under every transformation of jax.
+"""
+
+__all__ = ["check_components", "runs_first", "runs_last", "with_rank"]
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, PyTree
+
+from .checks import InputError
+
+RULE = "(components lead, then times, then runs)"
+
+
+def check_components(name: str, x: object, count: int, axes: int = 1) -> None:
+    """Check that each of the leading axes of an array holds the components.
+
+    **Arguments**
+
+    - `name`: of the array, as the message shows it: "dot: a".
+    - `x`: the array. What is no array passes: `None`, a placeholder of a tree transformation, a
+      `jax.ShapeDtypeStruct`, a Python number or list.
+    - `count`: the number of components, 3 or 4.
+    - `axes`: how many leading axes have this length, 2 for a matrix.
+
+    **Raises** `InputError` for any other shape.
+    """
+    # Tracers are instances of `jax.Array`; lists of scalars and placeholders are not.
+    if not isinstance(x, jax.Array | np.ndarray) or x.shape[:axes] == (count,) * axes:
+        return
+    held = (
+        f"its first axis must hold the {count} components"
+        if axes == 1
+        else f"its first two axes must hold the {count} x {count} components"
+    )
+    raise InputError(f"{name} has the shape {x.shape}: {held} {RULE}.")
+
+
+def with_rank(x: Array, rank: int, axes: int = 1) -> Array:
+    """An array of components with `rank` axes of times and runs, the new ones of length one.
+
+    The new axes stand behind the `axes` component axes: (3, runs) becomes (3, 1, runs), which meets
+    (3, times, runs) and broadcasts. jax alone would put them in front of the components.
+    """
+    missing = rank - (x.ndim - axes)
+    if missing <= 0:
+        # The same array, so that nothing is added to the program where the ranks agree.
+        return x
+    return x.reshape(*x.shape[:axes], *(1,) * missing, *x.shape[axes:])
+
+
+def runs_last(tree: PyTree) -> PyTree:
+    """Turn a tree of runs-first arrays, a neural network's layout, to the rule of this library.
+
+    The first axis of every array becomes its last: (runs, 3) becomes (3, runs), and
+    (runs, times, 3) becomes (times, 3, runs), whose components the caller moves to the front.
+    Arrays without axes, `None` and whatever is no array stay as they are.
+    """
+    return jax.tree.map(functools.partial(_move, source=0, target=-1), tree)
+
+
+def runs_first(tree: PyTree) -> PyTree:
+    """Turn a tree of runs-last arrays to the layout of a neural network; undoes `runs_last`.
+
+    The last axis of every array becomes its first: (3, runs) becomes (runs, 3).
+    """
+    return jax.tree.map(functools.partial(_move, source=-1, target=0), tree)
+
+
+def _move(x: object, source: int, target: int) -> object:
+    # What all runs share is often a plain number.
+    if not isinstance(x, jax.Array | np.ndarray) or x.ndim == 0:
+        return x
+    return jnp.moveaxis(x, source, target)

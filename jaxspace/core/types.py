@@ -1,0 +1,73 @@
+"""The types that every formula shares: components lead, runs trail (`*runs` is empty for one run).
+
+Along a trajectory the times stand before the runs; `*runs` then means both.
+"""
+
+__all__ = ["SingleNumberField", "as_float", "as_optional_float"]
+
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Bool, Float, PyTree
+
+if TYPE_CHECKING:
+    # A formula takes a Python float as well as an array, and returns an array if it got one: more
+    # than a static type can say.
+    Scalar: TypeAlias = Any
+
+    class NumberField:
+        """A declared number of a module: an array, made of any number or array that is given.
+
+        A descriptor, because the constructor of a class takes more than its field then holds, and
+        type checkers read what it takes from `__set__`."""
+
+        def __get__(self, instance: object, owner: object = None) -> Array: ...
+
+        def __set__(self, instance: object, value: ArrayLike) -> None: ...
+
+    class OptionalNumberField:
+        """The same, or `None` for what is absent."""
+
+        def __get__(self, instance: object, owner: object = None) -> Array | None: ...
+
+        def __set__(self, instance: object, value: ArrayLike | None) -> None: ...
+
+    # One for all runs.
+    SingleNumberField = NumberField
+else:
+    Scalar: TypeAlias = Float[Array, "*#runs"] | float
+    NumberField: TypeAlias = Float[Array, "*#runs"]
+    OptionalNumberField: TypeAlias = Float[Array, "*#runs"] | None
+    SingleNumberField: TypeAlias = Float[Array, ""]
+Vector: TypeAlias = Float[Array, "3 *#runs"]
+Matrix: TypeAlias = Float[Array, "3 3 *#runs"]
+Flag: TypeAlias = Bool[Array, "*#runs"] | bool
+State: TypeAlias = PyTree[Float[Array, "..."]]
+
+
+def as_float(x: Any) -> Any:
+    """`x` as a floating-point array, for the fields of a module.
+
+    A Python number stays weakly typed, so that the precision follows the state that it meets.
+    Integers become floats. Whatever is not a number passes, such as a placeholder of a tree
+    transformation."""
+    if isinstance(x, bool | int):
+        x = float(x)
+    if isinstance(x, list | tuple):
+        # Of known numbers by numpy, because a stack of them would be a program of its own.
+        x = (
+            np.asarray(x, dtype=float)
+            if all(isinstance(v, int | float) for v in x)
+            else jnp.stack([as_float(v) for v in x])
+        )
+    if not isinstance(x, float | np.ndarray | np.generic | Array):
+        return x
+    x = jnp.asarray(x)
+    return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(float)
+
+
+def as_optional_float(x: Any) -> Any:
+    """`as_float`, with `None` for what is absent."""
+    return None if x is None else as_float(x)

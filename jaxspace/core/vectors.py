@@ -1,0 +1,191 @@
+"""Vector algebra on the first axis: a vector is (3, *runs), or (3, times, *runs).
+
+Every function checks the first axis statically. The products are written out by components,
+because a reduction over an axis of length three hinders the compiler's fusion.
+"""
+
+__all__ = [
+    "axis",
+    "components",
+    "cross",
+    "dot",
+    "inverse_norm",
+    "matvec",
+    "norm",
+    "scale",
+    "solve3",
+    "unit",
+]
+
+import functools
+from typing import TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
+from jaxtyping import Array
+
+from .barrier import barrier
+from .safe import safe_sqrt
+from .shapes import check_components, with_rank
+from .types import Matrix, Scalar, Vector
+
+Tangent: TypeAlias = Array | SymbolicZero
+
+
+@jax.custom_jvp
+def dot(a: Vector, b: Vector) -> Scalar:
+    """Scalar product a . b.
+
+    Raises `InputError` where the first axis does not hold three components."""
+    check_components("dot: a", a, 3)
+    check_components("dot: b", b, 3)
+    a0, a1, a2 = components(a)
+    b0, b1, b2 = components(b)
+    return a0 * b0 + a1 * b1 + a2 * b2
+
+
+@functools.partial(dot.defjvp, symbolic_zeros=True)
+def _dot_rule(
+    primals: tuple[Vector, Vector], tangents: tuple[Tangent, Tangent]
+) -> tuple[Scalar, Scalar]:
+    # As a sum over the axis, because reverse mode then spreads the result in one operation. The
+    # transpose of the components would pad each one with zeros, and compute the derivative of all
+    # that comes before it three times (measured: half of the time of a step).
+    rank = max(x.ndim for x in primals) - 1
+    a, b = (with_rank(x, rank) for x in primals)
+    products = [
+        with_rank(d, rank) * other
+        for d, other in zip(tangents, (b, a), strict=True)
+        if not isinstance(d, SymbolicZero)
+    ]
+    return dot(*primals), jnp.sum(functools.reduce(jnp.add, products), axis=0)
+
+
+@functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
+def inverse_norm(a: Vector, power: int = 1) -> Scalar:
+    """1 / |a|^power, for a whole `power` of one or more.
+
+    Raises `InputError` where the first axis does not hold three components."""
+    check_components("inverse_norm: a", a, 3)
+    # From one reciprocal root for every power, because the compiler then computes it once.
+    p = 1.0 / jnp.sqrt(dot(a, a))
+    square = p * p
+    return functools.reduce(jnp.multiply, [square] * (power // 2) + [p] * (power % 2))
+
+
+@inverse_norm.defjvp
+def _inverse_norm_rule(
+    power: int, primals: tuple[Vector], tangents: tuple[Vector]
+) -> tuple[Scalar, Scalar]:
+    # In one rule, because those of root, quotient and products take several times as many
+    # operations along many directions. From the relative change, because in metres a higher power
+    # would leave the range of float32. As a sum over the axis, as in `dot`, and held, so that
+    # reverse mode computes what it spreads over the components once.
+    (a,) = primals
+    (da,) = tangents
+    p = inverse_norm(a, power)
+    return p, (-power * p) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
+
+
+@jax.custom_jvp
+def scale(scalar: Scalar, a: Vector) -> Vector:
+    """Scalar times vector.
+
+    Raises `InputError` where the first axis of `a` does not hold three components."""
+    check_components("scale: a", a, 3)
+    return scalar * with_rank(a, jnp.ndim(scalar))
+
+
+@functools.partial(scale.defjvp, symbolic_zeros=True)
+def _scale_rule(
+    primals: tuple[Scalar, Vector], tangents: tuple[Tangent, Tangent]
+) -> tuple[Vector, Vector]:
+    scalar, a = primals
+    d_scalar, da = tangents
+    rank = max(jnp.ndim(scalar), a.ndim - 1)
+    parts = []
+    if not isinstance(d_scalar, SymbolicZero):
+        # Behind a barrier, because the compiler would compute the change of the scalar again for
+        # every component.
+        parts.append(barrier(d_scalar) * with_rank(a, rank))
+    if not isinstance(da, SymbolicZero):
+        parts.append(scalar * with_rank(da, rank))
+    return scale(scalar, a), functools.reduce(jnp.add, parts)
+
+
+def cross(a: Vector, b: Vector) -> Vector:
+    """Vector product a x b.
+
+    Raises `InputError` where the first axis does not hold three components."""
+    check_components("cross: a", a, 3)
+    check_components("cross: b", b, 3)
+    a0, a1, a2 = components(a)
+    b0, b1, b2 = components(b)
+    return jnp.stack([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
+
+
+def components(a: Array) -> list[Scalar]:
+    """The components of a vector, (n, *runs), each (*runs,).
+
+    By one split, whose transpose joins what reverse mode has found of each. That of an index would
+    pad each with zeros and add them up (measured: a third of the time of a step)."""
+    a = jnp.asarray(a)
+    return [jnp.squeeze(x, 0) for x in jax.lax.split(a, (1,) * a.shape[0])]
+
+
+def norm(a: Vector) -> Scalar:
+    """Length |a|; at a = 0 the derivative is zero, the mean of the one-sided ones, and never NaN.
+
+    Raises `InputError` where the first axis does not hold three components."""
+    check_components("norm: a", a, 3)
+    return safe_sqrt(dot(a, a))
+
+
+def unit(a: Vector) -> Vector:
+    """Direction a / |a|; the zero vector stays zero.
+
+    Along `a` itself the derivative vanishes: what is left of it there is a rounding of 1/|a|.
+
+    Raises `InputError` where the first axis does not hold three components."""
+    check_components("unit: a", a, 3)
+    length = norm(a)
+    # The inner `where` keeps 0/0 out of the branch that is not taken, and NaN out of its
+    # derivative.
+    return jnp.where(length > 0.0, a / jnp.where(length > 0.0, length, 1.0), 0.0)
+
+
+def matvec(m: Matrix, a: Vector) -> Vector:
+    """Matrix times vector, m a; one matrix may meet many vectors.
+
+    Raises `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    check_components("matvec: m", m, 3, axes=2)
+    check_components("matvec: a", a, 3)
+    m = with_rank(m, a.ndim - 1, axes=2)
+    return m[:, 0] * a[0] + m[:, 1] * a[1] + m[:, 2] * a[2]
+
+
+def solve3(m: Matrix, b: Vector) -> Vector:
+    """The solution x of m x = b for a regular 3 x 3 matrix, by cofactors (Cramer's rule).
+
+    Raises `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    check_components("solve3: m", m, 3, axes=2)
+    check_components("solve3: b", b, 3)
+    # Written out: `jnp.linalg.solve` calls a library for each matrix and fuses with nothing.
+    c0, c1, c2 = m[:, 0], m[:, 1], m[:, 2]
+    n0 = cross(c1, c2)
+    return jnp.stack([dot(n0, b), dot(cross(c2, c0), b), dot(cross(c0, c1), b)]) / dot(c0, n0)
+
+
+def axis(index: int, like: Scalar) -> Vector:
+    """The unit vector along an axis, (3, *runs).
+
+    **Arguments**
+
+    - `index`: 0, 1 or 2.
+    - `like`: a scalar that gives the shape of the runs and the precision.
+    """
+    like = jnp.asarray(like)
+    one = jnp.ones_like(like)
+    zero = jnp.zeros_like(like)
+    return jnp.stack([one if i == index else zero for i in range(3)])

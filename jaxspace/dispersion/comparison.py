@@ -1,0 +1,72 @@
+"""The methods without many runs beside Monte Carlo: what each costs and saves."""
+
+__all__ = ["Comparison", "compare_methods"]
+
+import math
+from typing import NamedTuple
+
+from ..core import Scalar
+from ..integration.accuracy import Accuracy
+from ._campaign import Campaign
+from ._sample_check import standard_errors, warning_of
+from .covariance import METHODS, MONTE_CARLO, moments
+from .statistics import Dispersion
+
+
+class Comparison(NamedTuple):
+    """Error and saving of a cheaper method in one output.
+
+    - `method`, `output`: which.
+    - `mean`, `std`: as it finds them.
+    - `mean_error`: its mean less that of Monte Carlo, in deviations.
+    - `std_error`: its deviation over that of Monte Carlo, less one.
+      Of Monte Carlo itself both are standard errors: what it cannot tell.
+    - `runs`, `seconds`: what it took, without compiling.
+    - `warning`: a sentence where the method has left its range; empty where it holds."""
+
+    method: str
+    output: str
+    mean: float
+    std: float
+    mean_error: float
+    std_error: float
+    runs: int
+    seconds: float
+    warning: str = ""
+
+
+def compare_methods(
+    campaign: Campaign,
+    reference: Dispersion,
+    methods: tuple[str, ...] = METHODS,
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+) -> list[Comparison]:
+    """The cheaper methods beside a Monte Carlo dispersion of the same campaign.
+
+    **Arguments**
+
+    - `campaign`: what both compute.
+    - `reference`: its runs.
+    - `methods`: the methods of `disperse` that make no runs.
+    - `accuracy`: as in `disperse`.
+
+    **Returns** a row for each output and method, of each output that of the runs first."""
+    # No sample of their own, for the runs are the better one.
+    found = [moments(campaign, method, accuracy=accuracy, check=0) for method in methods]
+    table = []
+    # Without compiling, as those of the other methods.
+    seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
+    for row in reference.table():
+        own = standard_errors(reference.together(row.name)[0])
+        x = reference.values(row.name)[reference.good].astype(float)
+        table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
+        for m in found:
+            mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
+            off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
+            ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
+            warning = warning_of(mean, std, x)
+            table.append(
+                Comparison(m.method, row.name, mean, std, off, ratio, m.runs, m.seconds, warning)
+            )
+    return table

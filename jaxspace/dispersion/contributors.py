@@ -1,0 +1,108 @@
+"""The inputs that contribute to the variance of an output.
+
+They follow from a regression on the standardised inputs and on their squares, made orthogonal to
+them:
+
+    u = (y - mean(y)) / s_y = sum_j f_j + rest,      f_j = beta_j z_j + gamma_j q_j
+    z_j = (x_j - mean(x_j)) / s_j,      q_j = z_j^2 - 1 - mean(z_j^3) z_j
+    share_j = mean(u f_j),      sum_j share_j = R^2
+
+The shares add up to R^2 exactly; of independent inputs share_j is
+beta_j^2 + gamma_j^2 mean(q_j^2).
+The rest, 1 - R^2, is due to products of inputs, to higher powers and to what is no input. The
+squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law
+describes.
+
+    symbol           meaning                                  unit
+    y                output over the good runs                that of the output
+    x_j              input over the same runs                 that of the input
+    s                standard deviation                       that of its quantity
+    f_j              what the law ascribes to input j         1
+    beta_j, gamma_j  regression coefficients                  1
+
+A share smaller than about 1 / (number of runs) cannot be distinguished from none. Where all inputs
+together explain no more than as many random columns would (an F test at 0.1 %), there are none.
+"""
+
+__all__ = ["Contributors"]
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+import numpy as np
+
+from ..core import InputError
+from ._rounding import scatters
+
+
+class Contributors(NamedTuple):
+    """The contributors to the variance of an output.
+
+    - `shares`: of the variance, by input, largest first.
+    - `r_squared`: the part of the variance that all inputs explain together.
+    """
+
+    output: str
+    shares: dict[str, float]
+    r_squared: float
+
+
+def contributors(
+    output: str,
+    inputs: Mapping[str, np.ndarray],
+    values: np.ndarray,
+    good: np.ndarray,
+) -> Contributors:
+    """The shares of all inputs in the variance of `values`, those of `output` in all runs, over the
+    runs that are `good`: see `Dispersion.contributors`."""
+    y = values.astype(float)
+    good = good & np.isfinite(y)
+    y = y[good]
+    # An input that does not scatter explains nothing, and has a deviation of zero.
+    columns = {
+        name: x[good].astype(float)
+        for name, x in inputs.items()
+        if x[good].size and np.ptp(x[good]) > 0.0
+    }
+    # What is constant but for rounding has no contributors, only coincidences.
+    if not columns or not scatters(values[good]):
+        return Contributors(output, {}, float("nan"))
+    # Two coefficients for each input; with so few runs any output would be explained.
+    needed = 2 * len(columns) + 1
+    if y.size <= needed:
+        raise InputError(
+            f"{y.size} good runs are too few to find contributors: "
+            f"there must be more than {needed}."
+        )
+    z = np.stack([_standard(x) for x in columns.values()], axis=1)
+    # Orthogonal to z, so that the shares of an input's two terms add.
+    squares = z**2 - 1.0 - np.mean(z**3, axis=0) * z
+    u = _standard(y)
+    regressors = np.concatenate([z, squares], axis=1)
+    coefficients = np.linalg.lstsq(regressors, u, rcond=None)[0]
+    r_squared = 1.0 - float(np.mean((u - regressors @ coefficients) ** 2))
+    if not _significant(r_squared, 2 * len(columns), y.size):
+        return Contributors(output, {}, r_squared)
+    # Covariances with what each input does, which add up to R^2, while squares of coefficients
+    # do not in a sample, where the regressors are not quite orthogonal.
+    parts = u @ (regressors * coefficients) / u.size
+    shares = parts[: len(columns)] + parts[len(columns) :]
+    order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
+    return Contributors(output, {name: float(share) for name, share in order}, r_squared)
+
+
+def _significant(r_squared: float, regressors: int, runs: int) -> bool:
+    """Whether so many random columns would explain less, but for one case in a thousand."""
+    from scipy.stats import f
+
+    rest = runs - regressors - 1
+    # A law that holds to rounding leaves nothing to compare with.
+    if r_squared >= 1.0 - 1e-12:
+        return True
+    statistic = (r_squared / regressors) / ((1.0 - r_squared) / rest)
+    return bool(f.sf(statistic, regressors, rest) < 1e-3)
+
+
+def _standard(x: np.ndarray) -> np.ndarray:
+    """The values shifted and scaled to mean zero and deviation one."""
+    return (x - np.mean(x)) / np.std(x)

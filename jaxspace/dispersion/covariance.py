@@ -1,0 +1,333 @@
+"""Mean and covariance of the outputs without many runs: from derivatives, or from sigma points.
+
+    lincov         y = f(m),                    C_kl = J_k P J_l^T
+    second order   y_k = f_k(m) + tr(H_k P)/2,  C_kl = J_k P J_l^T + tr(H_k P H_l P)/2
+    unscented      y = sum_i w_i f(T(z_i)),     C = sum_i w_i (f_i - y)(f_i - y)^T
+                   z_0 = 0, z_i = +- sqrt(n + k) e_i;  w_0 = k/(n + k), w_i = 1/(2 (n + k))
+
+    symbol  meaning                                              unit
+    f       outputs as a function of the inputs                  of the outputs
+    m, P    mean and covariance of the inputs                    of the inputs
+    J, H    first and second derivatives of f at m               outputs per input(s)
+    T       from standard normal numbers to the inputs           of the inputs
+    n       how many independent normal numbers there are        1
+    k       3 - n for n < 3, and 0 above: no weight is negative  1
+
+Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
+Julier and Uhlmann, Proc. IEEE 92 (2004), 401.
+None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero. The
+second order, which would take nonsense for its curvature, leaves such an output out. A series that
+holds close to the mean alone, as that of the turns of a fast spin, gives numbers that are wrong and
+look right. So every result is compared with a sample of runs, and says where it does not agree.
+"""
+
+__all__ = ["METHODS", "MONTE_CARLO", "Moments", "sampled"]
+
+import math
+import time
+import warnings
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float
+
+from ..core import InputError, Scalar
+from ..integration.accuracy import Accuracy
+from ..integration.status import SimulationError, Status
+from ._campaign import Campaign, in_order
+from ._joint import Component
+from ._sample_check import warning_of
+from ._sampling import map_normals, normal_columns
+from ._whole import check_whole
+from .distributions import AbstractDistribution
+from .evaluate import BLOCK, Evaluator, evaluate_traced
+
+# How far from the mean slopes are compared with the curvature, in deviations; and which part of
+# them may lack before the output counts as not smooth.
+NEARBY, LACK = 0.01, 1e-3
+
+MONTE_CARLO = "monte_carlo"
+METHODS = ("lincov", "second_order", "unscented")
+
+# Fewer would know no deviation to compare with.
+FEWEST = 32
+
+
+class Moments(NamedTuple):
+    """Mean and covariance of the outputs of a campaign, without its runs.
+
+    - `names`: of the outputs, in the order of the campaign; `mean`, (d,), and `covariance`, (d, d),
+      in this order.
+    - `jacobian`: derivatives of the outputs in the inputs, (d, inputs); `None` if unscented.
+    - `inputs`: their names, in the order of the columns.
+    - `method`, `runs`, `seconds`: how it was found, from how many runs, and in what time, without
+      the time of compiling and of the sample.
+    - `warnings`: by output what a sample of runs says against its numbers, in a sentence; empty
+      where it says nothing."""
+
+    names: tuple[str, ...]
+    mean: np.ndarray
+    covariance: np.ndarray
+    jacobian: np.ndarray | None
+    inputs: tuple[str, ...]
+    method: str
+    runs: int
+    seconds: float
+    warnings: Mapping[str, str] = MappingProxyType({})
+
+    def std(self, name: str) -> float:
+        """The standard deviation of an output."""
+        k = self.names.index(name)
+        return float(np.sqrt(self.covariance[k, k]))
+
+
+class _Series(NamedTuple):
+    """Value, first and second derivatives of each output, by name, and the status of the run; and
+    the first derivatives on both sides of the mean, (2, inputs)."""
+
+    values: dict[str, Array]
+    first: dict[str, Array]
+    second: dict[str, Array]
+    beside: dict[str, Array]
+    status: Array
+
+
+def moments(
+    campaign: Campaign,
+    method: str = "lincov",
+    *,
+    accuracy: Accuracy | Scalar | None = None,
+    check: int = BLOCK,
+) -> Moments:
+    """Mean and covariance of the outputs of a campaign.
+
+    **Arguments**
+
+    - `campaign`: as for `disperse`.
+    - `method`: "lincov" (first derivatives, one run), "second_order" (with second derivatives), or
+      "unscented" (2 n + 1 runs).
+    - `accuracy`: as in `disperse`.
+    - `check`: how many runs of the campaign the result is compared with, at least 32; 0 for none.
+      Up to 256 cost the same.
+
+    **Returns** a `Moments`. Where the mean or the deviation of an output is not that of the sample,
+    to four of its standard errors and a tenth of the deviation, `Moments.warnings` says so, and a
+    warning names the output. By "second_order" an output that is not smooth at the mean, as the
+    size of a vector that is zero there, is NaN, and a warning names it.
+
+    **Raises** `InputError` for another method, and for a sample that is too small;
+    `SimulationError` where the nominal run, or a sigma point, fails."""
+    if method not in METHODS:
+        raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
+    check_whole("check", check)
+    if 0 < check < FEWEST:
+        raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
+    accuracy = campaign.accuracy_for(accuracy)
+    found = (
+        _unscented(campaign, accuracy)
+        if method == "unscented"
+        else _expanded(campaign, accuracy, method)
+    )
+    if check == 0:
+        return found
+    found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
+    # Outputs that are not finite have had a warning already.
+    doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
+    if doubted:
+        warnings.warn(
+            f"{method} is not to be trusted in {', '.join(doubted)}: {check} runs say otherwise, "
+            f"and Moments.warnings what; Monte Carlo tells it.",
+            stacklevel=2,
+        )
+    return found
+
+
+def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
+    """Warnings, for each output, where a sample contradicts its mean or its deviation."""
+    n = sum(map(len, normal_columns(campaign.inputs).values()))
+    # By the distributions alone: a design spreads its runs evenly, and has other errors.
+    z = np.random.default_rng(0).standard_normal((runs, n))
+    outputs = Evaluator(campaign, accuracy)(map_normals(campaign.inputs, z)).outputs
+    sentences = (
+        (name, warning_of(float(mean), found.std(name), outputs[name].astype(float)))
+        for name, mean in zip(found.names, found.mean, strict=True)
+    )
+    return {name: sentence for name, sentence in sentences if sentence}
+
+
+def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
+    """Compute the moments from the Taylor series about the mean."""
+    inputs = tuple(campaign.inputs)
+    centre, covariance = input_moments(campaign.inputs)
+    # In deviations: the columns of the derivatives are then of one size.
+    scale = np.sqrt(np.diag(covariance))
+    scale = np.where(scale > 0.0, scale, 1.0)
+    second = method == "second_order"
+
+    def differentiate() -> _Series:
+        point = jnp.asarray(centre), jnp.asarray(scale)
+        return _derivatives(campaign, accuracy, *point, inputs, second)
+
+    values, first, hessian, beside, status = differentiate()
+    _check_good(int(status), "nominal run")
+    # Again: compiling is paid once, and is not what the method costs.
+    started = time.perf_counter()
+    jax.block_until_ready(differentiate())
+    seconds = time.perf_counter() - started
+    names = tuple(in_order(campaign, values))
+    p = covariance / np.outer(scale, scale)
+    j = np.stack([np.asarray(first[name]) for name in names])
+    mean = np.array([float(values[name]) for name in names])
+    c = j @ p @ j.T
+    if second:
+        h = np.stack([np.asarray(hessian[name]) for name in names]) @ p
+        mean = mean + 0.5 * np.trace(h, axis1=1, axis2=2)
+        c = c + 0.5 * np.einsum("kij,lji->kl", h, h)
+        kinks = [k for k, name in enumerate(names) if _has_kink(hessian[name], beside[name])]
+        mean[kinks] = c[kinks, :] = c[:, kinks] = math.nan
+        if kinks:
+            warnings.warn(
+                f"second_order leaves out {', '.join(names[k] for k in kinks)}: not smooth at the "
+                f"nominal run, as the size of a vector that is zero there; Monte Carlo tells it.",
+                stacklevel=4,
+            )
+    return Moments(names, mean, c, j / scale, inputs, method, 1, seconds)
+
+
+@eqx.filter_jit
+def _derivatives(
+    campaign: Campaign,
+    accuracy: Accuracy,
+    centre: Float[Array, " inputs"],
+    scale: Float[Array, " inputs"],
+    names: tuple[str, ...],
+    second: bool,
+) -> _Series:
+    """Value, first and second derivatives of every output at `centre`, in units of `scale`.
+
+    `names`: of the inputs in their order, which the dict loses on its way through `jit`."""
+
+    def outputs(u: Array) -> tuple[dict[str, Array], Array]:
+        x = centre + scale * u
+        samples = {name: x[k : k + 1] for k, name in enumerate(names)}
+        found, status = evaluate_traced(campaign, accuracy, samples)
+        return {name: y[0] for name, y in found.items()}, status[0]
+
+    zero = jnp.zeros_like(centre)
+    values, status = outputs(zero)
+
+    # Forwards: all inputs ride along in one run.
+    def slopes(u: Array) -> dict[str, Array]:
+        return jax.jacfwd(lambda u: outputs(u)[0])(u)
+
+    if not second:
+        return _Series(values, slopes(zero), {}, {}, status)
+    aside = NEARBY * jnp.ones_like(centre)
+    beside = jax.lax.map(slopes, jnp.stack([aside, -aside]))
+    return _Series(values, slopes(zero), jax.jacfwd(slopes)(zero), beside, status)
+
+
+def _has_kink(hessian: Array, beside: Array) -> bool:
+    """Whether the slopes on both sides of a point differ by something else than what the second
+    derivatives say: those of |x| at zero may be anything."""
+    h, (above, below) = np.asarray(hessian), np.asarray(beside)
+    if not (np.isfinite(h).all() and np.isfinite(beside).all()):
+        return True
+    expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
+    lacking = np.abs(found - expected).max()
+    # A fourth derivative lets a little lack, rounding a little of the slopes.
+    steepest = max(np.abs(above).max(), np.abs(below).max())
+    return bool(lacking > 0.5 * np.abs(found).max() and lacking > LACK * steepest)
+
+
+def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
+    """Compute the moments from sigma points of the normal numbers behind the inputs."""
+    n = sum(map(len, normal_columns(campaign.inputs).values()))
+    # n + k = 3 meets the fourth moment of a normal distribution; no weight may be negative.
+    k = max(3 - n, 0)
+    size = math.sqrt(n + k)
+    z = np.concatenate([np.zeros((1, n)), size * np.eye(n), -size * np.eye(n)])
+    weights = np.full(2 * n + 1, 0.5 / (n + k))
+    weights[0] = k / (n + k)
+    points = map_normals(campaign.inputs, z)
+    run = Evaluator(campaign, accuracy)
+    found = run(points)
+    # Once more, for the time without compiling.
+    started = time.perf_counter()
+    found = run(points)
+    seconds = time.perf_counter() - started
+    # A point of no weight may fail: it is the nominal run of a large problem.
+    for status in found.status[weights > 0.0]:
+        _check_good(int(status), "sigma point")
+    names = tuple(in_order(campaign, found.outputs))
+    y = np.stack([found.outputs[name].astype(float) for name in names])[:, weights > 0.0]
+    weights = weights[weights > 0.0]
+    mean = y @ weights
+    away = y - mean[:, None]
+    inputs = tuple(campaign.inputs)
+    return Moments(
+        names, mean, (away * weights) @ away.T, None, inputs, "unscented", len(z), seconds
+    )
+
+
+def _check_good(code: int, what: str) -> None:
+    if code > Status.EVENT:
+        raise SimulationError(f"The {what} fails. {Status(code).sentence}")
+
+
+def input_moments(
+    inputs: dict[str, AbstractDistribution],
+) -> tuple[np.ndarray, np.ndarray]:
+    """The values of the nominal run, (n,), and the covariance of the inputs, (n, n)."""
+    names = list(inputs)
+    centre = np.array([float(inputs[name].mean) for name in names])
+    covariance = np.zeros((len(names), len(names)))
+    for a, name in enumerate(names):
+        d = inputs[name]
+        if not isinstance(d, Component):
+            covariance[a, a] = _variance(d)
+            continue
+        for b, other in enumerate(names):
+            e = inputs[other]
+            if isinstance(e, Component) and e.source == d.source:
+                covariance[a, b] = float(d.joint.covariance[d.index, e.index])
+    return centre, covariance
+
+
+def _variance(d: AbstractDistribution) -> float:
+    """The variance, also where `deviation` is that before a cut."""
+    # The trapezoidal rule is exact to rounding for what is smooth in z, and good to 1e-3 for steps.
+    z = jnp.linspace(-8.5, 8.5, 2001)
+    weights = jnp.exp(-0.5 * z * z)
+    weights = weights / jnp.sum(weights)
+    x = jax.vmap(d.from_normal)(z)
+    mean = jnp.sum(weights * x)
+    return float(jnp.sum(weights * (x - mean) ** 2))
+
+
+def sampled(
+    campaign: Campaign,
+    runs: int = 256,
+    *,
+    seed: int = 0,
+    accuracy: Accuracy | Scalar | None = None,
+) -> dict[str, Float[Array, " runs"]]:
+    """The outputs of the first runs of a campaign, each (runs,), as a differentiable function.
+
+    With it any statistic has a gradient in the parameters of a design:
+    `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
+    while the parameters move. The gradient of a percentile is that of the run that lies there.
+
+    **Arguments**
+
+    - `campaign`: may hold traced numbers.
+    - `runs`, `seed`, `accuracy`: as of `disperse`."""
+    check_whole("runs", runs, 1)
+    check_whole("seed", seed)
+    samples = campaign.samples(jax.random.key(seed), jnp.arange(runs, dtype=jnp.uint32))
+    return evaluate_traced(campaign, campaign.accuracy_for(accuracy), samples)[0]

@@ -1,0 +1,250 @@
+"""How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it
+compiles nothing again.
+
+normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
+truncated normal   the same between a and b, zero outside
+uniform            p(x) = 1 / (b - a) between a and b
+
+symbol  meaning                                    unit
+m       mean of the (untruncated) normal           that of the quantity
+s       its standard deviation                     that of the quantity
+a, b    limits                                     that of the quantity
+"""
+
+__all__ = ["NOMINAL", "OF_INPUT", "SHARE_OF_INPUT"]
+
+import math
+from abc import abstractmethod
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.scipy.special import ndtr, ndtri
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float
+
+from ..core import AbstractParameters, check, quantity
+from ..core.checks import is_concrete
+from ..core.types import SingleNumberField
+
+OF_INPUT = "unit of the input"
+"""The unit of a field whose number is a value of the input."""
+
+SHARE_OF_INPUT = "unit of the input, or % of its nominal value"
+"""The unit of a field whose number is a difference of two values of the input."""
+
+NOMINAL = "nominal"
+"""Where a scene file finds the nominal value of an input: `shared` of a field."""
+
+
+class AbstractDistribution(AbstractParameters):
+    """A distribution of one number. A concrete one is final and offers `mean` (the value of the
+    nominal run) and `deviation` as fields or properties."""
+
+    mean: eqx.AbstractVar[Float[Array, ""]]
+    deviation: eqx.AbstractVar[Float[Array, ""]]
+
+    @property
+    def source(self) -> str:
+        """The name of the draw that several inputs share; empty for a draw of one's own."""
+        return ""
+
+    @property
+    def dimensions(self) -> int:
+        """Number of standard normal numbers that make one draw."""
+        return 1
+
+    @abstractmethod
+    def sample(self, key: Array) -> Float[Array, ""]:
+        """One draw, decided by the random `key` alone."""
+
+    @abstractmethod
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        """The value that has the same place in this distribution as `z` has in the standard normal
+        one, F^-1(Phi(z)): the way of Latin hypercubes, of Sobol points and of rare events.
+
+        `z`: (), or (dimensions,) where one draw takes several."""
+
+    @abstractmethod
+    def outside(self, low: float, high: float) -> float:
+        """The share of all draws, from 0 to 1, that fall below `low` or above `high`."""
+
+    @abstractmethod
+    def text(self) -> str:
+        """The distribution in words, for records."""
+
+
+def _normal_share(low: float, high: float) -> float:
+    """The share of a standard normal distribution from `low` to `high`."""
+    # In the tails the difference of two values of erfc keeps its digits, that of erf does not.
+    if low > 0.0:
+        low, high = -high, -low
+    root = math.sqrt(2.0)
+    return 0.5 * (math.erfc(-high / root) - math.erfc(-low / root))
+
+
+def _uniform_share(start: float, end: float, low: float, high: float) -> float:
+    """The share of the interval from `start` to `end` that lies from `low` to `high`."""
+    # Zero and not negative where the two intervals do not meet.
+    return max(0.0, min(end, high) - max(start, low)) / (end - start)
+
+
+def _shown(**numbers: ArrayLike) -> str:
+    return ", ".join(f"{name} {float(np.asarray(value)):.9g}" for name, value in numbers.items())
+
+
+def _check_limits(name: str, low: object, high: object) -> None:
+    if is_concrete(low) and is_concrete(high):
+        check(
+            np.asarray(high) > np.asarray(low),
+            f"{name}.high",
+            high,
+            f"above low, which is {float(np.asarray(low)):.6g}",
+        )
+
+
+@final
+class Normal(AbstractDistribution):
+    """The normal distribution."""
+
+    mean: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="mean")
+    deviation: SingleNumberField = quantity(
+        SHARE_OF_INPUT, non_negative=True, doc="standard deviation"
+    )
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self.mean + self.deviation * jax.random.normal(key)
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.mean + self.deviation * z
+
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        # Allowed, so that a study can switch one input off; there is no tail to integrate then.
+        if deviation == 0.0:
+            return float(not low <= mean <= high)
+        below, above = (mean - low) / deviation, (high - mean) / deviation
+        return _normal_share(-math.inf, -below) + _normal_share(above, math.inf)
+
+    def text(self) -> str:
+        return "normal, " + _shown(mean=self.mean, deviation=self.deviation)
+
+
+@final
+class Uniform(AbstractDistribution):
+    """All values from `low` to `high` alike. Raises `InputError` unless `high` is above `low`."""
+
+    low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
+    high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
+
+    def __check_init__(self):
+        _check_limits("Uniform", self.low, self.high)
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(a + b) / 2."""
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """(b - a) / sqrt(12)."""
+        return (self.high - self.low) / 12.0**0.5
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        return self.low + (self.high - self.low) * jax.random.uniform(key)
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        return self.low + (self.high - self.low) * ndtr(z)
+
+    def outside(self, low: float, high: float) -> float:
+        return 1.0 - _uniform_share(float(self.low), float(self.high), low, high)
+
+    def text(self) -> str:
+        return "uniform, " + _shown(low=self.low, high=self.high)
+
+
+@final
+class TruncatedNormal(AbstractDistribution):
+    """A normal distribution of which only what lies from `low` to `high` occurs.
+
+    `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
+    one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
+
+    mean: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
+    deviation: SingleNumberField = quantity(
+        SHARE_OF_INPUT, positive=True, doc="standard deviation before the cut"
+    )
+    low: SingleNumberField = quantity(OF_INPUT, doc="lower limit")
+    high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
+
+    def __check_init__(self):
+        _check_limits("TruncatedNormal", self.low, self.high)
+        if is_concrete(self.mean) and is_concrete(self.low) and is_concrete(self.high):
+            low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))
+            check(
+                (low <= mean) & (mean <= high),
+                "TruncatedNormal.mean",
+                mean,
+                f"within {low:.6g} and {high:.6g}",
+            )
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
+        # The product may round to beyond a limit, which a class may refuse.
+        return jnp.clip(drawn, self.low, self.high)
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        # From the nearer end: one minus a small share would lose the digits of the upper tail.
+        lower = ndtr(a) + ndtr(-jnp.abs(z)) * (ndtr(b) - ndtr(a))
+        upper = ndtr(-b) + ndtr(-jnp.abs(z)) * (ndtr(-a) - ndtr(-b))
+        place = jnp.where(z > 0.0, -ndtri(upper), ndtri(lower))
+        return jnp.clip(self.mean + self.deviation * place, self.low, self.high)
+
+    def outside(self, low: float, high: float) -> float:
+        mean, deviation = float(self.mean), float(self.deviation)
+        a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
+        below, above = (low - mean) / deviation, (high - mean) / deviation
+        # Over the tails alone: one minus the share within would lose the digits of a rare refusal.
+        lost = _normal_share(a, min(b, below)) if below > a else 0.0
+        lost += _normal_share(max(a, above), b) if above < b else 0.0
+        return lost / _normal_share(a, b)
+
+    def text(self) -> str:
+        return "truncated normal, " + _shown(
+            mean=self.mean, deviation=self.deviation, low=self.low, high=self.high
+        )
+
+
+@final
+class Constant(AbstractDistribution):
+    """Always the same value."""
+
+    value: SingleNumberField = quantity(OF_INPUT, doc="value")
+
+    @property
+    def mean(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """The value itself."""
+        return self.value
+
+    @property
+    def deviation(self) -> Float[Array, ""]:  # pyright: ignore[reportIncompatibleVariableOverride]
+        """Zero."""
+        return jnp.zeros_like(self.value)
+
+    def sample(self, key: Array) -> Float[Array, ""]:
+        del key
+        return self.value
+
+    def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
+        # Plus zero, for the shape and the derivative of z.
+        return self.value + 0.0 * z
+
+    def outside(self, low: float, high: float) -> float:
+        return float(not low <= float(self.value) <= high)
+
+    def text(self) -> str:
+        return "constant, " + _shown(value=self.value)

@@ -1,0 +1,93 @@
+"""A campaign as a function from inputs to outputs: what derivatives, sigma points and chosen
+samples need, where `disperse` draws its own."""
+
+__all__ = ["Evaluator"]
+
+import dataclasses
+from collections.abc import Mapping
+from typing import NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Int
+
+from ..integration.accuracy import Accuracy
+from ..integration.status import Status
+from ..simulation.blocks import jit_wide_vectors
+from ..simulation.failures import nan_where_failed
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
+from ._campaign import Campaign
+from ._exact_parts import has_exact_part
+from ._outputs import outputs_of
+
+BLOCK = 256
+"""Runs in one call: every number of runs is filled up to a multiple, so that one program serves."""
+
+
+class Evaluated(NamedTuple):
+    """Outputs by name, each (runs,), NaN where a run failed; and the status of each run."""
+
+    outputs: dict[str, np.ndarray]
+    status: np.ndarray
+
+    @property
+    def good(self) -> np.ndarray:
+        """Whether each run ended well, (runs,)."""
+        return self.status <= Status.EVENT
+
+
+def evaluate_traced(
+    campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
+) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
+    """Outputs and status of runs with these inputs, by adaptive steps; differentiable."""
+    mission, y0 = campaign.mission(samples)
+    configs = resolve_phases(mission, y0, accuracy, 1)
+    result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
+    shape = next(iter(samples.values())).shape
+    return outputs_of(campaign, result, samples), jnp.broadcast_to(result.status, shape)
+
+
+@jit_wide_vectors
+def _evaluate(
+    campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
+) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
+    allowed = campaign.allowed(samples)
+    nominal = campaign.nominal()
+    # Nominal inputs stand in for refused ones, which may take steps without end.
+    inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
+    outputs, status = evaluate_traced(campaign, accuracy, inputs)
+    status = jnp.where(allowed, status, Status.REFUSED)
+    return nan_where_failed(outputs, status), status
+
+
+@final
+class Evaluator(eqx.Module):
+    """The outputs of a campaign at inputs of one's own choice.
+
+    - `campaign`, `accuracy`: what runs, and how accurately."""
+
+    campaign: Campaign
+    accuracy: Accuracy
+
+    def __call__(self, samples: Mapping[str, ArrayLike]) -> Evaluated:
+        """The runs with these inputs, each (runs,), of whatever number."""
+        given = {name: np.asarray(x) for name, x in samples.items()}
+        runs = len(next(iter(given.values())))
+        # Filled up with the last run: zeros could be a run that fails, or takes long.
+        filled = {
+            name: np.concatenate([x, np.full(-runs % BLOCK, x[-1])]) for name, x in given.items()
+        }
+        parts = []
+        for first in range(0, runs, BLOCK):
+            own = {name: jnp.asarray(x[first : first + BLOCK]) for name, x in filled.items()}
+            parts.append(_evaluate(self.campaign, self.accuracy, own))
+        outputs, status = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *parts)
+        out = np.any(status == Status.MAX_STEPS)
+        if out and has_exact_part(self.campaign, self.accuracy):
+            exactly = dataclasses.replace(self.accuracy, decoupled=True)
+            return Evaluator(self.campaign, exactly)(samples)
+        return Evaluated(outputs, status)

@@ -1,0 +1,144 @@
+"""Percentiles and probabilities of a finite sample, with their confidence.
+
+    P(x_(l) <= q_p <= x_(u)) = B(u - 1; n, p) - B(l - 1; n, p)      order statistics
+    k violations in n runs:  p_low = I^-1(k, n - k + 1, a/2),  p_high = I^-1(k + 1, n - k, 1 - a/2)
+
+    symbol        meaning                                          unit
+    x_(k)         the k-th smallest of n values                    that of the values
+    q_p           the value below which the share p of all lies    that of the values
+    B(k; n, p)    binomial distribution, k or fewer of n           1
+    I^-1(a, b, u) inverse of the regularised incomplete beta       1
+    a             1 - confidence                                   1
+
+No law of the values is assumed: infinite ones have their place in the order as any other, and a
+percentile among them is infinite. What is not a number has no place, and is left out.
+Source: David and Nagaraja, Order Statistics, 3rd edition, 7.1; Clopper and Pearson, Biometrika 26
+(1934), 404.
+"""
+
+__all__ = ["Percentile", "Probability", "clopper_pearson", "percentile", "runs_for"]
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core import InputError
+
+
+class Percentile(NamedTuple):
+    """A percentile of a quantity over its runs.
+
+    - `share`: of the runs that lie below, from 0 to 1.
+    - `value`: the estimate; `low`, `high`: its confidence interval, infinite where there are too
+      few runs for one.
+    - `confidence`: that the interval holds the percentile of the distribution, at least."""
+
+    share: float
+    value: float
+    low: float
+    high: float
+    confidence: float
+
+
+class Probability(NamedTuple):
+    """A probability, from 0 to 1, with its confidence interval from `low` to `high`.
+
+    - `count`, `runs`: in how many of how many runs it happened."""
+
+    value: float
+    low: float
+    high: float
+    count: int
+    runs: int
+    confidence: float
+
+
+def check_share(name: str, value: float) -> None:
+    """Raise `InputError` unless `value` lies between 0 and 1, exclusive."""
+    if not 0.0 < value < 1.0:
+        raise InputError(f"{name} is {value}: it must be between 0 and 1, both excluded.")
+
+
+def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percentile:
+    """The value below which a `share` of all runs lies, with a confidence interval.
+
+    **Arguments**
+
+    - `x`: the values, (runs,), infinite ones among them; NaN is left out.
+    - `share`: from 0 to 1, exclusive.
+    - `confidence`: of the interval, split evenly between its ends.
+
+    **Raises** `InputError` for a share or a confidence outside (0, 1), and without any value."""
+    from scipy.stats import binom
+
+    check_share("share", share)
+    check_share("confidence", confidence)
+    ordered = np.sort(np.asarray(x, float))
+    ordered = ordered[~np.isnan(ordered)]
+    n = ordered.size
+    if n == 0:
+        raise InputError("x holds no number: a percentile needs one.")
+    tail = 0.5 * (1.0 - confidence)
+    # The largest l with B(l - 1) <= tail, and the smallest u with B(u - 1) >= 1 - tail.
+    lower = int(binom.ppf(tail, n, share))
+    upper = int(binom.ppf(1.0 - tail, n, share)) + 1
+    # An order statistic that the sample does not have bounds nothing.
+    low = ordered[lower - 1] if lower >= 1 else -np.inf
+    high = ordered[upper - 1] if upper <= n else np.inf
+    return Percentile(share, quantile(ordered, share), float(low), float(high), confidence)
+
+
+def quantile(x: np.ndarray, share: float) -> float:
+    """The value below which a `share` of these numbers lies, linear between two of them; infinite
+    where one of the two is."""
+    if np.isfinite(x).all():
+        return float(np.quantile(x, share))
+    # NumPy would take the difference of the two, which is NaN of infinite ones.
+    ordered = np.sort(x)
+    place = share * (x.size - 1)
+    k = int(place)
+    below, above = float(ordered[k]), float(ordered[min(k + 1, x.size - 1)])
+    part = place - k
+    if part == 0.0 or below == above:
+        return below
+    # Between minus and plus infinity there is no interpolation: the nearer one is taken.
+    if np.isinf(below) and np.isinf(above):
+        return below if part < 0.5 else above
+    if np.isinf(below) or np.isinf(above):
+        return below if np.isinf(below) else above
+    return below + (above - below) * part
+
+
+def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probability:
+    """The probability of what happened in `count` of `runs` runs, with the interval of Clopper and
+    Pearson, which holds it at least with this confidence.
+
+    Raises `InputError` for counts that are not from 0 to `runs`, and for no runs.
+
+    **Arguments**
+
+    - `count`: how many runs it happened in.
+    - `runs`: how many there were.
+    - `confidence`: of the interval, within 0 and 1."""
+    from scipy.special import betaincinv
+
+    check_share("confidence", confidence)
+    if not 0 <= count <= runs or runs < 1:
+        raise InputError(
+            f"count is {count} of {runs} runs: it must be from 0 to the runs, above 0."
+        )
+    tail = 0.5 * (1.0 - confidence)
+    # With no event, or with nothing else, the beta distribution degenerates: the bound is known.
+    low = float(betaincinv(count, runs - count + 1, tail)) if count > 0 else 0.0
+    high = float(betaincinv(count + 1, runs - count, 1.0 - tail)) if count < runs else 1.0
+    return Probability(count / runs, low, high, int(count), int(runs), confidence)
+
+
+def runs_for(share: float, confidence: float = 0.95) -> int:
+    """How many runs a one-sided limit needs: the fewest n whose greatest value lies above the
+    percentile `share` with this confidence, 1 - share^n >= confidence (Wilks 1941)."""
+    check_share("share", share)
+    check_share("confidence", confidence)
+    # The slack keeps a quotient that is whole but for rounding from one run more.
+    return int(np.ceil(np.log1p(-confidence) / np.log(share) - 1e-12))

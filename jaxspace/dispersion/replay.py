@@ -1,0 +1,117 @@
+"""One run of a campaign once more, in full detail."""
+
+__all__ = ["Replay"]
+
+import dataclasses
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import InputError
+from ..integration.accuracy import Accuracy
+from ..integration.config import IntegrationConfig
+from ..integration.status import SimulationError, Status
+from ..simulation import MissionTrajectory
+from ..simulation.finish import mission_trajectory_of
+from ..simulation.mission_result import MissionResult
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
+from ._along import saved_states, thinned
+from ._exact_parts import has_exact_part
+from ._isolation import RAISED, callbacks, reason
+from ._outputs import outputs_of, raised
+
+
+@final
+class Replay(eqx.Module):
+    """A run of a campaign with its trajectory.
+
+    - `number`, `seed`: which run it is.
+    - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
+      with those of the campaign to the tolerance.
+    - `trajectory`: the phases, with as many states as were asked for.
+    - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
+      they have one."""
+
+    number: int
+    seed: int
+    inputs: dict[str, float]
+    outputs: dict[str, float]
+    trajectory: MissionTrajectory
+    refusal: str
+
+    @property
+    def status(self) -> Status:
+        """How the run ended."""
+        return Status.REFUSED if self.refusal else Status(int(self.trajectory.status))
+
+
+@eqx.filter_jit
+def _fly(
+    campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
+) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
+    mission, y0 = campaign.mission(samples)
+    configs = resolve_phases(mission, y0, accuracy, 1)
+    saved, every_nth = saved_states(campaign.along, num_saved)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1)
+    return thinned(result, every_nth), outputs_of(campaign, result, samples), configs
+
+
+def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
+    """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
+    # Keys are made with 32 bits: a greater number would be that of another run.
+    if not 0 <= number < 2**32:
+        raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
+    numbers = jnp.full((1,), number, jnp.uint32)
+    samples = eqx.filter_jit(lambda c, k, n: c.samples(k, n))(
+        campaign, jax.random.key(seed), numbers
+    )
+    inputs = {name: float(samples[name][0]) for name in campaign.inputs}
+    try:
+        with callbacks():
+            found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+            out = int(found[0].status[0]) == Status.MAX_STEPS
+            if out and has_exact_part(campaign, accuracy):
+                accuracy = dataclasses.replace(accuracy, decoupled=True)
+                found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+    except RAISED as error:
+        raise _error(campaign, number, samples, accuracy, error) from error
+    result, outputs, configs = found
+    refusal = campaign.refusal(inputs)
+    try:
+        mission, _ = campaign.mission(samples)
+    except InputError as error:
+        # Told by the name of the input, and not by that of the formula that meets it.
+        if refusal:
+            raise InputError(f"Run {number} is refused: {refusal}") from error
+        raise
+    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1).of(0)
+    found = {name: float(x[0]) for name, x in outputs.items()}
+    # Outputs of a compiled function are sorted by name; the units have the order of the file.
+    ordered = {name: found[name] for name in campaign.units if name in found} | found
+    return Replay(number, seed, inputs, ordered, trajectory, refusal)
+
+
+def _error(
+    campaign: Any, number: int, samples: dict[str, Array], accuracy: Accuracy, error: Exception
+) -> SimulationError:
+    """The exception for a run in which a function of the campaign raises an error."""
+    what = f"Run {number}"
+    # Without outputs, to tell whether it is one of them that raises.
+    bare = dataclasses.replace(campaign, outputs=_no_outputs)
+    try:
+        with callbacks():
+            result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
+    except RAISED:
+        return SimulationError(
+            f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."
+        )
+    return raised(what, campaign, result, samples, error)
+
+
+def _no_outputs(result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+    del result, samples
+    return {}

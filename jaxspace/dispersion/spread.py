@@ -1,0 +1,186 @@
+"""Joint statistics of outputs: covariance, ellipses, ellipsoids, circular error, convergence.
+
+    (y - m)^T C^-1 (y - m) = k^2,   P(chi^2_d <= k^2) = P        the ellipsoid of probability P
+
+    symbol  meaning                              unit
+    m, C    mean and covariance of d outputs     theirs, and the products of them
+    k       size of the ellipsoid in deviations  1
+
+Of a normal distribution the ellipsoid holds the share P; of any other one it is a description, and
+the circular error probable, which is a percentile, still counts what lies within.
+"""
+
+__all__ = ["Convergence", "Ellipsoid", "circular_error", "convergence", "ellipsoid"]
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..core import InputError
+from .limits import Percentile, check_share, percentile
+
+
+class Ellipsoid(NamedTuple):
+    """The ellipsoid of a probability; with two outputs an ellipse.
+
+    - `centre`: (d,).
+    - `axes`: the semi-axes as columns, (d, d), the longest first.
+    - `probability`: the share of a normal distribution that it holds.
+    - `inside`: the share of the runs that lie in it."""
+
+    centre: np.ndarray
+    axes: np.ndarray
+    probability: float
+    inside: float
+
+    def outline(self, points: int = 121) -> np.ndarray:
+        """The points of an ellipse, (2, points), closed. Raises `InputError` unless d is 2."""
+        if self.centre.size != 2:
+            raise InputError(f"An ellipsoid of {self.centre.size} outputs has no outline.")
+        angle = np.linspace(0.0, 2.0 * np.pi, points)
+        return self.centre[:, None] + self.axes @ np.stack([np.cos(angle), np.sin(angle)])
+
+
+def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
+    """The ellipsoid of a normal distribution with the mean and the covariance of the `values`,
+    (d, runs).
+
+    Raises `InputError` for a probability outside (0, 1), and for fewer than two runs."""
+    from scipy.stats import chi2
+
+    check_share("probability", probability)
+    x = np.atleast_2d(np.asarray(values, float))
+    if x.shape[1] < 2:
+        raise InputError(f"values has {x.shape[1]} runs: an ellipsoid needs two or more.")
+    # Scaled first: a covariance of km and mm would lose the small axis to rounding.
+    scale = np.std(x, axis=1, ddof=1)
+    scale = np.where(scale > 0.0, scale, 1.0)[:, None]
+    centre = np.mean(x, axis=1)
+    u, size, _ = np.linalg.svd((x - centre[:, None]) / scale, full_matrices=False)
+    root = scale * u * (size / np.sqrt(x.shape[1] - 1))
+    # The axes of the scaled problem are no axes in the units of the outputs: a second, small one.
+    u, size, _ = np.linalg.svd(root)
+    k2 = float(chi2.ppf(probability, len(x)))
+    # A pseudo-inverse: outputs may depend on each other, and the ellipsoid is then flat.
+    whitened = np.linalg.pinv(root, rcond=1e-12) @ (x - centre[:, None])
+    inside = float(np.mean(np.sum(whitened**2, axis=0) <= k2))
+    return Ellipsoid(centre, u * size * np.sqrt(k2), probability, inside)
+
+
+def circular_error(
+    x: ArrayLike, y: ArrayLike, target: tuple[float, float] | None = None, share: float = 0.5
+) -> Percentile:
+    """The radius about the `target` (the mean, if left out) that holds a share of the runs; of one
+    half it is the circular error probable.
+
+    `x`, `y`: the two coordinates, each (runs,). A run with an infinite one lies outside of any
+    radius; one with NaN is left out.
+
+    **Arguments**
+
+    - `x`, `y`: the coordinates, each (runs,), in one unit.
+    - `target`: a point; the mean, if left out.
+    - `share`: of the runs, within 0 and 1."""
+    x, y = np.asarray(x, float), np.asarray(y, float)
+    # No mean has an infinite value in it; its distance is infinite, and counts.
+    a, b = (np.mean(z[np.isfinite(z)]) for z in (x, y)) if target is None else target
+    return percentile(np.hypot(x - a, y - b), share)
+
+
+class Convergence(NamedTuple):
+    """Convergence of a statistic of an output with the number of runs; each array is (steps,).
+
+    - `runs`: the good runs used.
+    - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these. Infinite values
+      count in the percentile alone.
+    - `low`, `high`: the confidence interval of that percentile."""
+
+    runs: np.ndarray
+    mean: np.ndarray
+    std: np.ndarray
+    limit: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergence:
+    """Mean, deviation and a percentile of the first 10, ... n runs, at `steps` counts that grow by
+    a common factor.
+
+    **Arguments**
+
+    - `x`: an output, (runs,).
+    - `share`: of the percentile, within 0 and 1.
+    - `steps`: how many counts."""
+    x = np.asarray(x, float)
+    x = x[~np.isnan(x)]
+    finite = np.isfinite(x)
+    if not finite.any():
+        raise InputError("x holds no finite value: nothing converges.")
+    # By a common factor, because errors fall as a power: even steps would crowd at the end.
+    counts = np.unique(np.geomspace(min(10, x.size), x.size, steps).astype(int))
+    limits = [percentile(x[:n], share) for n in counts]
+    # Shifted by the first value: the squares of large numbers would lose the digits of a small
+    # deviation.
+    start = x[finite][0]
+    shifted = np.where(finite, x, start) - start
+    first, second = np.cumsum(shifted)[counts - 1], np.cumsum(shifted**2)[counts - 1]
+    known = np.cumsum(finite)[counts - 1]
+    # If none of the first runs is finite, they have no mean.
+    some = np.where(known > 0, known, np.nan)
+    variance = (second - first**2 / some) / np.maximum(some - 1, 1)
+    return Convergence(
+        counts,
+        start + first / some,
+        # Rounding may leave the variance of equal values below zero.
+        np.sqrt(np.maximum(variance, 0.0)),
+        *(np.array([getattr(p, field) for p in limits]) for field in ("value", "low", "high")),
+    )
+
+
+class StopRule(NamedTuple):
+    """Rule that ends a campaign: the percentile `share` of an output must be known, with this
+    `confidence`, to `precision` times the distance of that percentile from the mean.
+
+    `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
+    numbers lie between 0 and 1."""
+
+    output: str
+    share: float = 0.99
+    precision: float = 0.01
+    confidence: float = 0.95
+
+    def error(self, x: ArrayLike) -> float:
+        """Half of the confidence interval of the percentile, over its distance from the mean;
+        infinite with too few runs and where the percentile is, zero where nothing scatters."""
+        x = np.asarray(x, float)
+        found = percentile(x, self.share, self.confidence)
+        # However many runs there are, an infinite limit has no distance to be compared with.
+        if not np.isfinite([found.value, found.low, found.high]).all():
+            return np.inf
+        distance = abs(found.value - float(np.mean(x[np.isfinite(x)])))
+        half = 0.5 * (found.high - found.low)
+        return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
+
+    def check(self) -> None:
+        """Raise `InputError` for a number that is not between 0 and 1."""
+        for name in ("share", "precision", "confidence"):
+            check_share(f"StopRule.{name}", getattr(self, name))
+
+    def text(self) -> str:
+        """The rule in words."""
+        return (
+            f"until the {100.0 * self.share:g} % limit of {self.output} is known to "
+            f"{100.0 * self.precision:g} %"
+        )
+
+    def met(self, x: ArrayLike) -> bool:
+        """Whether these runs are enough."""
+        return self.error(x) <= self.precision
+
+    def more(self, x: ArrayLike) -> int:
+        """Estimate, from these runs, of the total number needed; 0 where that is not known."""
+        error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
+        # The interval shrinks as one over the root of the number of runs.
+        return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0

@@ -1,0 +1,334 @@
+"""Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs."""
+
+__all__ = ["Failure"]
+
+import functools
+import warnings
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple, final
+
+import equinox as eqx
+import numpy as np
+
+from ..core import InputError
+from ..core.extras import extra
+from ..simulation import Status
+from ._export import as_dataset, as_frame
+from ._footprint import LANDING, SHARES, Footprint
+from .contributors import Contributors, contributors
+from .limits import Percentile, Probability, clopper_pearson, percentile
+from .sensitivity import RankCorrelation, rank_correlation
+from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
+from .table import Row, row_of
+
+if TYPE_CHECKING:
+    import os
+
+    import pandas
+    import xarray
+
+
+class Failure(NamedTuple):
+    """The number of runs that ended with a bad status, and the sentence of this status."""
+
+    status: Status
+    count: int
+    sentence: str
+
+
+@final
+class Dispersion(eqx.Module):
+    """The runs of a campaign; each array is (runs,).
+
+    - `inputs`, `outputs`: values by name.
+    - `status`: the code of the `Status` of each run.
+    - `evaluations`: of the vector field, of each run.
+    - `units`: of inputs and outputs, by name.
+    - `seed`: of the random numbers; `seconds`: wall time, of several hosts that of the longest.
+    - `attributes`: the record of how the runs were made.
+    - `numbers`: of the runs; from 0 on by default.
+    - `store`: where they are kept; empty where they are not.
+    """
+
+    inputs: Mapping[str, np.ndarray]
+    outputs: Mapping[str, np.ndarray]
+    status: np.ndarray
+    evaluations: np.ndarray
+    units: dict[str, str]
+    seed: int
+    seconds: float = float("nan")
+    attributes: dict[str, Any] = eqx.field(default_factory=dict)
+    numbers: np.ndarray | None = None
+    store: str = ""
+
+    @property
+    def runs(self) -> int:
+        """The number of runs, good and bad."""
+        return len(self.status)
+
+    @property
+    def enough(self) -> int | None:
+        """Number of runs after which the `StopRule` ended the campaign; `None` if it did not."""
+        return self.attributes.get("enough_runs")
+
+    @property
+    def ending(self) -> str:
+        """After how many runs the campaign ended itself and by which rule, in a sentence; empty if
+        it did not."""
+        if self.enough is None:
+            return ""
+        return f"{self.enough} runs are enough, {StopRule(**self.attributes['until']).text()}."
+
+    @property
+    def wanted(self) -> int:
+        """Number of runs of the complete campaign."""
+        return int(self.enough or self.attributes.get("planned_runs", self.runs))
+
+    @property
+    def lacking(self) -> str:
+        """How many of the planned runs are here, and what computes the rest, in a sentence; empty
+        when the campaign is complete, also one that ended itself."""
+        if self.runs >= self.wanted:
+            return ""
+        # The command line builds campaigns of scene files alone.
+        scene = "scene_file" in self.attributes
+        rest = f"jaxspace resume {self.store}" if scene else "disperse(..., resume=True)"
+        return (
+            f"{self.runs} of {self.wanted} planned runs are in the store: `{rest}` computes the "
+            f"rest."
+        )
+
+    @property
+    def requirements(self) -> dict[str, tuple[float | None, float | None]]:
+        """The least and the greatest value that is allowed of each output that has a requirement,
+        `None` for no such limit."""
+        found = self.attributes.get("requirements", {})
+        return {name: (at[0], at[1]) for name, at in found.items() if name in self.outputs}
+
+    @property
+    def cores(self) -> int:
+        """Number of cores that the campaign could use, on all its hosts; 0 where unknown."""
+        own = self.attributes.get("machine", {}).get("cores", 0)
+        return int(own) * int(self.attributes.get("hosts", 1))
+
+    @property
+    def utilisation(self) -> float:
+        """The share of these cores that was at work while the runs were computed; NaN where that is
+        not known."""
+        flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
+        busy = self.attributes.get("cpu_seconds", 0.0)
+        # Zero if nothing was computed, or nothing was recorded.
+        known = flying > 0.0 and busy > 0.0 and self.cores > 0
+        return busy / (flying * self.cores) if known else float("nan")
+
+    @property
+    def good(self) -> np.ndarray:
+        """Whether each run ended well, (runs,)."""
+        return self.status <= Status.EVENT
+
+    @property
+    def failed(self) -> tuple[Failure, ...]:
+        """The bad ends, the most frequent first; empty when every run is good."""
+        codes, counts = np.unique(self.status[~self.good], return_counts=True)
+        # Stable, so that equal counts stay in the order of their codes.
+        order = np.argsort(-counts, kind="stable")
+        statuses = [Status(int(code)) for code in codes[order]]
+        return tuple(
+            Failure(status, int(count), status.sentence)
+            for status, count in zip(statuses, counts[order], strict=True)
+        )
+
+    def values(self, name: str) -> np.ndarray:
+        """An output or input by name, over all runs.
+
+        Raises `InputError` for a name that is neither."""
+        # One by one, because a column of a store is read when it is asked for.
+        for kind in (self.inputs, self.outputs):
+            if name in kind:
+                return kind[name]
+        every = (*self.inputs, *self.outputs)
+        raise InputError(
+            f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
+            f"{InputError.hint(name, every)}"
+        )
+
+    def label(self, name: str) -> str:
+        """A name in words with its unit, for tables and axes."""
+        unit = self.units.get(name, "")
+        return name.replace("_", " ") + (f" [{unit}]" if unit not in ("", "1") else "")
+
+    def table(self, of: str = "outputs") -> list[Row]:
+        """A `Row` for each of the "outputs" or "inputs", over the good runs.
+
+        Limits and extremes count infinite values, mean and deviation leave them out; the row says
+        how many there are (`Row.doubt`). Raises `InputError` for any other word."""
+        if of not in ("outputs", "inputs"):
+            raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
+        return [
+            row_of(name, self.units.get(name, ""), x[self.good])
+            for name, x in getattr(self, of).items()
+        ]
+
+    def doubts(self) -> tuple[str, ...]:
+        """What to know before the numbers are used, a sentence each: runs that the store lacks, and
+        outputs that are infinite or not a number in runs that ended well."""
+        sentences = (self.lacking, *(row.doubt() for row in self.table()))
+        return tuple(sentence for sentence in sentences if sentence)
+
+    def contributors(self, output: str, count: int | None = 5) -> Contributors:
+        """The inputs with the largest shares of the variance of an output, over the good runs.
+
+        **Arguments**
+
+        - `output`: name of the output.
+        - `count`: how many inputs are listed; `None` for all.
+
+        **Returns** no shares, and NaN for R^2, where nothing scatters but for rounding; no shares
+        where the inputs explain no more than chance.
+
+        **Raises** `InputError` for an unknown output, and for fewer good runs than the regression
+        needs.
+        """
+        known = self._known_contributors
+        if output not in known:
+            known[output] = contributors(output, self.inputs, self.values(output), self.good)
+        found = known[output]
+        return found._replace(shares=dict(list(found.shares.items())[:count]))
+
+    @functools.cached_property
+    def _known_contributors(self) -> dict[str, Contributors]:
+        """Result of the regression for each output, computed once for table, figure and page."""
+        # No field: it follows from the fields, and a copy computes it again.
+        return {}
+
+    def covariance(self, *names: str) -> np.ndarray:
+        """The covariance of the named quantities (all outputs, if none is named), (d, d), over the
+        good runs in which all of them are finite; NaN for fewer than two. Warns where there are
+        other good runs."""
+        x = self._finite(*(names or self.outputs))
+        if x.shape[1] < 2:
+            return np.full((len(x), len(x)), np.nan)
+        return np.atleast_2d(np.cov(x))
+
+    def together(self, *names: str) -> np.ndarray:
+        """The named quantities over the good runs in which all of them are finite, (d, runs)."""
+        x = np.stack([self.values(name).astype(float) for name in names])
+        return x[:, self.good & np.all(np.isfinite(x), axis=0)]
+
+    def _finite(self, *names: str) -> np.ndarray:
+        """The same, with a warning of the good runs that are left out."""
+        x = self.together(*names)
+        good = int(np.count_nonzero(self.good))
+        if x.shape[1] < good:
+            warnings.warn(
+                f"{good - x.shape[1]} of {good} good runs are left out: {', '.join(names)} must be "
+                f"finite for a covariance.",
+                stacklevel=3,
+            )
+        return x
+
+    def _numbers(self, name: str) -> np.ndarray:
+        """A quantity over the good runs, infinite values among them, (runs,)."""
+        x = self.values(name).astype(float)
+        return x[self.good & ~np.isnan(x)]
+
+    def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
+        """The value below which a `share` of the good runs lies, with a confidence interval that
+        assumes no law (`jaxspace.dispersion.limits.percentile`). Infinite values count; NaN is left
+        out."""
+        return percentile(self._numbers(name), share, confidence)
+
+    def ellipsoid(self, *names: str, probability: float = 0.99) -> Ellipsoid:
+        """The ellipse or ellipsoid of the named quantities, over the good runs in which all of them
+        are finite. Warns where there are other good runs."""
+        return ellipsoid(self._finite(*names), probability)
+
+    def footprint(self) -> Footprint | None:
+        """Where the runs land, with ellipses of 50, 90 and 99 %; `None` unless `east` and `north`
+        are outputs of one unit, finite in three good runs or more."""
+        units = {self.units.get(name) for name in LANDING}
+        if not set(LANDING) <= set(self.outputs) or len(units) > 1:
+            return None
+        points = self.together(*LANDING)
+        if points.shape[1] < 3:
+            return None
+        ellipses = tuple(ellipsoid(points, share) for share in SHARES)
+        return Footprint(points, self.units.get(LANDING[0], ""), ellipses)
+
+    def convergence(self, name: str, share: float = 0.99) -> Convergence:
+        """Convergence of mean, deviation and a percentile of a quantity over the good runs."""
+        return convergence(self._numbers(name), share)
+
+    def violation(
+        self,
+        name: str,
+        *,
+        at_least: float = -np.inf,
+        at_most: float = np.inf,
+        confidence: float = 0.95,
+    ) -> Probability:
+        """The probability that a requirement on an output is not met, with the interval of Clopper
+        and Pearson.
+
+        A failed run meets no requirement, and counts as a violation; so does an output that is not
+        a number. An infinite one violates the limit on its side. Raises `InputError` for an unknown
+        name, or without any limit."""
+        if at_least == -np.inf and at_most == np.inf:
+            raise InputError("at_least and at_most are both left out: a requirement needs a limit.")
+        x = self.values(name)
+        # NaN compares false, so that it is no met requirement.
+        met = self.good & (x >= at_least) & (x <= at_most)
+        return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
+
+    def violations(self) -> dict[str, Probability]:
+        """Probability, for each output, that its requirement is not met (`violation`)."""
+        return {
+            name: self.violation(
+                name,
+                at_least=-np.inf if low is None else low,
+                at_most=np.inf if high is None else high,
+            )
+            for name, (low, high) in self.requirements.items()
+        }
+
+    def required(self, name: str) -> str:
+        """The requirement on an output in signs, such as "≥ 180 and ≤ 190"; empty without one."""
+        low, high = self.requirements.get(name, (None, None))
+        signs = (("≥", low), ("≤", high))
+        return " and ".join(f"{sign} {x:g}" for sign, x in signs if x is not None)
+
+    def rank_correlations(self, output: str, count: int = 5) -> dict[str, RankCorrelation]:
+        """Spearman's rank correlation of an output with the inputs, the strongest first."""
+        found = {}
+        for name in self.inputs:
+            x, y = self.values(name), self.values(output)
+            some = self.good & ~(np.isnan(x) | np.isnan(y))
+            x, y = x[some].astype(float), y[some].astype(float)
+            if x.size >= 5 and np.ptp(x) > 0.0:
+                found[name] = rank_correlation(x, y)
+        order = sorted(found.items(), key=lambda pair: -abs(pair[1].value))
+        return dict(order[:count])
+
+    def to_csv(self, path: "str | os.PathLike[str]") -> None:
+        """Write the runs as a table of text: a line for each run, with its number, its status, its
+        inputs and outputs; the unit stands behind the name."""
+        self._frame().to_csv(path, index_label="run")
+
+    def to_parquet(self, path: "str | os.PathLike[str]") -> None:
+        """Write the table of `to_csv` as a Parquet file, which needs `pip install
+        jaxspace[parquet]`."""
+        with extra("parquet"):
+            import pyarrow  # noqa: F401  # by which the table is written
+
+        self._frame().rename_axis("run").to_parquet(path, engine="pyarrow")
+
+    def _frame(self) -> "pandas.DataFrame":
+        return as_frame({**self.inputs, **self.outputs}, self.units, self.status)
+
+    def to_dataset(self, first: int = 0) -> "xarray.Dataset":
+        """The runs as an xarray dataset along `run`, with the unit of every variable and the record
+        in the attributes; `first` is the number of the first run."""
+        kinds = {"input": self.inputs, "output": self.outputs}
+        numbers = np.arange(first, first + self.runs) if self.numbers is None else self.numbers
+        record = {**self.attributes, "seed": self.seed, "seconds": self.seconds}
+        return as_dataset(kinds, self.units, self.status, self.evaluations, numbers, record)

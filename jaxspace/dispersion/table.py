@@ -1,0 +1,90 @@
+"""The lines of a table of results: moments, extremes and limits of a quantity."""
+
+__all__ = ["Row"]
+
+from typing import NamedTuple
+
+import numpy as np
+
+from ._rounding import rounded
+from .limits import quantile
+
+LIMITS = (0.005, 0.995)
+"""Quantiles that bound the middle 99 % of the runs."""
+
+
+class Row(NamedTuple):
+    """One line of the table: a quantity over its good runs.
+
+    - `mean`, `std`: its moments, over the runs in which it is finite.
+    - `low`, `high`: the limits of the middle 99 % of the runs, and `min`, `max` the extremes, in
+      which infinite values count.
+    - `runs`: the number of good runs in which it is finite.
+    - `above`, `below`: of those in which it is infinite and positive, or negative.
+    - `undefined`: of those in which it is not a number, which are in no statistic.
+    """
+
+    name: str
+    unit: str
+    mean: float
+    std: float
+    low: float
+    high: float
+    min: float
+    max: float
+    runs: int
+    above: int = 0
+    below: int = 0
+    undefined: int = 0
+
+    def shown(self, value: float) -> str:
+        """A value of this quantity in digits that its deviation justifies: the rule of every
+        table."""
+        return rounded(value, self.std)
+
+    def missing(self) -> str:
+        """Number of good runs in which it is not finite, in words; empty if there are none."""
+        counts = (("∞", self.above), ("-∞", self.below), ("not a number", self.undefined))
+        return ", ".join(f"{words} in {count}" for words, count in counts if count)
+
+    def doubt(self) -> str:
+        """Effect of these runs on the statistics, in sentences; empty if there are none."""
+        if not self.missing():
+            return ""
+        good = self.runs + self.above + self.below + self.undefined
+        left = "Mean, deviation and shares of the variance leave them out, limits count "
+        if not self.undefined:
+            left += "them."
+        elif self.above or self.below:
+            left += "the infinite ones."
+        else:
+            left = "No statistic counts them."
+        return f"{self.name} is {self.missing()} of {good} good runs. {left}"
+
+
+def row_of(name: str, unit: str, x: np.ndarray) -> Row:
+    """The row of a quantity with these values, those of all good runs."""
+    # In double precision, so that the moments of many runs of single precision lose nothing.
+    known = x[~np.isnan(x)].astype(float)
+    undefined = x.size - known.size
+    if known.size == 0:
+        return Row(name, unit, *(float("nan"),) * 6, runs=0, undefined=undefined)
+    x = known[np.isfinite(known)]
+    # With one degree of freedom less, because the mean comes from the same runs.
+    deviation = float(np.std(x, ddof=1)) if x.size > 1 else 0.0
+    # Infinite values are known to be large: without them a limit would be finite by mistake.
+    low, high = (quantile(known, share) for share in LIMITS)
+    return Row(
+        name,
+        unit,
+        float(np.mean(x)) if x.size else float("nan"),
+        deviation if x.size else float("nan"),
+        low,
+        high,
+        float(known.min()),
+        float(known.max()),
+        x.size,
+        int(np.count_nonzero(known == np.inf)),
+        int(np.count_nonzero(known == -np.inf)),
+        undefined,
+    )

@@ -1,0 +1,80 @@
+"""Friction of a bearing, and what drives a rotor.
+
+    M_f = -c r - M_d sign(r)          r != 0: the bearing slips
+    |M_f| <= M_d                      r = 0:  it may stick, and holds what acts
+
+    symbol   meaning                                              unit
+    r        rate of the bearing                                  rad/s
+    c, M_d   viscous friction; dry friction                       N m s, N m
+
+Dry friction is smooth with a `creep` rate r_0, M_d tanh(r / r_0): a stuck bearing then creeps.
+Without it slip is a part of the state (1, -1, and 0 where the bearing sticks) that events change:
+where r falls to zero, and where what acts on a stuck bearing outgrows M_d.
+
+Source: Thomson 6.7 (viscous), 4.3 (dry); Filippov (1988), Differential Equations with Discontinuous
+Righthand Sides, 2.
+"""
+
+__all__ = ["BearingFriction", "RotorMotor"]
+
+from typing import final
+
+import jax.numpy as jnp
+
+from ..core import AbstractParameters, NumberField, OptionalNumberField, Scalar, quantity
+
+
+@final
+class BearingFriction(AbstractParameters):
+    """Viscous and dry friction of a bearing."""
+
+    viscous: NumberField = quantity(
+        "N m s", non_negative=True, default=0.0, doc="c, moment per rate"
+    )
+    dry: NumberField = quantity(
+        "N m", non_negative=True, default=0.0, doc="M_d, of a bearing that slips"
+    )
+    creep: OptionalNumberField = quantity(
+        "rad/s",
+        positive=True,
+        optional=True,
+        doc="r_0 of smooth dry friction; without it slip and stick are events",
+    )
+
+    def slips(self) -> bool:
+        """Whether slip is a part of the state."""
+        return self.creep is None
+
+    def moment(self, rate: Scalar, slip: Scalar | None) -> Scalar:
+        """The moment, N m, at a `rate`, rad/s, and with `slip` where that is a part of the
+        state."""
+        viscous = -self.viscous * rate
+        if self.creep is None:
+            return viscous - self.dry * (0.0 if slip is None else slip)
+        # A smooth sign needs no slip in the state and no event; under load the bearing creeps.
+        return viscous - self.dry * jnp.tanh(rate / self.creep)
+
+    def margin(self, rate: Scalar, acting: Scalar, slip: Scalar) -> Scalar:
+        """What falls to zero where a slipping bearing stops, rad/s, and where a stuck one begins to
+        slip, N m, under the moment `acting`, N m, less the friction."""
+        # One number for both, so that one event serves a bearing that slips and one that sticks.
+        return jnp.where(slip == 0.0, self.dry - jnp.abs(acting), slip * rate)
+
+    def slip_at_rest(self, acting: Scalar) -> Scalar:
+        """The slip of a bearing at rest: that of the moment `acting`, N m, or 0 where the friction
+        holds it."""
+        return jnp.where(jnp.abs(acting) < self.dry, 0.0, jnp.sign(acting))
+
+
+@final
+class RotorMotor(AbstractParameters):
+    """A motor on the line M = K (n_0 - r): the bearing of the rotor is counted in.
+
+    It stands on the inner gimbal, so that its torque changes the spin and no momentum of all."""
+
+    gain: NumberField = quantity("N m s", non_negative=True, doc="K, torque per lack of speed")
+    speed: NumberField = quantity("rad/s", doc="n_0, of the rotor in the inner gimbal without load")
+
+    def torque(self, speed: Scalar) -> Scalar:
+        """The torque on a rotor that turns at `speed`, rad/s, in the inner gimbal, N m."""
+        return self.gain * (self.speed - speed)

@@ -1,0 +1,112 @@
+"""Forced oscillator with a spring that softens or stiffens: Duffing's equation.
+
+    m y'' + c y' + k y - b y^3 = F sin(p t)
+    (K - m p^2)^2 + c^2 p^2 = (F/a)^2,   K = k - 3/4 b a^2      resonance curve by harmonic balance
+
+    symbol   meaning                                     unit
+    m, c, k  mass, damping, stiffness                    kg, N s/m, N/m
+    b        cubic coefficient: positive softens         N/m^3
+    F, p     amplitude and angular frequency of force    N, rad/s
+    a        amplitude of y                              m
+
+Source: Thomson 6.3, problems 3 and 4.
+"""
+
+__all__ = ["DuffingOscillator", "DuffingState"]
+
+from typing import final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.safe import end_sqrt
+from ..core.types import as_float
+
+# Newton's steps double the digits.
+STEPS = 60
+
+
+@final
+class DuffingState(eqx.Module):
+    """Deflection and velocity; also the rates of both."""
+
+    position: NumberField = quantity("m", doc="y")
+    velocity: NumberField = quantity("m/s", doc="rate of y")
+
+
+@final
+class DuffingOscillator(AbstractSystem):
+    """A forced oscillator with a cubic spring. State: `DuffingState`."""
+
+    mass: NumberField = quantity("kg", positive=True, doc="m")
+    stiffness: NumberField = quantity("N/m", doc="k")
+    softening: NumberField = quantity("N/m^3", doc="b, positive softens")
+    force: NumberField = quantity("N", default=0.0, doc="F, amplitude of the force")
+    frequency: NumberField = quantity("rad/s", default=0.0, doc="p, of the force")
+    damping: NumberField = quantity("N s/m", default=0.0, doc="c")
+
+    def vector_field(self, t: Scalar, y: DuffingState) -> DuffingState:
+        push = self.force * jnp.sin(self.frequency * t)
+        spring = (self.stiffness - self.softening * y.position**2) * y.position
+        rate = (push - self.damping * y.velocity - spring) / self.mass
+        return DuffingState(y.velocity, rate)
+
+    def invariants(self, t: Scalar, y: DuffingState) -> dict[str, Array]:
+        """Nothing stays: the force works on the mass."""
+        del t, y
+        return {}
+
+    def first_order(self) -> tuple[Scalar, Scalar]:
+        """Amplitudes, m, of sin(p t) and of sin(3 p t) without damping, to first order in b."""
+        p2 = self.frequency**2
+        linear = self.force / (self.stiffness - self.mass * p2)
+        cube = self.softening * linear**3
+        first = linear + 0.75 * cube / (self.stiffness - self.mass * p2)
+        return first, -0.25 * cube / (self.stiffness - 9.0 * self.mass * p2)
+
+    def resonance_frequencies(self, amplitude: Scalar) -> tuple[Scalar, Scalar]:
+        """The angular frequencies p, rad/s, below and above the backbone p^2 = K/m at which the
+        motion has the amplitude a, m, by harmonic balance with the damping: the whole resonance
+        curve, its unstable part included. The oscillator's own `frequency` plays no role.
+
+        NaN where there is none: beyond the peak, and below p = 0. Where both meet, at the peak,
+        their slopes are infinite (the rule of ends in `core/safe.py`)."""
+        a = as_float(amplitude)
+        stiffness = self.stiffness - 0.75 * self.softening * a * a
+
+        def radicand(mass, damping, stiffness, force):
+            lost = damping * damping
+            return lost * (lost - 4.0 * mass * stiffness) + (2.0 * mass * force) ** 2
+
+        apart = end_sqrt(radicand, self.mass, self.damping, stiffness, self.force / a)
+        middle = 2.0 * self.mass * stiffness - self.damping * self.damping
+        scale = jnp.sqrt(2.0) * self.mass
+        lower, upper = middle - apart, middle + apart
+        root = end_sqrt(lambda x: x, lower), end_sqrt(lambda x: x, upper)
+        return root[0] / scale, root[1] / scale
+
+    def harmonic_balance(self, guess: Scalar | None = None) -> Scalar:
+        """The amplitude a, m, of sin(p t) alone without damping: (k - m p^2) a - 3/4 b a^3 = F.
+
+        **Arguments**
+
+        - `guess`: near one of the up to three roots, m; by default near the linear one.
+
+        **Returns** the root; its derivatives are not finite where two roots meet (the jump)."""
+        stiffness = self.stiffness - self.mass * self.frequency**2
+
+        def newton(a: Array, stiffness: Scalar, softening: Scalar, force: Scalar) -> Array:
+            cube = 0.75 * softening * a * a
+            return a - ((stiffness - cube) * a - force) / (stiffness - 3.0 * cube)
+
+        given = (stiffness, self.softening, self.force)
+        fixed = jax.lax.stop_gradient(given)
+        start = fixed[2] / fixed[0] if guess is None else jnp.asarray(guess)
+        shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (start, *fixed)))
+        start = jnp.broadcast_to(start, shape)
+        root = jax.lax.fori_loop(0, STEPS, lambda _, a: newton(a, *fixed), start)
+        # A step more carries the first derivatives of the root, two the second ones.
+        return newton(newton(jax.lax.stop_gradient(root), *given), *given)

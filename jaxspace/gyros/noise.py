@@ -1,0 +1,74 @@
+"""Random errors of a gyro, and the Allan variance that shows them.
+
+    w_k = N n_k / sqrt(dt) + b_k,   b_k+1 = b_k + K sqrt(dt) m_k        n, m: normal, independent
+    sigma^2(tau) = N^2 / tau + K^2 tau / 3                              for tau of many samples
+
+    symbol   meaning                                              unit
+    w, b     error of the rate, its slowly wandering part         rad/s
+    N        angle random walk                                    rad/s^(1/2)
+    K        rate random walk                                     rad/s^(3/2)
+    tau, dt  time of averaging, time between samples              s
+
+Source: IEEE Std 952-1997, annex C.
+"""
+
+__all__ = ["allan_of_walks", "allan_variance", "gyro_noise"]
+
+from collections.abc import Sequence
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import Scalar
+
+
+def gyro_noise(
+    key: Array, samples: int, step: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0
+) -> Float[Array, "samples *#runs"]:
+    """Errors of the rate of a gyro; the same `key` gives the same errors.
+
+    **Arguments**
+
+    - `key`: of `jax.random`.
+    - `samples`, `step`: how many, and dt, s.
+    - `angle_walk`: N, rad/s^(1/2); `rate_walk`: K, rad/s^(3/2): scalars or (*runs,).
+
+    **Returns** the errors, rad/s, (samples, *runs), which begin without a bias.
+    """
+    runs = jnp.broadcast_shapes(jnp.shape(angle_walk), jnp.shape(rate_walk), jnp.shape(step))
+    white, wander = (jax.random.normal(k, (samples, *runs)) for k in jax.random.split(key))
+    root = jnp.sqrt(jnp.asarray(step, white.dtype))
+    # The sum up to the step before, so that the bias begins at zero.
+    bias = rate_walk * root * (jnp.cumsum(wander, axis=0) - wander)
+    return angle_walk / root * white + bias
+
+
+def allan_variance(
+    rates: Float[Array, "samples *#runs"], step: Scalar, factors: Sequence[int]
+) -> Float[Array, "times *#runs"]:
+    """The Allan variance of measured rates at the times `factors` * `step`, with overlap.
+
+    **Arguments**
+
+    - `rates`: rad/s, at equal steps, (samples, *runs).
+    - `step`: dt, s.
+    - `factors`: samples in each average, below half of their number.
+
+    **Returns** half the mean square of the difference of adjacent averages, (rad/s)^2,
+    (times, *runs).
+    """
+    start = jnp.zeros_like(rates[:1])
+    angle = jnp.concatenate([start, jnp.cumsum(rates * step, axis=0)])
+    found = []
+    for m in factors:
+        # Second differences of the angle: overlapping averages without a loop over them.
+        second = angle[2 * m :] - 2.0 * angle[m:-m] + angle[: -2 * m]
+        found.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
+    return jnp.stack(found)
+
+
+def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:
+    """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over `time`, s, of many
+    samples; `angle_walk` and `rate_walk` as there."""
+    return angle_walk**2 / time + rate_walk**2 * time / 3.0

@@ -1,0 +1,176 @@
+"""What a campaign reports besides its table: one of its runs in detail, those that failed, and the
+methods that need no runs."""
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ..core.text import aligned
+from ..dispersion import Dispersion
+from ..dispersion.comparison import Comparison
+from ..dispersion.covariance import MONTE_CARLO, Moments
+from ..dispersion.replay import Replay
+from ..simulation import Status
+from ._scene_file import SceneFile
+from .report import Row, drift_rows, number, state_rows, status_line
+
+# Beside a number that is not to be trusted, and in place of one that there is not.
+WARNING, NO_NUMBER = "warning", "none"
+
+
+def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
+    """One run of a campaign: its inputs beside the nominal ones, its outputs beside those of the
+    store (`kept`), the state at the end of every phase, and how it ended."""
+    units = {name: how.nominal.quantity.unit for name, how in file.inputs.items()}
+    rows = [("input", "unit", "nominal", "this run")]
+    for name, value in run.inputs.items():
+        nominal = number(float(file.inputs[name].nominal)) if name in file.inputs else ""
+        rows.append((name, units.get(name, ""), nominal, number(value)))
+    lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", aligned(rows)]
+    stored = _row_of(kept, run.number)
+    rows = [("output", "unit", "in the store", "here")]
+    for spec in file.outputs:
+        there = number(stored[spec.name]) if spec.name in stored else "-"
+        rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
+    lines += ["", aligned(rows)]
+    for name, phase in run.trajectory.items():
+        lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
+        # A controller changes what the system alone conserves: a drift would say nothing of
+        # accuracy.
+        drift = phase.drift() if phase.control is None else {}
+        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
+    return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
+
+
+def _row_of(kept: Dispersion | None, run: int) -> dict[str, float]:
+    """The outputs of a run in a store; empty where the store has not got it."""
+    if kept is None or kept.numbers is None:
+        return {}
+    where = np.flatnonzero(kept.numbers == run)
+    if not where.size:
+        return {}
+    return {name: float(x[where[0]]) for name, x in kept.outputs.items()}
+
+
+def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) -> str:
+    """The failed runs of a store, by how they ended: number and reason of each, up to `most` of a
+    kind, with what to do; and the runs that ended well with an output that is not a number.
+
+    `file`: the scene of the store, which says which of its inputs a refused run has out of
+    range."""
+    numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
+    lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
+    lines += [kept.lacking] if kept.lacking else []
+    # Once, because each column is read from the disk.
+    inputs = dict(kept.inputs) if kept.failed else {}
+    moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
+    for failure in kept.failed:
+        rows = np.flatnonzero(kept.status == failure.status)
+        runs = "run" if failure.count == 1 else "runs"
+        lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
+        for row in rows[:most]:
+            own = {name: float(x[row]) for name, x in inputs.items()}
+            # The cause of a refusal is known; of other failures unusual inputs are the best hint.
+            refused = failure.status == Status.REFUSED
+            reason = _refusal(file, own) if refused else _farthest(own, moments)
+            lines.append(f"  run {numbers[row]}: {reason}")
+        lines += _rest(rows.size, most)
+    undefined = {name: np.isnan(x) & kept.good for name, x in kept.outputs.items()}
+    rows = np.flatnonzero(np.any(list(undefined.values()), axis=0))
+    if rows.size:
+        runs = "run" if rows.size == 1 else "runs"
+        lines += ["", f"{rows.size} {runs} ended well with an output that is not a number:"]
+        for row in rows[:most]:
+            names = [name for name, where in undefined.items() if where[row]]
+            verb = "is" if len(names) == 1 else "are"
+            lines.append(f"  run {numbers[row]}: {', '.join(names)} {verb} not a number.")
+        lines += _rest(rows.size, most)
+    return "\n".join(lines)
+
+
+def _rest(count: int, most: int) -> list[str]:
+    """The line for those of a list that it does not show."""
+    return [f"  and {count - most} more (--all lists them)"] if count > most else []
+
+
+def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:
+    for name, how in (file.inputs if file is not None else {}).items():
+        limit = how.nominal.quantity
+        if not np.all(limit.contains(np.asarray(inputs[name]))):
+            value = f"{inputs[name]:.6g} {limit.unit}".rstrip()
+            return f"{name} is {value}: it must be {limit.allowed()}."
+    return "an input is out of its range."
+
+
+def _farthest(
+    inputs: dict[str, float], moments: Mapping[str, tuple[float, float]], count: int = 2
+) -> str:
+    """The inputs that lie farthest from the mean of all runs, in standard deviations."""
+    off = {
+        name: (value - moments[name][0]) / moments[name][1]
+        for name, value in inputs.items()
+        # An input that does not vary is no cause, and has no deviation to divide by.
+        if moments[name][1] > 0.0
+    }
+    most = sorted(off, key=lambda name: -abs(off[name]))[:count]
+    return ", ".join(f"{name} is {inputs[name]:.6g} ({off[name]:+.1f} sigma)" for name in most)
+
+
+def comparison_table(rows: Sequence[Comparison]) -> str:
+    """The cheaper methods beside Monte Carlo: how far off, from how many runs, in what time;
+    how well Monte Carlo itself knows what they are compared with; and a warning beside each number
+    that is not to be trusted, with its reason below."""
+    shown: list[Row] = [
+        ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds", "")
+    ]
+    for c in rows:
+        word = WARNING if c.warning else ""
+        if not math.isfinite(c.mean + c.std):
+            empty = (NO_NUMBER,) * 4
+            shown.append((c.output, c.method, *empty, str(c.runs), f"{c.seconds:.2g}", word))
+            continue
+        # The errors of Monte Carlo are standard errors, which have no sign.
+        sign = "±" if c.method == MONTE_CARLO else "+" if c.mean_error >= 0.0 else "-"
+        off = f"{sign}{abs(c.mean_error):.3f} std dev"
+        sign = "±" if c.method == MONTE_CARLO else "+" if c.std_error >= 0.0 else "-"
+        more = f"{sign}{100.0 * abs(c.std_error):.2f} %"
+        # Digits below a percent of the deviation would be those of the method's own error.
+        mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
+        took = f"{c.seconds:.2g}"
+        shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
+    doubts = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
+    return "\n".join([aligned(shown), *([""] if doubts else []), *doubts])
+
+
+def moments_report(
+    title: str, found: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
+) -> str:
+    """Mean and deviation of every output by a method without many runs, with a warning beside those
+    that a sample of runs speaks against, and its reason below.
+
+    **Arguments**
+
+    - `title`: the first line.
+    - `found`: the moments.
+    - `units`: of the outputs, by name.
+    - `nominal`: values of the nominal run, with their units, by name."""
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "")]
+    for k, name in enumerate(found.names):
+        std = found.std(name)
+        numbers = (nominal[name][0], float(found.mean[k]), std)
+        cells = (number(x, 0.01 * std) if math.isfinite(x) else NO_NUMBER for x in numbers)
+        word = WARNING if name in found.warnings else ""
+        rows.append((name, units.get(name, ""), *cells, word))
+    doubts = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
+    runs = "run" if found.runs == 1 else "runs"
+    return "\n".join(
+        [
+            f"{title}: {found.method}",
+            aligned(rows),
+            "",
+            *doubts,
+            *([""] if doubts else []),
+            f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
+        ]
+    )

@@ -1,0 +1,142 @@
+"""Mean elements of catalogues, two-line sets and orbit mean-elements messages, by the library
+`sgp4`.
+
+    jaxspace     what is read              where the theory is
+    read_tle     two-line element sets     Vallado et al., Revisiting Spacetrack Report 3,
+    read_omm     OMM in XML or CSV         AIAA 2006-6753: SGP4 and SDP4
+
+Such elements have a meaning for this theory alone: it gives the states, in the axes TEME (true
+equator, mean equinox) of their epoch. Needs the extra `ephemerides`.
+"""
+
+__all__ = ["CataloguedOrbit", "read_omm", "read_tle"]
+
+import io
+import os
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ..bodies import BodyState
+from ..core import InputError
+from ..core.extras import extra
+from ..core.files import read_text
+from .ephemeris import Ephemeris
+
+
+class CataloguedOrbit(NamedTuple):
+    """A satellite of a catalogue: its `name`, its `identifier` (international designator) and the
+    `record` of the library `sgp4`."""
+
+    name: str
+    identifier: str
+    record: Any
+
+    @property
+    def epoch(self) -> str:
+        """The epoch of the elements, UTC, text of ISO 8601."""
+        # The count of Julian days begins at noon; this one is the midnight of 2000-01-01.
+        whole = self.record.jdsatepoch - 2451544.5
+        day = datetime(2000, 1, 1) + timedelta(days=float(np.floor(whole)))
+        fraction = whole - np.floor(whole) + self.record.jdsatepochF
+        return (day + timedelta(seconds=round(float(fraction) * 86400.0, 6))).isoformat()
+
+    def ephemeris(self, ts: ArrayLike) -> Ephemeris:
+        """The states at times by SGP4.
+
+        **Arguments**
+
+        - `ts`: s after the epoch of the elements, (times,).
+
+        **Raises** `InputError` where the theory has no state, as after a decay."""
+        # Imported where it is used, because the library is an extra.
+        with extra("ephemerides"):
+            from sgp4.api import SGP4_ERRORS
+
+        times = np.atleast_1d(np.asarray(ts, float))
+        # Day and fraction stay apart: in one double a Julian date is known to 40 microseconds only.
+        days = np.full(times.shape, self.record.jdsatepoch)
+        status, r, v = self.record.sgp4_array(days, self.record.jdsatepochF + times / 86400.0)
+        if np.any(status):
+            first = int(np.flatnonzero(status)[0])
+            raise InputError(
+                f"SGP4 has no state of {self.name or self.identifier} {times[first]:g} s after its "
+                f"epoch: {SGP4_ERRORS[int(status[first])]}."
+            )
+        # The library works in km.
+        return Ephemeris(
+            self.epoch, times, 1e3 * r.T, 1e3 * v.T, self.name, self.identifier, frame="TEME"
+        )
+
+    def state(self, t: float = 0.0) -> BodyState:
+        """Position and velocity `t`, s, after the epoch, to begin a run with."""
+        return self.ephemeris([t]).state()
+
+
+def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
+    """The satellites of two-line element sets.
+
+    **Arguments**
+
+    - `source`: the text itself, or the path of a file; a line before a set is its name.
+
+    **Raises** `InputError` for a set that is not complete or whose check sum is wrong."""
+    with extra("ephemerides"):
+        from sgp4.api import Satrec
+        from sgp4.io import compute_checksum
+
+    # A path has no line break, a set of elements at least one.
+    is_text = isinstance(source, str) and "\n" in source
+    text = str(source) if is_text else read_text(source)
+    lines = [line.rstrip() for line in text.splitlines() if line.strip()]
+    found, name = [], ""
+    for k, line in enumerate(lines):
+        if line.startswith("1 ") and len(line) >= 68:
+            second = lines[k + 1] if k + 1 < len(lines) else ""
+            if not second.startswith("2 "):
+                raise InputError(f"{line!r} has no second line: it must begin with 2.")
+            for one in (line, second):
+                # Some sources leave out the check sum, in column 69: what is not there is not
+                # wrong.
+                if len(one) > 68 and int(one[68]) != compute_checksum(one):
+                    raise InputError(f"{one!r} has a wrong check sum.")
+            record = Satrec.twoline2rv(line, second)
+            found.append(CataloguedOrbit(name, line[9:17].strip(), record))
+            name = ""
+        elif not line.startswith("2 "):
+            # Some catalogues mark the line of the name by a zero.
+            name = line.removeprefix("0 ").strip()
+    if not found:
+        raise InputError("no two-line element set was found: its lines must begin with 1 and 2.")
+    return found
+
+
+def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
+    """The satellites of an orbit mean-elements message of CCSDS, or of a catalogue of them.
+
+    **Arguments**
+
+    - `path`: of a file in XML or CSV, by its ending.
+
+    **Raises** `InputError` for another ending, or a message without elements."""
+    with extra("ephemerides"):
+        from sgp4 import omm
+        from sgp4.api import Satrec
+
+    kind = Path(path).suffix.lower()
+    if kind not in (".xml", ".csv"):
+        raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
+    parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
+    rows: Iterable[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
+    found = []
+    for row in rows:
+        record = Satrec()
+        omm.initialize(record, row)
+        found.append(CataloguedOrbit(row.get("OBJECT_NAME", ""), row["OBJECT_ID"], record))
+    if not found:
+        raise InputError(f"{path} holds no elements.")
+    return found

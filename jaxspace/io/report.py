@@ -1,0 +1,335 @@
+"""What a run of a file reports: states, numbers of interest, errors and tables, in its units."""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import SupportsFloat, SupportsInt
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+from ..control import LoopRun
+from ..core import InputError, State
+from ..core.quantities import quantities
+from ..core.text import aligned
+from ..dispersion import Dispersion
+from ..dispersion.contributors import Contributors
+from ..rotations import Quaternion, to_euler_angles
+from ..simulation import MissionTrajectory, Status, Trajectory
+from ._flown_task import values_of
+from ._inputs import measures
+from ._optimum import Optimum
+from ._output_entries import applicable_outputs
+from ._scene_file import SceneFile
+from .units import WrittenUnits, in_unit
+
+Row = tuple[str, ...]
+# Rounding of a long run leaves no more than this, whatever the estimate says.
+MOST_DIGITS = 12
+# What the table of an optimum has of each phase, as far as the file has all for it.
+OF_PHASES = ("end_time", "altitude", "radius", "speed", "radial_speed")
+
+
+def number(x: SupportsFloat, error: float = math.nan) -> str:
+    """A number with the digits that it has: down to its `error`, or six significant ones if that
+    is not known."""
+    x = float(x)
+    # Digits below the error would look like knowledge.
+    if math.isfinite(x) and 0.0 < error < math.inf and abs(x) < 1e15:
+        whole = math.floor(math.log10(abs(x))) + 1 if x else 0
+        decimals = min(math.ceil(-math.log10(error)), MOST_DIGITS - max(whole, 0))
+        text = f"{x:.{max(decimals, 0)}f}"
+        # Not "-0.00", which a rounded negative number gives.
+        return "0" if float(text) == 0.0 else text
+    return "0" if abs(x) < 1e-10 else f"{x:.6g}"
+
+
+def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> list[tuple[str, str]]:
+    """Names with units, and values, of the parts of a state.
+
+    **Arguments**
+
+    - `units`: those of the file, to report in.
+    - `error`: the error of the state, if it is known: it decides on the digits.
+    """
+    rows = []
+    for name, declared in quantities(type(y)).items():
+        part = getattr(y, name)
+        if part is None:
+            continue
+        unit = units.of(name, declared.unit)
+        factor = in_unit(declared.unit, unit)
+        miss = math.nan if error is None else factor * _largest(getattr(error, name))
+        if isinstance(part, Quaternion):
+            # Nobody reads a quaternion: the angles stand beside it, in the angle unit of the file.
+            angle = units.of(name, "rad")
+            turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
+            rows.append((name, _listed(part.wxyz, miss)))
+            rows.append((f"Euler angles 3-1-3 [{angle}]", _listed(turned)))
+        else:
+            rows.append((_label(name, unit), _listed(factor * np.asarray(part), miss)))
+    return rows
+
+
+def error_rows(error: State, units: WrittenUnits) -> list[tuple[str, str]]:
+    """The largest component of the error of every part, with its unit."""
+    rows = []
+    for name, declared in quantities(type(error)).items():
+        part = getattr(error, name)
+        if part is not None:
+            unit = units.of(name, declared.unit)
+            size = in_unit(declared.unit, unit) * _largest(part)
+            rows.append((_label(f"error of {name}", unit), f"{size:.1e}"))
+    return rows
+
+
+def drift_rows(drift: Mapping[str, ArrayLike]) -> list[tuple[str, str]]:
+    """The largest relative change of every invariant."""
+    return [
+        (f"drift of {name.replace('_', ' ')}", f"{float(np.max(np.abs(d))):.1e}")
+        for name, d in drift.items()
+    ]
+
+
+def output_rows(outputs: Mapping[str, tuple[float, str]]) -> list[tuple[str, str]]:
+    """Names with units, and values, of outputs."""
+    return [(_label(name, unit), number(value)) for name, (value, unit) in outputs.items()]
+
+
+def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
+    """How a run of a system or a scene ended: time, state, outputs, drifts, errors, status."""
+    error = run.error()
+    rows = [("time [s]", number(run.ts[-1])), *state_rows(run.final, file.units, error)]
+    rows += output_rows(file.nominal_outputs(run, every=True))
+    # A controller keeps nothing, whatever the scene alone would keep.
+    drift = run.drift() if isinstance(run, Trajectory) else {}
+    kept = [*drift_rows(drift), *error_rows(error, file.units)]
+    return "\n".join([file.title, aligned(rows), aligned(kept), status_line(run.status)])
+
+
+def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
+    """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
+    errors follow."""
+    lines = [file.title]
+    for name, phase in run.items():
+        lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
+        kept = phase.drift() if phase.control is None else {}
+        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(kept)]))
+    error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
+    rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
+    rows += output_rows(file.nominal_outputs(run, every=True))
+    lines.append("\nat the end, after the last jump")
+    lines.append(aligned([*rows, *error_rows(error, file.units)]))
+    return "\n".join([*lines, status_line(run.status)])
+
+
+def optimum_report(
+    found: Optimum, confirmed: Sequence[float] = (), run: MissionTrajectory | None = None
+) -> str:
+    """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
+    the search ended.
+
+    **Arguments**
+
+    - `confirmed`: the outputs as a run at the accuracy of the file has them.
+    - `run`: that run, whose phases make one more table."""
+    task, file = found.task, found.file
+    # NaN is shown as a dash, where nothing has confirmed the optimum.
+    checked = [*confirmed] or [math.nan] * (1 + len(task.demands))
+    goal = task.objective
+    verb = "least" if task.sign > 0.0 else "greatest"
+    label = _label(f"{verb} {goal.name}", goal.unit)
+    lines = [file.title, aligned([
+        ("", "found", "confirmed"),
+        (label, _or_dash(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
+    ])]  # fmt: skip
+    held = found.bound_derivatives
+    rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
+    for free in task.free:
+        numbers = (free.start, found.values[free.path], free.low, free.high)
+        # By its bound, where one holds it.
+        slope = goal.factor * held[free.path] / free.factor if free.path in held else math.nan
+        shown = (number(free.factor * x) for x in numbers)
+        rows.append((f"{free.path} [{free.unit or '1'}]", *shown, _or_dash(slope)))
+    lines.append(aligned(rows))
+    rows = [("constraint", "", "target", "found", "confirmed", "slope")]
+    derivatives = found.target_derivatives
+    for k, demand in enumerate(task.demands):
+        spec = demand.spec
+        numbers = (demand.target, found.constraints[k], checked[k + 1])
+        shown = [_or_dash(spec.factor * x) for x in numbers]
+        # In the units that the table shows, above and below.
+        slope = _or_dash(goal.factor * derivatives[k] / spec.factor)
+        name = demand.limit.replace("_", " ")
+        rows.append((_label(spec.name, spec.unit), name, *shown, slope))
+    if task.demands:
+        lines.append(aligned(rows))
+    if not found.infeasible:
+        lines.append(
+            f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
+        )
+    if run is not None:
+        lines.append(aligned(_phase_rows(found, run)))
+    lines.append(f"relative error of the steps: {found.error:.1e}")
+    return "\n\n".join([*lines, found.sentence()])
+
+
+def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
+    """For each phase, how its run ended, before its jump: those of a few outputs that the file
+    has all for."""
+    file = found.file
+    known = {s.name: s for s in applicable_outputs(file.parsed, file.units)}
+    chosen = [known[name] for name in OF_PHASES if name in known]
+    head = [_label(s.name, s.unit) for s in chosen]
+    unit = file.units.of("mass", "kg")
+    # Without fuel to burn a body keeps its mass, and states have none.
+    heavy = getattr(run.final, "mass", None) is not None
+    rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
+    numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
+    for k, (name, phase) in enumerate(run.items()):
+        states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
+        specs = tuple(spec._replace(at=k) for spec in chosen)
+        values = values_of(file, numbers, specs, states, ends)
+        cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
+        own = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
+        rows.append((name, *cells, *own))
+    return rows
+
+
+def sensitivity_report(found: Optimum, count: int = 12) -> str:
+    """The numbers of the file that move the best objective most, by one percent of each."""
+    goal, numbers = found.task.objective, dict(measures(found.file.values))
+    slopes = found.sensitivities()
+    moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
+    order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
+    rows = [("one percent more of", f"moves {_label(goal.name, goal.unit)} by")]
+    return aligned([*rows, *((p, f"{moves[p]:+.4g}") for p in order if moves[p] != 0.0)])
+
+
+def _or_dash(x: float) -> str:
+    return "-" if math.isnan(x) else number(x)
+
+
+def dispersion_report(
+    result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
+) -> str:
+    """The outputs of a campaign: a table beside their `nominal` values, how often the requirements
+    are violated, the ellipses of the landings where it has some, the `count` inputs that make most
+    of the variance of each output, and how the runs ended."""
+    lines = [dispersion_table(result, nominal)]
+    requirements = requirement_table(result)
+    if requirements:
+        lines.append(f"\nrequirements\n{requirements}")
+    landings = footprint_table(result)
+    if landings:
+        lines.append(f"\nlanding ellipses\n{landings}")
+    shares = contributor_lines(result, count)
+    if shares:
+        lines.append(f"\nshares of the variance\n{shares}")
+    return "\n".join([*lines, "", status_lines(result)])
+
+
+def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
+    """Mean, standard deviation and 99 % limits of every output, beside its nominal value where one
+    is known; below it a line for each output that is not finite in runs that ended well."""
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
+    table = result.table()
+    for row in table:
+        numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
+        # An output that was given in Python has no nominal value here.
+        own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
+        rows.append((row.name, row.unit, own, *numbers))
+    doubts = [sentence for row in table if (sentence := row.doubt())]
+    return "\n".join([aligned(rows), *([""] if doubts else []), *doubts])
+
+
+def requirement_table(result: Dispersion) -> str:
+    """How often each requirement is violated, with its interval; empty without requirements. A
+    failed run counts as a violation."""
+    rows: list[Row] = [("output", "required", "violated", "share", "with 95 % confidence")]
+    for name, found in result.violations().items():
+        required = f"{result.required(name)} {result.units.get(name, '')}".rstrip()
+        share, low, high = (f"{100.0 * x:.3g} %" for x in (found.value, found.low, found.high))
+        count = f"{found.count} of {found.runs}"
+        rows.append((name, required, count, share, f"{low} to {high}"))
+    return aligned(rows) if len(rows) > 1 else ""
+
+
+def footprint_table(result: Dispersion) -> str:
+    """The ellipses of the landings; empty without landings."""
+    found = result.footprint()
+    return "" if found is None else aligned(found.words())
+
+
+def contributor_lines(result: Dispersion, count: int = 3) -> str:
+    """For every output the inputs that make most of its variance, and what is left; empty for too
+    few runs."""
+    # With fewer runs than coefficients the regression would explain anything.
+    if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
+        return ""
+    rows = []
+    for name in result.outputs:
+        try:
+            found = result.contributors(name, None)
+        # Raised for an output that is finite in few of the runs.
+        except InputError:
+            rows.append((name, "too few runs in which it is finite"))
+            continue
+        rows.append((name, ", ".join(_causes(found, count))))
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(
+        f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows
+    )
+
+
+def _causes(found: Contributors, count: int) -> list[str]:
+    """The largest shares in words, those of all other inputs together, and what no input explains
+    by itself."""
+    if not found.shares:
+        return []
+    listed = dict(list(found.shares.items())[:count])
+    # Shares below a percent are noise of the sampling.
+    listed = {path: share for path, share in listed.items() if share >= 0.01}
+    others, rest = found.r_squared - sum(listed.values()), 1.0 - found.r_squared
+    listed |= {"other inputs": others} if others >= 0.01 else {}
+    causes = [f"{path} {100.0 * share:.0f} %" for path, share in listed.items()]
+    if rest >= 0.01:
+        causes.append(f"rest {100.0 * rest:.0f} % (products, higher powers)")
+    return causes
+
+
+def status_lines(result: Dispersion) -> str:
+    """How many runs ended well, how many are still to come, each bad end with its sentence, and
+    why there are no more of them."""
+    lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
+    lines += [result.lacking] if result.lacking else []
+    lines += [
+        f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
+    ]
+    planned = int(result.attributes.get("planned_runs", result.runs))
+    if result.runs < planned and "design: LatinHypercube" in result.attributes.get("inputs", ""):
+        lines.append(
+            f"These are {result.runs} of {planned} runs of a Latin hypercube: only all of them "
+            f"together lie evenly."
+        )
+    lines += [result.ending] if result.ending else []
+    return "\n".join(lines)
+
+
+def status_line(status: SupportsInt) -> str:
+    """The sentence of a status."""
+    return Status(int(status)).sentence
+
+
+def _label(name: str, unit: str) -> str:
+    name = name.replace("_", " ")
+    return f"{name} [{unit}]" if unit else name
+
+
+def _largest(tree: State) -> float:
+    return max(float(np.max(np.abs(np.asarray(leaf)))) for leaf in jax.tree.leaves(tree))
+
+
+def _listed(xs: ArrayLike, error: float = math.nan) -> str:
+    return ", ".join(number(x, error) for x in np.asarray(xs).reshape(-1))

@@ -1,0 +1,100 @@
+"""Laws of a thrust angle whose numbers a search may move: few, or as many as a free profile has.
+
+    tan phi = a + b s,   (a + b s)/(1 + c s)       linear and bilinear tangent
+    phi_k at nodes       `SteeringProfile`, straight lines; `core.Spline`, cubic in between
+    phi = N(2 s - 1)     a network, such as an `equinox.nn.MLP` from a scalar to a scalar
+
+    symbol   meaning                                                        unit
+    phi      angle of the thrust above the horizontal                       rad
+    s        time since ignition, s, or its fraction of the burn            s or 1
+
+A law is any function of s that is an `equinox.Module`. What is free in it: the values of a profile
+or a table and not their times; of any other law every number.
+
+Source: Bryson and Ho, Applied Optimal Control, 2.4, 2.7.
+"""
+
+__all__ = ["SteeringNetwork", "TangentLaw"]
+
+from collections.abc import Callable
+from typing import Any, TypeAlias, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Float, PyTree
+
+from ..core import Scalar, Spline, Table
+from ..core.checks import check_finite
+from ..core.tables import polygon
+from ..core.types import as_float
+
+Law: TypeAlias = Callable[[Scalar], Scalar]
+
+
+@final
+class SteeringProfile(eqx.Module):
+    """Thrust angles at given times, linear in between.
+
+    - `times`: ascending, s; `angles`: rad; both (nodes, *runs)."""
+
+    times: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
+    angles: Float[Array, "nodes *#runs"] = eqx.field(converter=as_float)
+
+    def __check_init__(self) -> None:
+        check_finite("SteeringProfile.times", self.times)
+        check_finite("SteeringProfile.angles", self.angles)
+
+    def __call__(self, t: Scalar) -> Scalar:
+        """The angle, rad, at the time `t`, s: constant before the first node and after the last."""
+        return polygon(t, self.times, self.angles)
+
+
+@final
+class TangentLaw(eqx.Module):
+    """The tangent of the angle linear in s, or with `denominator` bilinear.
+
+    - `tangent` a and `rate` b; `denominator` c, `None` for the linear law; each (*runs,)."""
+
+    tangent: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    rate: Float[Array, "*#runs"] = eqx.field(converter=as_float)
+    denominator: Float[Array, "*#runs"] | None = eqx.field(
+        default=None, converter=lambda x: None if x is None else as_float(x)
+    )
+
+    def __call__(self, s: Scalar) -> Scalar:
+        """The angle, rad, at `s`."""
+        below = 1.0 if self.denominator is None else 1.0 + self.denominator * s
+        # By both sides of the quotient, which is infinite for a vertical thrust.
+        return jnp.arctan2(self.tangent + self.rate * s, below + 0.0 * s)
+
+
+@final
+class SteeringNetwork(eqx.Module):
+    """The angle by a `network` from a scalar to a scalar, which sees s between -1 and 1 over the
+    `duration`, of the unit of s."""
+
+    network: Callable[[Scalar], Scalar]
+    duration: float = eqx.field(static=True, default=1.0)
+
+    def __call__(self, s: Scalar) -> Scalar:
+        """The angle, rad, at `s`."""
+        x = 2.0 * jnp.asarray(s) / self.duration - 1.0
+        # A network takes one number, where the times may have any shape.
+        return jax.vmap(self.network)(x.ravel()).reshape(x.shape)
+
+
+def free_numbers(law: Any) -> tuple[PyTree, Callable[[PyTree], Any]]:
+    """What a search may move in a law, and the law with other numbers in its place."""
+    if isinstance(law, SteeringProfile):
+        return law.angles, lambda angles: SteeringProfile(law.times, angles)
+    if isinstance(law, Table | Spline):
+        # Made again, because the curvatures of a spline follow from its values.
+        return law.values, lambda values: type(law)(law.times, values)
+    free, rest = eqx.partition(law, eqx.is_inexact_array)
+    return free, lambda numbers: eqx.combine(numbers, rest)
+
+
+def corners(law: Any) -> Float[Array, " nodes"] | None:
+    """The inner nodes of a law, at which it or a derivative of it jumps."""
+    return law.times[1:-1] if isinstance(law, SteeringProfile | Table | Spline) else None

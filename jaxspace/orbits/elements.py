@@ -1,0 +1,280 @@
+"""Size, shape and orientation of a two-body orbit: constants of the motion, classical elements.
+
+    E = v^2/2 - mu/r,  h = r x v,  e = (v x h)/mu - r/|r|
+    p = h^2/mu,  a = -mu/(2E),  r_p = p/(1 + e),  r_a = a (1 + e)
+    r = p/(1 + e cos f) (P cos f + Q sin f),  v = sqrt(mu/p) (-P sin f + Q (e + cos f))
+
+    symbol    meaning                                                              unit
+    E, h      energy and angular momentum per unit mass                            m^2/s^2, m^2/s
+    e         eccentricity (vector: towards periapsis)                             1
+    p, a      semi-latus rectum, semi-major axis (negative for a hyperbola)        m
+    r_p, r_a  radius of periapsis, of apoapsis                                     m
+    i         inclination: between h and the z axis                                rad
+    node      longitude of the ascending node, from the x axis                     rad
+    omega     argument of periapsis, from the node                                 rad
+    f         true anomaly, from periapsis                                         rad
+    P, Q      unit vectors towards periapsis and 90 degrees ahead of it
+
+Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15.
+
+An angle without meaning is zero, and so is its derivative: the node of an equatorial orbit lies on
+the x axis, the periapsis of a circle at the node. The other elements then still lead back to the
+state, but their derivatives do not: state to elements and back is not the identity in its
+derivatives on a circle or at the equator. There the elements of a neighbouring orbit are no smooth
+function of its state, and a zero stands where no derivative exists. Vary the state instead, or
+`ModifiedEquinoctialElements`, which are smooth there.
+
+The eccentricity vector of a state is a difference of vectors of length one, and has an error of
+some roundings. One shorter than 8 of them (2e-15 in double precision) is taken as zero: its
+direction is noise, which would split the angle from the node into argument and anomaly at random,
+with derivatives of 1/e. Above, the two angles have errors of about 1e-16/e. The node has no such
+limit: z and z' of the state decide it, however small they are; its derivatives grow as 1/i.
+
+The semi-latus rectum is among the elements, and not the semi-major axis, because it is
+finite and smooth through the parabola.
+
+The functions take `position`, m, and `velocity`, m/s, both (3, *runs), and the gravitational
+parameter `mu`, m^3/s^2; the runs broadcast, and times may stand before them.
+"""
+
+__all__ = [
+    "angular_momentum",
+    "apoapsis_radius",
+    "eccentricity_vector",
+    "elements_from_state",
+    "inclination",
+    "periapsis_radius",
+    "semi_latus_rectum",
+    "semi_major_axis",
+    "specific_energy",
+    "state_from_elements",
+]
+
+import math
+from typing import final
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from ..core import AbstractParameters, NumberField, Scalar, Vector, check, output, quantity
+from ..core.barrier import barrier
+from ..core.blocks import in_blocks
+from ..core.checks import is_concrete
+from ..core.safe import safe_atan2, safe_divide
+from ..core.trigonometry import sincos
+from ..core.types import as_float
+from ..core.vectors import axis, cross, dot, norm, unit
+
+# In roundings: the greatest eccentricity that rounding gave to circles of any size and plane was
+# 7.6, the median 1.5.
+_NOISE = 8.0
+
+
+@output("m^2/s^2", mu="planet.mu")
+def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Energy per unit mass E, m^2/s^2 (Thomson 4.7).
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
+
+
+def angular_momentum(position: Vector, velocity: Vector) -> Vector:
+    """Angular momentum per unit mass h, m^2/s."""
+    return cross(position, velocity)
+
+
+def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
+    """The constant vector e, (3, *runs): it points to periapsis, and its length is the eccentricity
+    (Laplace, Runge, Lenz).
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    h = cross(position, velocity)
+    return cross(velocity, h) / mu - position / jnp.sqrt(dot(position, position))
+
+
+def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Semi-latus rectum p, m.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    h = cross(position, velocity)
+    return dot(h, h) / mu
+
+
+@output("m", mu="planet.mu")
+def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Semi-major axis a, m: negative for a hyperbola; infinite for the parabola, with the
+    derivative zero.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    energy = specific_energy(position, velocity, mu)
+    return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
+
+
+@output("m", mu="planet.mu")
+def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Least distance from the centre on the whole conic, m.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    # p / (1 + e) and not a (1 - e), because it is smooth through the parabola.
+    return semi_latus_rectum(position, velocity, mu) / (
+        1.0 + norm(eccentricity_vector(position, velocity, mu))
+    )
+
+
+@output("m", mu="planet.mu")
+def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
+    """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero.
+
+    **Arguments**
+
+    - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
+    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    energy = specific_energy(position, velocity, mu)
+    a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
+    return jnp.where(
+        energy < 0.0, a * (1.0 + norm(eccentricity_vector(position, velocity, mu))), math.inf
+    )
+
+
+@output("rad")
+def inclination(position: Vector, velocity: Vector) -> Scalar:
+    """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
+    zero for an equatorial orbit."""
+    h = cross(position, velocity)
+    # By an arctangent of both parts of h, because the arccosine loses half of the digits near the
+    # equator.
+    return safe_atan2(norm(h * (1.0 - axis(2, h[2]))), h[2])
+
+
+@final
+class ClassicalElements(AbstractParameters):
+    """Six elements of a conic that is not a straight line.
+
+    Raises `InputError` for a true anomaly beyond the asymptotes of an open orbit."""
+
+    semi_latus_rectum: NumberField = quantity(
+        "m", positive=True, doc="a (1 - e^2), which every conic has"
+    )
+    eccentricity: NumberField = quantity("", non_negative=True, doc="of the conic")
+    inclination: NumberField = quantity("rad", doc="angle from the z axis to r x v")
+    node: NumberField = quantity("rad", doc="longitude of the ascending node")
+    argument_of_periapsis: NumberField = quantity(
+        "rad", doc="angle from the ascending node to the periapsis"
+    )
+    true_anomaly: NumberField = quantity("rad", doc="angle from the periapsis")
+
+    def __check_init__(self):
+        e, f = self.eccentricity, self.true_anomaly
+        # A negative eccentricity is left to the check of its own range, which names it.
+        if is_concrete(e) and is_concrete(f) and np.all(np.asarray(e) >= 0.0):
+            e, f = np.asarray(e, float), np.asarray(f, float)
+            limit = np.arccos(-1.0 / np.maximum(e, 1.0))
+            # To rounding, for elements that come from a state far out.
+            check(
+                1.0 + e * np.cos(f) > -1e-6,
+                "ClassicalElements.true_anomaly",
+                f,
+                f"within {np.min(limit):.6g} rad of the periapsis, where the asymptote is",
+            )
+
+    @classmethod
+    def from_periapsis(
+        cls,
+        radius: Scalar,
+        eccentricity: Scalar,
+        inclination: Scalar = 0.0,
+        node: Scalar = 0.0,
+        argument_of_periapsis: Scalar = 0.0,
+        true_anomaly: Scalar = 0.0,
+    ) -> "ClassicalElements":
+        """From the radius of periapsis, m, which every conic has, and the other elements."""
+        radius = as_float(radius)
+        e = as_float(eccentricity)
+        return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
+
+
+def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
+    """The classical elements of the orbit through a state, with angles within (-pi, pi].
+
+    Arguments as in the other functions of this module. An eccentricity below 8 roundings is noise
+    and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
+    the equator, derivatives of the elements do not lead back to those of the state (see the module
+    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
+    return in_blocks(_elements, (1, 1, 0), position, velocity, mu)
+
+
+def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
+    # Behind barriers: fused with the elements, each of the six would compute all this again.
+    h, e = barrier((cross(position, velocity), eccentricity_vector(position, velocity, mu)))
+    length = norm(e)
+    noise = length <= _NOISE * float(jnp.finfo(e.dtype).eps)
+    e, length = barrier((jnp.where(noise, 0.0, e), jnp.where(noise, 0.0, length)))
+    n, m, across = _node_axes(h)
+    # Without the node, on which it does not depend: beside the equator that turns fast. Where e = 0
+    # it counts from there.
+    circle = length == 0.0
+    ahead = jnp.where(circle, dot(position, m), dot(unit(h), cross(e, position)))
+    along = jnp.where(circle, dot(position, n), dot(e, position))
+    # Angles in the plane of the orbit are from the node n towards m, which is 90 degrees ahead.
+    y, x = barrier(((across, h[0], dot(e, m), ahead), (h[2], -h[1], dot(e, n), along)))
+    return ClassicalElements(dot(h, h) / mu, length, *map(safe_atan2, y, x))
+
+
+def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
+    """The unit vectors to the ascending node, the x axis at the equator, and 90 degrees ahead of it
+    in the plane of the orbit; and the part of the angular momentum `h` along the equator."""
+    # In units of the greater part, so that the squares of small ones do not vanish.
+    size = jax.lax.stop_gradient(jnp.maximum(jnp.abs(h[0]), jnp.abs(h[1])))
+    flat = size == 0.0
+    per = 1.0 / jnp.where(flat, 1.0, size)
+    x, y = jnp.where(flat, 1.0, -per * h[1]), per * h[0]
+    root = jnp.sqrt(x * x + y * y)
+    c, s = x / root, y / root
+    across = jnp.where(flat, 0.0, size * root)
+    w = jnp.stack([across, h[2]]) * safe_divide(1.0, norm(h))
+    return jnp.stack([c, s, jnp.zeros_like(c)]), jnp.stack([-s * w[1], c * w[1], w[0]]), across
+
+
+def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
+    """Position, m, and velocity, m/s, both (3, *runs), at the true anomaly of `elements`.
+
+    **Arguments**
+
+    - `elements`: on an open orbit with a true anomaly between the asymptotes, 1 + e cos f > 0.
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+    """
+    return in_blocks(_state, (0, 0), elements, mu)
+
+
+def _state(x: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
+    p, e = x.semi_latus_rectum, x.eccentricity
+    angles = (x.node, x.inclination, x.argument_of_periapsis, x.true_anomaly)
+    # Behind barriers: fused with the components, each of the six would compute all this again.
+    (sn, cn), (si, ci), (sw, cw), (sf, cf) = barrier(tuple(map(sincos, map(as_float, angles))))
+    r, speed = p / (1.0 + e * cf), jnp.sqrt(mu / p)
+    # From the node, and a right angle ahead of it in the plane of the orbit.
+    cu, su = cf * cw - sf * sw, sf * cw + cf * sw
+    plane = barrier(((r * cu, r * su), (-speed * (su + e * sw), speed * (cu + e * cw))))
+
+    def turned(along: Scalar, ahead: Scalar) -> Vector:
+        level = ci * ahead
+        parts = (cn * along - sn * level, sn * along + cn * level, si * ahead)
+        return jnp.stack(jnp.broadcast_arrays(*parts))
+
+    return turned(*plane[0]), turned(*plane[1])

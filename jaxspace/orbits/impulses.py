@@ -1,0 +1,201 @@
+"""What an impulse does to an orbit: along the path, in the plane with the line of apsides kept, out
+of the plane; and the impulse as a jump of a mission.
+
+    with C = e cos f, S = e sin f and w = g (2 + g), g = dv/v, an impulse along the path gives
+    C' = C + (1 + C) w,  S' = S (1 + w),  p' = p (1 + w)
+    df = atan2(-w sin f, e + w (e + cos f))      to first order -2 g sin f / e
+    de = e' - e                                  to first order 2 g (e + cos f)
+    1/a' - 1/a = -w (1 + 2 C + e^2) / p
+
+    symbol  meaning                                            unit
+    f, e    true anomaly, eccentricity; ': after the impulse   rad, 1
+    p, a    semi-latus rectum, semi-major axis                 m
+    v, dv   speed, its increment                               m/s
+
+Source: Thomson 4.13-1..11 (finite impulses), 4.14-1..8 (small ones). The exact differences here are
+formed as such: they keep their digits for the smallest impulse.
+"""
+
+__all__ = [
+    "OrbitChange",
+    "apse_line_impulse",
+    "eccentricities_through",
+    "plane_change_impulse",
+    "small_tangential_impulse",
+    "tangential_impulse",
+]
+
+from typing import ClassVar, NamedTuple, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractJump, BodyState
+from ..core import InputError, NumberField, Scalar, quantity
+from ..core.safe import safe_atan2, safe_divide, safe_sqrt
+from ..core.types import as_float
+from ..core.vectors import cross, scale, unit
+
+
+class OrbitChange(NamedTuple):
+    """Changes of the elements by an impulse, each (*runs,): of `eccentricity`, `true_anomaly`, rad,
+    and `semi_major_axis`, m. The line of apsides turns by minus the change of the anomaly."""
+
+    eccentricity: Scalar
+    true_anomaly: Scalar
+    semi_major_axis: Scalar
+
+
+def tangential_impulse(
+    semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
+) -> OrbitChange:
+    """The exact change of an orbit by an impulse along the path.
+
+    **Arguments**, each (*runs,)
+
+    - `semi_latus_rectum`: m; `eccentricity`; `true_anomaly`: rad.
+    - `gain`: increment of the speed over the speed, above -1.
+
+    **Returns** the changes. On a circle the anomaly has no meaning: its change is that from the
+    direction of `true_anomaly` to the new periapsis; no derivative by `eccentricity` exists there.
+    """
+    p, e = as_float(semi_latus_rectum), as_float(eccentricity)
+    cosine, sine = jnp.cos(true_anomaly), jnp.sin(true_anomaly)
+    w = gain * (2.0 + gain)
+    C, S = e * cosine, e * sine
+    speed2 = 1.0 + 2.0 * C + e * e
+    new_C, new_S = C + (1.0 + C) * w, S * (1.0 + w)
+    new_e = safe_sqrt(new_C * new_C + new_S * new_S)
+    # By the difference of the squares, which is exact for a small impulse; a circle that stays one
+    # has no sum to divide by.
+    de = safe_divide(w * (2.0 * (C + e * e) + w * speed2), new_e + e)
+    # Without the factor e of both sides, so that a circle keeps the direction of its anomaly.
+    df = safe_atan2(-w * sine, e + w * (cosine + e))
+    # By 1/a, whose change is exact: a difference of the axes has no digits for a small impulse.
+    per_a = (1.0 - e) * (1.0 + e) / p
+    da = w * speed2 / p / (per_a * (per_a - w * speed2 / p))
+    return OrbitChange(de, df, da)
+
+
+def small_tangential_impulse(
+    semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
+) -> OrbitChange:
+    """The change by a small impulse along the path, to first order (Thomson 4.14-5..7).
+
+    Arguments and result as in `tangential_impulse`; the change of the anomaly is infinite on a
+    circle."""
+    e, f = as_float(eccentricity), true_anomaly
+    per_a = (1.0 - e) * (1.0 + e)
+    speed2 = 1.0 + 2.0 * e * jnp.cos(f) + e * e
+    return OrbitChange(
+        2.0 * (e + jnp.cos(f)) * gain,
+        -2.0 * jnp.sin(f) / e * gain,
+        2.0 * speed2 * semi_latus_rectum / (per_a * per_a) * gain,
+    )
+
+
+def apse_line_impulse(
+    semi_latus_rectum: Scalar,
+    eccentricity: Scalar,
+    true_anomaly: Scalar,
+    new_eccentricity: Scalar,
+    mu: Scalar,
+) -> tuple[Scalar, Scalar]:
+    """The impulse that changes the eccentricity and does not turn the line of apsides (Thomson
+    4.13).
+
+    **Arguments**, each (*runs,)
+
+    - `semi_latus_rectum`: m; `eccentricity`; `true_anomaly`: rad, of the place of the impulse.
+    - `new_eccentricity`: a negative one puts the periapsis on the other side.
+    - `mu`: gravitational parameter, m^3/s^2.
+
+    **Returns** the increments outwards and across the radius, along the motion, m/s, (*runs,).
+    """
+    p, e, e2 = as_float(semi_latus_rectum), as_float(eccentricity), as_float(new_eccentricity)
+    c, s = jnp.cos(true_anomaly), jnp.sin(true_anomaly)
+    near, near2 = 1.0 + e * c, 1.0 + e2 * c
+    unit_speed = jnp.sqrt(mu * near / p)
+    # Both conics pass the same place, p'/p = near2/near: differences of square roots, as such.
+    across = unit_speed * c * (e2 - e) / (jnp.sqrt(near2) + jnp.sqrt(near))
+    outwards = unit_speed * s * (e2 / jnp.sqrt(near2) - e / jnp.sqrt(near))
+    return outwards, across
+
+
+def eccentricities_through(
+    radius: Scalar, true_anomaly: Scalar, semi_major_axis: Scalar
+) -> tuple[Scalar, Scalar]:
+    """The two conics of one size that have the place (`radius`, m, at the `true_anomaly`, rad) on
+    them (Thomson 4.13).
+
+    **Arguments**
+
+    - `radius`: distance of the place from the centre, m.
+    - `true_anomaly`: of the place, rad.
+    - `semi_major_axis`: m.
+
+    **Returns** their eccentricities, the smaller one first, (*runs,); a negative one has its
+    periapsis on the other side. NaN where there is none."""
+    ratio = radius / as_float(semi_major_axis)
+    half = 0.5 * ratio * jnp.cos(true_anomaly)
+    root = jnp.sqrt(half * half + 1.0 - ratio)
+    return -half - root, -half + root
+
+
+def plane_change_impulse(speed: Scalar, new_speed: Scalar, angle: Scalar) -> Scalar:
+    """Size of the impulse that turns the velocity by an angle and changes its length.
+
+    **Arguments**, each (*runs,)
+
+    - `speed`, `new_speed`: before and after, m/s.
+    - `angle`: between the velocities, rad; at a node the change of inclination.
+
+    **Returns** the size, m/s, (*runs,); its derivative is zero where it is zero.
+    """
+    # By half the angle, because the law of cosines loses the digits of a small one.
+    sine = jnp.sin(0.5 * as_float(angle))
+    change = new_speed - as_float(speed)
+    return safe_sqrt(change * change + 4.0 * speed * new_speed * sine * sine)
+
+
+@final
+class Impulse(AbstractJump):
+    """An instant change of the velocity, as a jump between two phases of a mission: the sum of its
+    components. Position, attitude and mass stay what they were."""
+
+    needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
+
+    along: NumberField = quantity("m/s", default=0.0, doc="increment along the velocity")
+    radial: NumberField = quantity("m/s", default=0.0, doc="increment outwards")
+    transverse: NumberField = quantity(
+        "m/s", default=0.0, doc="increment across the radius in the plane of the motion"
+    )
+    normal: NumberField = quantity(
+        "m/s", default=0.0, doc="increment along r x v, normal to the plane of the motion"
+    )
+    inertial: Float[Array, "3 *#runs"] | None = quantity(
+        "m/s", optional=True, doc="increment in inertial axes"
+    )
+
+    def __call__(self, t: Scalar, y: BodyState) -> BodyState:
+        """The state after the impulse. Raises `InputError` for a state without position and
+        velocity."""
+        del t
+        if y.position is None or y.velocity is None:
+            raise InputError(
+                f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold position and "
+                f"velocity."
+            )
+        outwards, up = unit(y.position), unit(cross(y.position, y.velocity))
+        # With the runs of the state, whose shape a jump does not change.
+        one = jnp.ones_like(y.position[0])
+        velocity = (
+            y.velocity
+            + scale(self.along * one, unit(y.velocity))
+            + scale(self.radial * one, outwards)
+            + scale(self.transverse * one, cross(up, outwards))
+            + scale(self.normal * one, up)
+        )
+        if self.inertial is not None:
+            velocity = velocity + scale(one, self.inertial)
+        return BodyState(y.position, velocity, y.attitude, y.omega, y.mass, y.parts)

@@ -1,0 +1,53 @@
+"""Planets on circles in one plane: when they stand as before, and when a transfer can leave.
+
+    1/S = |1/T1 - 1/T2|
+    phi = pi (1 - ((1 + r1/r2)/2)^(3/2))
+
+    symbol   meaning                                                           unit
+    T1, T2   periods                                                           s
+    S        synodic period: after it both stand to each other as before       s
+    r1, r2   radii of the circles that are left and reached                    m
+    phi      lead of the target at the departure of a transfer of Hohmann      rad
+
+Source: Thomson 4.11 (planets as circular coplanar orbits).
+
+A state on such a circle is `orbit_from_radius(radius, mu, true_anomaly=longitude)`.
+"""
+
+__all__ = ["departure_phase", "synodic_period"]
+
+import math
+
+import jax.numpy as jnp
+
+from ..core import Scalar
+from ..core.types import as_float
+from .time_of_flight import period
+
+
+def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
+    """After what time two bodies on circles stand to each other as before.
+
+    **Arguments**, each (*runs,)
+
+    - `radius`, `other`: of the circles, m.
+    - `mu`: gravitational parameter, m^3/s^2.
+
+    **Returns** S, s; infinite for equal radii.
+    """
+    first, second = period(radius, mu), period(other, mu)
+    return first * second / jnp.abs(first - second)
+
+
+def departure_phase(radius: Scalar, target_radius: Scalar) -> Scalar:
+    """By which angle the target must lead at the departure of a transfer of Hohmann.
+
+    **Arguments**, each (*runs,)
+
+    - `radius`, `target_radius`: of the circles, m.
+
+    **Returns** the angle, rad, below pi; negative where the target must be behind, as on the way
+    inwards.
+    """
+    half = 0.5 * (1.0 + as_float(radius) / target_radius)
+    return math.pi * (1.0 - half * jnp.sqrt(half))

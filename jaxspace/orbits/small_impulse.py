@@ -1,0 +1,57 @@
+"""What any impulse does to the elements, exactly and to first order.
+
+    change = elements(r, v + dv) - elements(r, v)        exact
+    change = d(elements)/dv dv                           first order
+
+    symbol   meaning                    unit
+    r, v     position, velocity         m, m/s
+    dv       impulse                    m/s
+
+Source: Thomson 4.13 and 4.14, for impulses in the plane; here in any direction (Gauss).
+"""
+
+__all__ = ["impulse_change"]
+
+import math
+
+import jax
+import jax.numpy as jnp
+
+from ..core import Scalar, Vector
+from .elements import ClassicalElements, elements_from_state
+
+_TURN = 2.0 * math.pi
+_ANGLES = ("inclination", "node", "argument_of_periapsis", "true_anomaly")
+
+
+def impulse_change(
+    position: Vector, velocity: Vector, impulse: Vector, mu: Scalar, *, first_order: bool = False
+) -> dict[str, Scalar]:
+    """The changes of the classical elements by an impulse.
+
+    **Arguments**
+
+    - `position`, m; `velocity`, m/s; `impulse`, m/s: inertial components, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,).
+    - `first_order`: whether to give the derivative times the impulse.
+
+    **Returns** the changes by the names of `ClassicalElements`, each (*runs,): m, 1, rad; angles
+    from -pi to pi. Where an angle has no meaning (circle, equator) neither has its change. The
+    exact change is a difference: that of an impulse of a share s of the speed has an error of
+    1e-16/s of itself. Below 1e-8 the change to first order is the better one.
+    """
+
+    def elements(v: Vector) -> ClassicalElements:
+        return elements_from_state(position, v, mu)
+
+    if first_order:
+        change = jax.jvp(elements, (velocity,), (impulse,))[1]
+        # Of no type of its own: changes need not lie in the ranges of the elements.
+        return dict(vars(change))
+    before, after = vars(elements(velocity)), vars(elements(velocity + impulse))
+    found = {}
+    for name, value in after.items():
+        step = value - before[name]
+        # An angle that passes the cut at pi has not changed by a whole turn.
+        found[name] = step - _TURN * jnp.round(step / _TURN) if name in _ANGLES else step
+    return found

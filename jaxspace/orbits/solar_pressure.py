@@ -1,0 +1,109 @@
+"""Pressure of sunlight on a satellite, with the shadow of the planet.
+
+    a = -f P (L/d)^2 C A/m (s - r)/d                   d = |s - r|
+
+    symbol  meaning                                                        unit
+    r, s    position, that of the sun, both from the planet's centre       m
+    f       part of the sun that is seen, 0 to 1 (`sunlight`)              1
+    P, L    pressure of absorbed light at the distance L of one au         N/m^2, m
+    C       coefficient: 1 for light absorbed, 2 for light sent back       1
+    A/m     lit area over mass                                             m^2/kg
+
+Source: Montenbruck and Gill, Satellite Orbits, 3.4 (3.75). Pushes away from the sun whatever the
+attitude is. Not conservative: the shadow opens and closes.
+"""
+
+__all__ = ["solar_pressure"]
+
+from typing import final
+
+import equinox as eqx
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity
+from ..core.barrier import barrier
+from ..core.shapes import with_rank
+from ..core.vectors import inverse_norm, scale
+from .paths import Path
+from .shadow import sunlight
+
+ASTRONOMICAL_UNIT = 149597870700.0  # m, the L to which the pressure refers
+
+
+def solar_pressure(
+    position: Vector, sun: Vector, pressure: Scalar, area_per_mass: Scalar
+) -> Vector:
+    """Acceleration by sunlight that nothing shades.
+
+    **Arguments**
+
+    - `position`, `sun`: from the planet's centre, m, (3, *runs).
+    - `pressure`: on the area at one au, N/m^2: C P.
+    - `area_per_mass`: m^2/kg.
+
+    **Returns** a, m/s^2, (3, *runs), away from the sun."""
+    rank = max(position.ndim, sun.ndim) - 1
+    away = with_rank(position, rank) - with_rank(sun, rank)
+    # From relative sizes, for the range of float32.
+    near = (ASTRONOMICAL_UNIT * inverse_norm(away)) ** 2
+    return scale(pressure * area_per_mass * near * inverse_norm(away), away)
+
+
+@final
+class SolarPressure(AbstractEffect):
+    """Pressure of sunlight, with the shadow of the planet: a cylinder, or cones with a penumbra.
+
+    The edge of the cylinder is a jump of the acceleration that no step knows of: for accuracies
+    below 1e-6 give the sun its radius."""
+
+    area_per_mass: NumberField = quantity("m^2/kg", non_negative=True, doc="lit area over mass")
+    # The checker takes the quantity above for a default.
+    sun: Path = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        metadata={"doc": "path of the sun from the planet's centre"}
+    )
+    radius: OptionalNumberField = quantity(
+        "m",
+        non_negative=True,
+        optional=True,
+        shared="planet.radius",
+        doc="of the planet, which throws the shadow; without it there is none",
+    )
+    sun_radius: OptionalNumberField = quantity(
+        "m",
+        positive=True,
+        optional=True,
+        doc="of the sun, for a shadow with a penumbra; without it the shadow is a cylinder",
+    )
+    coefficient: NumberField = quantity(
+        "", default=1.0, doc="1 for light that is absorbed, 2 for light that is sent back"
+    )
+    pressure: NumberField = quantity(
+        "N/m^2",
+        non_negative=True,
+        default=4.5398e-6,
+        doc="of light that is absorbed, at one astronomical unit",
+    )
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del body
+        assert y.position is not None
+        sun = self.sun(t)
+        push = solar_pressure(y.position, sun, self.coefficient * self.pressure, self.area_per_mass)
+        if self.radius is not None:
+            light = sunlight(y.position, sun, self.radius, self.sun_radius)
+            # Behind a barrier: fused with the components, each would compute the shadow again.
+            push = scale(barrier(light), push)
+        return Load(acceleration_N=push)
+
+    def ground(self) -> Scalar | None:
+        return self.radius
+
+    def scaled(self, factor: Scalar) -> "SolarPressure":
+        return SolarPressure(
+            factor * self.area_per_mass,
+            self.sun,
+            self.radius,
+            self.sun_radius,
+            self.coefficient,
+            self.pressure,
+        )

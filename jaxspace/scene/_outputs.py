@@ -1,9 +1,0 @@
-"""Numbers of interest that every run has."""
-
-from ..core import Scalar, output
-
-
-@output("s")
-def end_time(t: Scalar) -> Scalar:
-    """The time, s, at which the run, or the phase that is named, ends: that of its event."""
-    return t

@@ -1,0 +1,263 @@
+"""What effects read and add, read off their loads: these are traced once for each make, never run.
+
+A load is traced in a state that holds as little as it can do with: nothing, a place with its
+velocity, an orientation with its rate, a mass, then two of them, then all. What it reads are the
+parts from which some operation leads to its result; what it adds is what its result holds.
+"""
+
+import dataclasses
+import functools
+import itertools
+from collections.abc import Iterable, Iterator
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.extend.core import Literal
+from jaxtyping import Array, PyTree
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
+from ..bodies.state import PARTS, sample_state
+from ..core import InputError, Scalar
+from ..core.layout import run_axes_of
+from ..core.structure import once_per_structure
+from ..core.tracing import depending_on
+
+TRANSLATION = frozenset({"position", "velocity"})
+ROTATION = frozenset({"attitude", "omega"})
+MASS = frozenset({"mass"})
+
+# What a load may hold: the word for it, the field, and the parts of the state that it changes.
+CONTRIBUTIONS = {
+    "acceleration": ("acceleration_N", TRANSLATION),
+    "force": ("force_N", TRANSLATION),
+    "torque": ("torque_B", ROTATION),
+    "mass_rate": ("mass_rate", MASS),
+    "parts": ("parts_rate", frozenset({"parts"})),
+    "inertia": ("inertia_B", ROTATION),
+    "momentum": ("momentum_B", ROTATION),
+}
+# What a guide adds that changes the rate of a part.
+GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "parts": "parts"}
+
+
+class Reading(NamedTuple):
+    """What an effect does with the state, in words.
+
+    - `needs`: the parts that its load is computed from, of "position", "velocity", "attitude",
+      "omega", "mass".
+    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts",
+      "inertia", "momentum"."""
+
+    needs: frozenset[str]
+    adds: frozenset[str]
+
+
+class SceneReading(NamedTuple):
+    """What each effect of a scene reads and adds, and the `parts` that a state of the scene holds,
+    in the order of `BodyState`."""
+
+    effects: tuple[Reading, ...]
+    parts: tuple[str, ...]
+
+
+def read_effects(
+    effects: Iterable[AbstractEffect], body: AbstractBody, present: Iterable[str] = ()
+) -> SceneReading:
+    """What effects read and add that act together on a body.
+
+    **Arguments**
+
+    - `effects`, `body`: of a scene; their arrays may be traced.
+    - `present`: parts that the state holds in any case.
+
+    **Raises** what a load raises that cannot be traced in any state."""
+    return _read((tuple(effects), body), frozenset(present))
+
+
+def _is_shape(x: object) -> bool:
+    return isinstance(x, jax.ShapeDtypeStruct)
+
+
+# What is read depends on no number.
+@once_per_structure
+def _read(
+    scene: tuple[tuple[AbstractEffect, ...], AbstractBody], present: frozenset[str]
+) -> SceneReading:
+    failure: Exception | None = None
+    for runs in _runs(scene):
+        try:
+            return _traced(scene, present, runs)
+        # Whatever an array of weights raises that meets another number of runs than its own.
+        except Exception as error:
+            failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+def _runs(scene: PyTree) -> list[tuple[int, ...]]:
+    """The shapes of runs that a state may have beside these parameters, the likely one first."""
+    arrays = eqx.filter(scene, _is_shape)
+    axes = jax.tree.leaves(run_axes_of(arrays, lambda x: -1))
+    pairs = list(zip(jax.tree.leaves(arrays), axes, strict=True))
+    declared = [x.shape[x.ndim - k :] for x, k in pairs if k >= 0]
+    shared: tuple[int, ...] = np.broadcast_shapes(*declared)
+    # A function of the user declares no axes: the last one of its arrays may be that of the runs.
+    return list(dict.fromkeys([shared, *(x.shape[-1:] for x, k in pairs if k < 0)]))
+
+
+def _traced(
+    scene: tuple[tuple[AbstractEffect, ...], AbstractBody],
+    present: frozenset[str],
+    runs: tuple[int, ...],
+) -> SceneReading:
+    arrays, rest = eqx.partition(scene, _is_shape)
+    own = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
+    dtype = own[0] if own else jnp.zeros(()).dtype
+    traces: list[_Trace] = []
+    parts: set[str] = set()
+
+    def act(y: BodyState, arrays: PyTree, t: Scalar) -> list[list[Array]]:
+        effects, body = eqx.combine(arrays, rest)
+        # What turns a body without inertia is told by the scene, by name: here it may turn.
+        if not body.has_inertia():
+            body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
+        found, held = _together(effects, t, y, body, present)
+        traces.extend(found)
+        parts.update(held)
+        return [trace.results for trace in traces]
+
+    y = jax.tree.map(lambda x: jax.ShapeDtypeStruct((*x.shape, *runs), dtype), _sample())
+    time = jax.ShapeDtypeStruct((), dtype)
+    jaxpr = jax.make_jaxpr(act)(y, arrays, time).jaxpr
+    moved = {
+        part: depending_on(jaxpr, [x])
+        for part, x in zip(y.present(), jaxpr.invars[: len(y.present())], strict=True)
+    }
+    outputs = iter(jaxpr.outvars)
+    readings = []
+    for trace in traces:
+        results = {
+            x for x in itertools.islice(outputs, len(trace.results)) if not isinstance(x, Literal)
+        }
+        needs = frozenset(part for part, variables in moved.items() if results & variables)
+        readings.append(Reading(needs, trace.adds))
+    return SceneReading(tuple(readings), tuple(part for part in PARTS if part in parts))
+
+
+@functools.cache
+def _sample() -> BodyState:
+    return jax.eval_shape(lambda: sample_state(set(PARTS) - {"parts"}))
+
+
+class _Trace(NamedTuple):
+    """What an effect did in a trace.
+
+    - `held`: the parts of the state that it was in, and the names of those of effects.
+    - `results`: the arrays that it returned.
+    - `adds`: what it added.
+    - `parts`: those of the state that it was in, and those that it changes.
+    - `own`: how its own parts of the state start."""
+
+    held: tuple[frozenset[str], frozenset[str]]
+    results: list[Array]
+    adds: frozenset[str]
+    parts: frozenset[str]
+    own: dict[str, PyTree]
+
+
+def _together(
+    effects: tuple[AbstractEffect, ...],
+    t: Scalar,
+    y: BodyState,
+    body: AbstractBody,
+    present: frozenset[str],
+) -> tuple[list[_Trace], frozenset[str]]:
+    """What the effects do in the smallest state that serves all of them, and the parts of it.
+
+    Arguments as of `_alone`."""
+    parts, own = _in_pairs(present), {}
+    last: dict[int, _Trace] = {}
+    while True:
+        before = (parts, frozenset(own))
+        traces, failure = [], None
+        for k, effect in enumerate(effects):
+            trace = last.get(k)
+            if trace is not None and trace.held == (parts, frozenset(own)):
+                traces.append(trace)
+                continue
+            try:
+                trace = last[k] = _alone(effect, t, y, body, parts, own)
+            # It may read a part of an effect that comes after it, which is there the next time.
+            except Exception as error:
+                failure = failure or error
+                continue
+            traces.append(trace)
+            parts = _in_pairs(parts | trace.parts)
+            own = {**own, **trace.own}
+        # An effect may do something else where another one brings a part: until all agree.
+        if (parts, frozenset(own)) == before:
+            if failure is not None:
+                raise failure
+            return traces, parts
+
+
+def _alone(
+    effect: AbstractEffect,
+    t: Scalar,
+    y: BodyState,
+    body: AbstractBody,
+    present: frozenset[str],
+    own: dict[str, PyTree],
+) -> _Trace:
+    """What an effect does in the smallest state with the parts `present` that it can do with.
+
+    **Arguments**
+
+    - `effect`, `t`, `body`: as of its load.
+    - `y`: a state with every part but those of effects, to choose from.
+    - `own`: the parts of other effects, by name."""
+    failure: Exception | None = None
+    for parts in _states(present):
+        state = BodyState(**{part: getattr(y, part) for part in parts - {"parts"}})
+        try:
+            started = effect.start(state, body) or {}
+            # Numbers of their own: what a part starts from is not what a load reads.
+            started = jax.tree.map(lambda x: jnp.zeros(jnp.shape(x), jnp.result_type(x)), started)
+            state = dataclasses.replace(state, parts={**own, **started} or None)
+            load = effect.load(t, state, body)
+            # A rate is of the same kind as the state itself.
+            rate = effect.constrained(t, state, state)
+        # Whatever it raises that meets a part which is not there.
+        except Exception as error:
+            failure = error
+            continue
+        if not isinstance(load, Load):
+            name, kind = type(effect).__name__, type(load).__name__
+            raise InputError(f"{name}.load returns {kind}: it must return a Load.")
+        guided = [part for part in PARTS if getattr(rate, part) is not getattr(state, part)]
+        words = {word for word, (f, _) in CONTRIBUTIONS.items() if getattr(load, f) is not None}
+        words |= {GUIDED[part] for part in guided if part in GUIDED}
+        changed = frozenset().union(*(CONTRIBUTIONS[word][1] for word in words))
+        results = [load, *(getattr(rate, part) for part in guided)]
+        held = (parts, frozenset(own) | frozenset(started))
+        return _Trace(held, jax.tree.leaves(results), frozenset(words), parts | changed, started)
+    assert failure is not None
+    raise failure
+
+
+def _states(present: frozenset[str]) -> Iterator[frozenset[str]]:
+    """Sets of parts with those `present`, small ones first."""
+    groups = [group for group in (TRANSLATION, ROTATION, MASS) if not group <= present]
+    for count in range(len(groups) + 1):
+        for chosen in itertools.combinations(groups, count):
+            yield present.union(*chosen)
+
+
+def _in_pairs(parts: frozenset[str]) -> frozenset[str]:
+    """Complete pairs that are integrated together: position, velocity; attitude, angular rate."""
+    for pair in (TRANSLATION, ROTATION):
+        parts |= pair if parts & pair else frozenset()
+    return parts

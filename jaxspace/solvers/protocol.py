@@ -1,0 +1,285 @@
+"""Interface between the integration loop and a solver.
+
+A solver of this package is an `AbstractDeclaredSolver`: it declares its traits and says how it is
+bound to a run. For the solvers of diffrax both follow from their classes. So the runner names no
+concrete solver, and a new one needs no change outside of its own file.
+"""
+
+__all__ = [
+    "AbstractDeclaredSolver",
+    "AbstractFixedStep",
+    "SolverTraits",
+    "bind",
+    "refine",
+    "small_program",
+    "solver_traits",
+]
+
+from abc import abstractmethod
+from typing import Literal, NamedTuple, TypeAlias, final
+
+import diffrax
+import equinox as eqx
+import numpy as np
+import optimistix
+from equinox import AbstractVar
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import InputError, State
+from .tolerances import Tolerance
+from .vector_field import StepField, evaluate
+
+Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
+"""What the `step` of a solver returns: the state after it, its error, what the dense output needs,
+the state of the solver, and whether the step succeeded."""
+
+
+class SolverTraits(NamedTuple):
+    """Properties of a method that the integration loop uses.
+
+    - `replayable`: a step can be repeated from the state before it alone. Derivatives along
+      recorded steps need this.
+    - `lands_on_save_times`: it has no dense output, so that a step ends at every save time.
+    - `fixed_step`: it takes a given number of steps in each segment; their error is compared with
+      the tolerance afterwards.
+    - `needs`: the capability of the system by which it integrates, if any.
+    - `evaluations`: evaluations of the vector field per step of the loop, which for a fixed-step
+      method is a whole segment.
+    - `own_steps`: every run of a batch takes its own steps, in variables of the method.
+    - `steps`: number of steps counted per step of the loop: 1, or the fixed steps of a segment.
+    - `linear`: its steps are linear combinations of derivatives, so that all blocks of a state can
+      be packed into one vector.
+    """
+
+    replayable: bool = True
+    lands_on_save_times: bool = False
+    fixed_step: bool = False
+    needs: Literal["", "split", "regularised"] = ""
+    evaluations: int = 1
+    steps: int = 1
+    own_steps: bool = False
+    linear: bool = False
+
+
+class AbstractDeclaredSolver(diffrax.AbstractSolver):
+    """A solver that declares its traits."""
+
+    @property
+    @abstractmethod
+    def traits(self) -> SolverTraits:
+        """Properties of the method that the integration loop uses."""
+
+    def bind(
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
+    ) -> diffrax.AbstractSolver:
+        """The solver with what it has to know of the run; arguments as of the function `bind`."""
+        del tolerance, save_ts, run_axes, searched
+        return self
+
+    def small_program(self) -> diffrax.AbstractSolver:
+        """The same method as a program that compiles sooner and runs slower, if it has one."""
+        return self
+
+    def func(
+        self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
+    ) -> State:
+        """The vector field, with which diffrax's step control chooses the first step."""
+        return evaluate(terms, t0, y0, args)
+
+    def init(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+    ) -> PyTree:
+        """The carry into the first step: nothing, by default."""
+        return self.start(StepField(terms, args, False), t0, t1, y0)
+
+    def start(self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State) -> PyTree:
+        """`init` for a vector field f(t, y), without the terms of diffrax."""
+        del f, t0, t1, y0
+
+
+@final
+class Advance(NamedTuple):
+    """Result of a step.
+
+    - `y1`, `error`: the state after it, and the estimate of its error.
+    - `dense`: what the dense output needs.
+    - `carried`: what serves the next step.
+    - `projected`: whether `y1` is on its groups and constraints already."""
+
+    y1: State
+    error: State
+    dense: dict[str, PyTree]
+    carried: PyTree = None
+    result: diffrax.RESULTS = diffrax.RESULTS.successful
+    projected: bool = False
+
+
+class AbstractFieldSolver(AbstractDeclaredSolver):
+    """A solver whose step is written for a vector field f(t, y), without the terms of diffrax."""
+
+    @abstractmethod
+    def advance(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: PyTree
+    ) -> Advance:
+        """The step from the state `y0` at `t0` to `t1`, with what the step before has `carried`."""
+
+    def step(
+        self,
+        terms: diffrax.AbstractTerm,
+        t0: Float[Array, ""],
+        t1: Float[Array, ""],
+        y0: State,
+        args: PyTree,
+        solver_state: PyTree,
+        made_jump: Bool[Array, ""] | bool,
+    ) -> Step:
+        f = StepField(terms, args, made_jump)
+        advance = self.advance(f, t0, t1, y0, solver_state)
+        y1 = advance.y1 if advance.projected else f.projected(t1, advance.y1)
+        return y1, advance.error, advance.dense, advance.carried, advance.result
+
+
+class AbstractFixedStep(AbstractDeclaredSolver):
+    """A method that passes each segment of normalised time in `steps` equal steps.
+
+    To diffrax all of them are one step, from one state to one state. So nothing is carried over a
+    place where the vector field jumps, and a segment can be repeated for derivatives."""
+
+    steps: AbstractVar[int]
+
+    @abstractmethod
+    def refined(self, factor: int) -> "AbstractFixedStep":
+        """The method with `factor` times as many steps."""
+
+
+# Steps of a segment: more of them take hours, and no memory holds them.
+MAX_STEPS = 10**8
+
+
+def check_steps(name: str, steps: object, least: int, allowed: str) -> None:
+    """Raise `InputError` unless the steps are a whole number from `least` to `MAX_STEPS`.
+
+    **Arguments**
+
+    - `name`: of the field.
+    - `allowed`: the least number in words."""
+    # For Python, `True` is a whole number.
+    whole = None if isinstance(steps, bool) or not isinstance(steps, int | np.integer) else steps
+    if whole is None or not least <= whole <= MAX_STEPS:
+        raise InputError(
+            f"{name} is {steps!r}: it must be {allowed}, and a whole number up to {MAX_STEPS:.0e}."
+        )
+
+
+def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
+    """Properties of a method that the integration loop uses, of this package or of diffrax."""
+    # Asked first, because a wrapper of diffrax passes for an instance of what it wraps.
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        inner = solver_traits(solver.solver)
+        # One step and two halves of it. No other wrapper of diffrax takes more than one.
+        calls = 3 if type(solver) is diffrax.HalfSolver else 1
+        return inner._replace(evaluations=calls * inner.evaluations)
+    if isinstance(solver, AbstractDeclaredSolver):
+        return solver.traits
+    # What a Runge-Kutta method of diffrax carries along is the derivative at the end of the step,
+    # which `init` evaluates again. Of other solvers nothing is known.
+    return SolverTraits(
+        replayable=isinstance(solver, diffrax.AbstractRungeKutta),
+        evaluations=_evaluations(solver),
+    )
+
+
+def _evaluations(solver: diffrax.AbstractSolver) -> int:
+    """Stages of a Runge-Kutta method of diffrax; one for other methods, which do not say.
+
+    An implicit stage counts once, however many iterations its root takes."""
+    tableau = getattr(solver, "tableau", None)
+    if not isinstance(tableau, diffrax.ButcherTableau):
+        return 1
+    # Where the first stage is the last one of the step before, it is not evaluated again.
+    return tableau.num_stages - int(tableau.fsal)
+
+
+def bind(
+    solver: diffrax.AbstractSolver,
+    *,
+    tolerance: Tolerance,
+    save_ts: Float[Array, " times"] | None,
+    run_axes: int,
+    searched: bool = False,
+) -> diffrax.AbstractSolver:
+    """The solver with what it has to know of the run.
+
+    **Arguments**
+
+    - `solver`: one of this package or one of diffrax's.
+    - `tolerance`: for the root finder of an implicit solver of diffrax that has none of its own.
+    - `save_ts`: the normalised times at which states are saved; `None` if only the last state is.
+    - `run_axes`: how many trailing axes of each block of the state carry runs.
+    - `searched`: whether states within every step are asked for, as a search for events does.
+
+    **Returns** a solver of the same class.
+    """
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        inner = bind(
+            solver.solver,
+            tolerance=tolerance,
+            save_ts=save_ts,
+            run_axes=run_axes,
+            searched=searched,
+        )
+        return _wrapping(solver, inner)
+    if isinstance(solver, AbstractDeclaredSolver):
+        return solver.bind(
+            tolerance=tolerance, save_ts=save_ts, run_axes=run_axes, searched=searched
+        )
+    if isinstance(solver, diffrax.AbstractImplicitSolver):
+        return _with_root_tolerance(solver, tolerance)
+    return solver
+
+
+def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
+    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, refine(solver.solver, factor))
+    return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
+
+
+def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The same method as a program that compiles sooner and runs slower, if it has one."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, small_program(solver.solver))
+    return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
+
+
+def _wrapping(
+    solver: diffrax.AbstractWrappedSolver, inner: diffrax.AbstractSolver
+) -> diffrax.AbstractSolver:
+    """The wrapper around another solver than its own."""
+    return eqx.tree_at(lambda s: s.solver, solver, inner)
+
+
+def _with_root_tolerance(
+    solver: diffrax.AbstractImplicitSolver, tolerance: Tolerance
+) -> diffrax.AbstractSolver:
+    """The implicit solver whose root finder takes the tolerance of the steps."""
+    given = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
+    # diffrax marks with an object of its own what it fills in from its own step size controller,
+    # and ours is another. What the user has set is a number or a function, and stays.
+    set_by_user = (float, type(optimistix.max_norm))
+    marked = [name for name in given if type(getattr(solver.root_finder, name)) not in set_by_user]
+
+    def fields(s: diffrax.AbstractImplicitSolver) -> list:
+        return [getattr(s.root_finder, name) for name in marked]
+
+    return eqx.tree_at(fields, solver, [given[name] for name in marked])

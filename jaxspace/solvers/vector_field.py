@@ -1,0 +1,86 @@
+"""The vector field as a step sees it, in normalised time.
+
+Normalised time s counts segments. The vector field is smooth within a segment and may jump from
+one to the next, so that a step looks at it from inside.
+"""
+
+from typing import NamedTuple, Protocol, final, runtime_checkable
+
+import diffrax
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import AbstractRegularised, AbstractSplit, Scalar, State
+from ..core.barrier import barrier
+from ..core.groups import project
+
+
+@runtime_checkable
+class ScaledField(Protocol):
+    """The `args` of a step: the vector field in normalised time, and what it is made of.
+
+    Most methods only evaluate it. Those that integrate by a capability of the system ask for the
+    capability, and for times and durations in seconds, which the capability takes."""
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        """dy/ds at the normalised time `s`."""
+        ...
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the normalised time `s`."""
+        ...
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of the normalised time `ds` from `s` on."""
+        ...
+
+    def projected(self, s: Scalar, y: State) -> State:
+        """The state nearest to `y` on its groups that meets the constraints of the system."""
+        ...
+
+    def split(self) -> AbstractSplit:
+        """Drift and kick of the system."""
+        ...
+
+    def regularised(self) -> AbstractRegularised:
+        """The motion of the system in regularised variables."""
+        ...
+
+
+@eqx.filter_jit
+def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> State:
+    """The vector field at one stage.
+
+    All stages of a step share one tracing of it."""
+    # The first barrier keeps the sum of the stages from being repeated in every output of the
+    # vector field, the second one the vector field from being repeated in every reader.
+    return barrier(terms.vf(t, barrier(y), args))
+
+
+@final
+class StepField(NamedTuple):
+    """The vector field dy/dt = f(t, y) during one step, as diffrax hands it to a solver.
+
+    - `made_jump`: whether it may have jumped at the start of the step, so that what was evaluated
+      before belongs to another vector field."""
+
+    terms: diffrax.AbstractTerm
+    args: PyTree
+    made_jump: Bool[Array, ""] | bool
+
+    def __call__(self, t: Scalar, y: State) -> State:
+        return evaluate(self.terms, t, y, self.args)
+
+    def projected(self, t: Scalar, y: State) -> State:
+        """The state at the end `t` of a step, on its groups and constraints, so that neither
+        drifts, however long the run."""
+        # Other arguments are those of a user of diffrax, or local coordinates.
+        return self.args.projected(t, y) if isinstance(self.args, ScaledField) else project(y)
+
+
+def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:
+    """The time a few roundings before the end of the step from `t0` to `t1`.
+
+    A vector field that jumps at `t1` is evaluated there on the side of the step."""
+    return t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)

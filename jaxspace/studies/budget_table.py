@@ -1,0 +1,123 @@
+"""The table of what each effect does to an output."""
+
+__all__ = ["Influence"]
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, final
+
+import numpy as np
+
+from ..core.text import aligned
+from ._duration import duration
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+class Influence(NamedTuple):
+    """One effect, in all phases that have it.
+
+    - `effect`: its name; `phases` that it acts in.
+    - `influence`: the size of the change of the output without it, in the output's unit: the
+      `linear` prediction, or `left_out`, from a run without it, where both differ by more than a
+      tenth: then it is `nonlinear`.
+    - `left_out` is `None` where the run without the effect fails; `failure` says how.
+    - `change`: of the output without the effect, component by component.
+    - `share`: of the arithmetic of the whole run."""
+
+    effect: str
+    phases: tuple[str, ...]
+    influence: float
+    linear: float
+    left_out: float | None
+    nonlinear: bool
+    change: tuple[float, ...]
+    share: float
+    failure: str = ""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class EffectBudget:
+    """Which effects matter for an output of a run.
+
+    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer
+      integration moves it (by a hundredth of the tolerance, or twice as many equal steps), NaN
+      where that did not reach its end.
+    - `rows`: an `Influence` for every effect, the largest first.
+    - `tolerance`: how far the output may move; with `None` nothing below is known.
+    - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how
+      far the output moves in a run with exactly that set; `seconds`, `seconds_kept`: the median
+      times of both runs."""
+
+    output: str
+    unit: str
+    nominal: np.ndarray
+    noise: float
+    rows: tuple[Influence, ...]
+    tolerance: float | None = None
+    kept: tuple[str, ...] = ()
+    dropped: tuple[str, ...] = ()
+    change: float | None = None
+    seconds: float | None = None
+    seconds_kept: float | None = None
+
+    def __getitem__(self, effect: str) -> Influence:
+        """The row of an effect."""
+        return next(row for row in self.rows if row.effect == effect)
+
+    def plot(self) -> "Figure":
+        """A bar for every effect, a matplotlib figure.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
+        from ..plots import effect_budget_figure
+
+        return effect_budget_figure(self)
+
+    def __str__(self) -> str:
+        unit = f" [{self.unit}]" if self.unit else ""
+        rows = [("effect", "phases", f"influence{unit}", "first order", "left out", "", "share")]
+        for row in self.rows:
+            cells = (
+                row.effect,
+                ", ".join(row.phases),
+                f"{row.influence:.3g}",
+                f"{row.linear:.3g}",
+                "-" if row.left_out is None else f"{row.left_out:.3g}",
+                "fails" if row.failure else "nonlinear" if row.nonlinear else "",
+                f"{100.0 * row.share:.1f} %",
+            )
+            rows.append(cells)
+        finer = "did not reach its end" if np.isnan(self.noise) else f"moves it by {self.noise:.1g}"
+        return "\n".join(
+            [
+                aligned(rows, left=2),
+                *(f"without {r.effect} the run fails: {r.failure}" for r in self.rows if r.failure),
+                f"Influence: the change of the final {self.output} without the effect. Finer "
+                f"integration {finer}.",
+                "Share: of the arithmetic of the run, by operation counts of compiled evaluations.",
+                *self._smallest_set(),
+            ]
+        )
+
+    def _smallest_set(self) -> list[str]:
+        """Which effects may be left out, in words."""
+        if self.tolerance is None:
+            return []
+        unit = f" {self.unit}" if self.unit else ""
+        within = f"within {self.tolerance:g}{unit}"
+        if (
+            not self.dropped
+            or self.change is None
+            or self.seconds is None
+            or self.seconds_kept is None
+        ):
+            return [f"{within}: every effect is needed"]
+        arithmetic = sum(row.share for row in self.rows if row.effect in self.dropped)
+        return [
+            f"{within}: keep {', '.join(self.kept) or 'nothing'}; "
+            f"leave out {', '.join(self.dropped)}",
+            f"a run with just these moves the {self.output} by {self.change:.3g}{unit}, "
+            f"saves {100.0 * arithmetic:.0f} % of the arithmetic, and takes "
+            f"{duration(self.seconds_kept)} instead of {duration(self.seconds)}",
+        ]

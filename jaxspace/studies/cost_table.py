@@ -1,0 +1,216 @@
+"""The table of what accuracy costs."""
+
+__all__ = ["Cost"]
+
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias, final
+
+import diffrax
+
+from ..core import InputError
+from ..core.checks import check_positive
+from ..core.text import aligned
+from ..simulation import Accuracy
+from ..solvers.protocol import solver_traits
+from ._duration import duration
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+CLOSED_FORM = "closed_form"
+
+# What a run may take by default.
+MAX_STEPS = Accuracy().max_steps
+
+# "auto" and "closed_form", or a solver, as in `Accuracy.method`.
+Method: TypeAlias = str | diffrax.AbstractSolver
+
+
+class Cost(NamedTuple):
+    """One setting: what it reaches and what it takes.
+
+    - `method`, `precision`, `tolerance`: the setting; a closed form and a fixed-step method have no
+      tolerance.
+    - `error`: of the final state, |difference| / |block| for the worst of its blocks; NaN for a run
+      without an end, and where there is no reference.
+    - `seconds`: the median run; `compile_seconds`: ahead of the first run of this method and
+      precision.
+    - `evaluations` of the vector field, accepted `steps`; `memory`, bytes, of the compiled run
+      (`None`: not known).
+    - `drift`: the largest relative change of every invariant at the save times.
+    - `gradient_error`, `gradient_seconds`: of the gradient in the initial state; `None` where it
+      was not measured.
+    - `failure`: why the run is not to be used; empty for a good run."""
+
+    method: str
+    precision: str
+    tolerance: float | None
+    error: float
+    seconds: float
+    compile_seconds: float
+    evaluations: int
+    steps: int
+    memory: int | None
+    drift: dict[str, float]
+    gradient_error: float | None = None
+    gradient_seconds: float | None = None
+    failure: str = ""
+
+
+@final
+@dataclass(frozen=True, eq=False)
+class AccuracyCost:
+    """What accuracy costs in one run: a row for every setting.
+
+    - `rows`: in the order of precision, method and falling tolerance.
+    - `reference`: what the errors are measured against, and `reference_error`, an estimate of its
+      own error; empty and NaN where no run serves: the first of the `notes` says why.
+    - `precision`: of the given state; `cheapest` looks among its rows.
+    - `notes`: what was left out, and why. `methods`: the method of every name.
+    - `max_steps`: how many steps a run could take."""
+
+    rows: tuple[Cost, ...]
+    reference: str
+    reference_error: float
+    precision: str
+    notes: tuple[str, ...]
+    methods: dict[str, Method]
+    max_steps: int = MAX_STEPS
+
+    def cheapest_row(self, error: float = 1e-8, precision: str | None = None) -> Cost:
+        """The fastest of the good rows whose error is small enough.
+
+        **Arguments**
+
+        - `error`: the largest that is allowed, relative, of the final state.
+        - `precision`: "float64" or "float32"; by default that of the given state.
+
+        **Raises** `InputError` when there is none; it names the best error that was reached."""
+        check_positive("error", error)
+        if not self.reference:
+            raise InputError(f"error is {error:.3g}, and none was measured. {self.notes[0]}")
+        precision = self.precision if precision is None else precision
+        good = [
+            row
+            for row in self.rows
+            if row.precision == precision and not row.failure and math.isfinite(row.error)
+        ]
+        if not good:
+            others = sorted({row.precision for row in self.rows if not row.failure})
+            allowed = " or ".join(others) or "none of this table, whose runs have all failed"
+            raise InputError(
+                f"precision is {precision!r}, in which no run of the table ended well: it must be "
+                f"{allowed}."
+            )
+        # Below the error of the reference an error is not known.
+        known = [(max(row.error, self.reference_error), row) for row in good]
+        allowed = [row for reached, row in known if reached <= error]
+        if not allowed:
+            best, row = min(known, key=lambda pair: pair[0])
+            raise InputError(
+                f"error is {error:.3g}: it must be at least {best:.2g}, the best that was reached "
+                f"({_setting(row)}); ask for tighter tolerances or another precision."
+            )
+        return min(allowed, key=lambda row: row.seconds)
+
+    def cheapest(self, error: float = 1e-8, precision: str | None = None) -> Accuracy:
+        """The `Accuracy` of `cheapest_row`, to hand to `simulate`.
+
+        Arguments and errors as in `cheapest_row`."""
+        row = self.cheapest_row(error, precision)
+        method = self.methods[row.method]
+        if row.tolerance is not None:
+            return Accuracy(rtol=row.tolerance, method=method, max_steps=self.max_steps)
+        if isinstance(method, str):
+            return Accuracy()
+        # The table has judged the fixed steps by the reference, so that their own cautious estimate
+        # must not reject them.
+        return Accuracy(rtol=FIXED_STEP_RTOL, method=method)
+
+    def plot(self) -> "Figure":
+        """The work-precision diagram, a matplotlib figure.
+
+        **Raises** `ImportError` where matplotlib is not installed."""
+        from ..plots import accuracy_cost_figure
+
+        return accuracy_cost_figure(self)
+
+    def __str__(self) -> str:
+        gradient = any(row.gradient_seconds is not None for row in self.rows)
+        head = ["method", "precision", "tolerance", "error", "time"]
+        head += ["evaluations", "steps", "memory", "drift"]
+        head += ["gradient error", "gradient time"] if gradient else []
+        head.append("to compile")
+        rows = [head, *(_cells(row, self.reference_error, gradient) for row in self.rows)]
+        lines = [aligned(rows, left=2)]
+        if self.reference:
+            own = self.reference_error
+            good = f"good to about {own:.1g}" if math.isfinite(own) else "of an error not known"
+            lines.append(f"Errors are against {self.reference}, itself {good}.")
+        return "\n".join([*lines, *self.notes, *_failures(self.rows)])
+
+
+FIXED_STEP_RTOL = 1.0
+"""The tolerance of a fixed-step method, which only judges it: no local error exceeds the state."""
+
+
+def method_name(method: Method) -> str:
+    """How tables name a method; the number of its steps is part of a fixed-step one."""
+    if isinstance(method, str):
+        return method
+    # A wrapper that only counts steps is named after the method that takes them.
+    name = getattr(method, "name", type(method).__name__)
+    traits = solver_traits(method)
+    return f"{name}({traits.steps} steps)" if traits.fixed_step else name
+
+
+def _setting(row: Cost) -> str:
+    at = "" if row.tolerance is None else f" at {row.tolerance:.0e}"
+    return f"{row.method}{at} in {row.precision}"
+
+
+def _failures(rows: Sequence[Cost]) -> list[str]:
+    """Why rows failed, a line for those of a method that failed for one reason."""
+
+    def kind(row: Cost) -> tuple[str, str, str]:
+        return row.method, row.precision, row.failure
+
+    failed = [row for row in rows if row.failure]
+    lines = []
+    for (method, precision, failure), group in itertools.groupby(failed, kind):
+        tolerances = [f"{row.tolerance:.0e}" for row in group if row.tolerance is not None]
+        at = f" at {', '.join(tolerances)}" if tolerances else ""
+        lines.append(f"{method}{at} in {precision}: {failure}")
+    return lines
+
+
+def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
+    """The text of a row.
+
+    A star marks a failed run, a less-than sign an error below that of the reference."""
+    # What is not a number is not known: a dash.
+    error = "-"
+    if not math.isnan(row.error):
+        below = "< " if row.error < least_error else ""
+        error = f"{below}{max(row.error, least_error):.1e}"
+    drift = max(row.drift.values(), default=math.nan)
+    counted = row.steps > 0
+    cells = [
+        row.method,
+        row.precision,
+        "-" if row.tolerance is None else f"{row.tolerance:.0e}",
+        f"{error}{'*' if row.failure else ''}",
+        duration(row.seconds),
+        # A closed form takes no steps.
+        str(row.evaluations) if counted else "-",
+        str(row.steps) if counted else "-",
+        "-" if row.memory is None else f"{row.memory / 1024.0:.0f} KiB",
+        "-" if math.isnan(drift) else f"{drift:.1e}",
+    ]
+    if gradient:
+        cells.append("-" if row.gradient_error is None else f"{row.gradient_error:.1e}")
+        cells.append("-" if row.gradient_seconds is None else duration(row.gradient_seconds))
+    return [*cells, duration(row.compile_seconds)]

@@ -1,0 +1,118 @@
+"""Drag of a point that carries no attitude: a rocket in three degrees of freedom, a parachute.
+
+    F = -rho/2 |w| C_D(M) A w          w = v - v_air,   M = |w|/c
+
+    symbol   meaning                                       unit
+    w, M     velocity relative to the air, Mach number     m/s, 1
+    rho, c   density, speed of sound                       kg/m^3, m/s
+    C_D, A   drag coefficient, area that it refers to      1, m^2
+
+Source: Thomson 8.5 (drag in the gravity turn); Knacke, Parachute Recovery Systems Design Manual, 5
+(parachutes).
+"""
+
+__all__ = ["descent_rate", "drag_force"]
+
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
+from ..core import NumberField, OptionalNumberField, Scalar, Vector, output, quantity
+from ..core.vectors import norm
+from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
+from .local_air import LocalAir, air_about
+
+
+def drag_force(relative_velocity: Vector, density: Scalar, drag_area: Scalar) -> Vector:
+    """Drag, N, (3, *runs), against the velocity relative to the air.
+
+    **Arguments**
+
+    - `relative_velocity`: m/s, (3, *runs); `density`: kg/m^3.
+    - `drag_area`: C_D A, m^2.
+
+    **Returns** the force; zero, with a zero derivative, at rest."""
+    return (-0.5 * density * drag_area * norm(relative_velocity)) * relative_velocity
+
+
+@final
+class AirDrag(AbstractEffect):
+    """Drag by the Mach number in moving air, along the flow: that of a vehicle which points into
+    it."""
+
+    area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
+    # The checker takes the quantity above for a default.
+    coefficient: MachTable = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
+        converter=as_coefficient, metadata={"doc": "C_D by the Mach number"}
+    )
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
+    coasting: MachTable | None = eqx.field(
+        default=None,
+        converter=as_optional_coefficient,
+        metadata={"doc": "C_D after the burnout, where it is another"},
+    )
+    burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return None if self.burnout is None else self.burnout[None]
+
+    def ground(self) -> Scalar | None:
+        return None if self.air is None else self.air.radius
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del body
+        air, moving = air_about(self.air).at(y.position)
+        w = y.velocity - moving
+        mach = norm(w) / air.sound_speed
+        drag_area = self.area * coefficient_at(
+            t, mach, self.coefficient, self.coasting, self.burnout
+        )
+        return Load(force_N=drag_force(w, air.density, drag_area))
+
+    @output("Pa")
+    def dynamic_pressure(self, y: BodyState) -> Scalar:
+        """Dynamic pressure rho |w|^2 / 2, Pa."""
+        air, moving = air_about(self.air).at(y.position)
+        return 0.5 * air.density * norm(y.velocity - moving) ** 2
+
+
+@final
+class Parachute(AbstractEffect):
+    """A parachute that fills within an inflation time from its opening on, and drags from then."""
+
+    drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A, filled")
+    opening: NumberField = quantity("s", default=0.0, doc="when it starts to fill")
+    inflation_time: NumberField = quantity(
+        "s", non_negative=True, default=0.0, doc="over which its drag area grows linearly"
+    )
+    air: LocalAir | None = eqx.field(
+        default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
+    )
+
+    def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
+        del body
+        air, moving = air_about(self.air).at(y.position)
+        instant = self.inflation_time == 0.0
+        # A canopy that opens at once would divide by zero, also in the branch that is not taken.
+        time = jnp.where(instant, 1.0, self.inflation_time)
+        since = t - self.opening
+        step = jnp.where(since >= 0.0, 1.0, 0.0)
+        filled = jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
+        return Load(force_N=drag_force(y.velocity - moving, air.density, filled * self.drag_area))
+
+    def breaks(self) -> Float[Array, "times *#runs"]:
+        return jnp.stack([self.opening, self.opening + self.inflation_time])
+
+
+def descent_rate(mass: Scalar, drag_area: Scalar, density: Scalar, gravity: Scalar) -> Scalar:
+    """Steady speed of the descent under a parachute, m/s (Knacke 5.2): sqrt(2 m g/(rho C_D A)).
+
+    **Arguments**
+
+    - `mass`: kg; `drag_area`: m^2; `density`: kg/m^3; `gravity`: m/s^2."""
+    return jnp.sqrt(2.0 * mass * gravity / (density * drag_area))

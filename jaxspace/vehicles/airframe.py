@@ -1,0 +1,215 @@
+"""Normal force of the parts of a slender rocket: nose, fins and conical changes of the radius.
+
+    N_k = rho/2 |w| S_k w_perp,   S_k = C_N_alpha A       at the centre of pressure z_k
+
+    nose        S = 2 pi r^2                            z = tip - (L - V/(pi r^2))
+    change      S = 2 pi (r_a^2 - r_f^2)                z = fore end - L/3 (1 + 1/(1 + r_f/r_a))
+    fins        S = K_n (1 + r/(s + r)) 4 pi s^2/(2 + sqrt(4 + (beta Lambda/cos Gamma)^2))
+                z = leading edge - x_s/3 (c_r + 2 c_t)/(c_r + c_t)
+                    - (c_r + c_t - c_r c_t/(c_r + c_t))/6
+    beta^2 = |1 - M^2|, at least 0.36
+
+    symbol       meaning                                             unit
+    w, w_perp    flow past the part, and across the axis             m/s
+    r, L, V      radius, length, volume of the nose                  m, m, m^3
+    s, c_r, c_t  span of a fin, chords at root and tip               m
+    Lambda       aspect ratio of a fin, 2 s^2 over its area          1
+    Gamma, x_s   sweep at half chord, sweep length                   rad, m
+    K_n          fins that work: n/2, with losses from five on       1
+
+Roll by a cant angle delta, and its damping (strip theory):
+
+    M_z = rho/2 [|w|^2 n k_f (y + r) S_1 delta - |w| omega_z n k_d (2 pi/beta) int c xi^2 dxi]
+
+Source: Barrowman, The Practical Calculation of the Aerodynamic Characteristics of Slender Finned
+Vehicles, 1967, 3 and 4; Niskanen, OpenRocket technical documentation, 3.2. Valid for small angles
+of attack; near Mach 1 the factor beta is held, for want of a theory.
+"""
+
+__all__ = ["prandtl_factor"]
+
+from abc import abstractmethod
+from typing import final
+
+import jax.numpy as jnp
+import numpy as np
+
+from ..core import (
+    AbstractParameters,
+    Choice,
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    argument,
+    constructor,
+    quantity,
+)
+from ..core.types import as_float
+
+
+def prandtl_factor(mach: Scalar) -> Scalar:
+    """beta = sqrt(|1 - M^2|), held at 0.6 about Mach 1, where linear theory ends."""
+    return jnp.sqrt(jnp.maximum(jnp.abs(1.0 - mach * mach), 0.36))
+
+
+class AbstractSurface(AbstractParameters):
+    """A part of the airframe that gives a normal force. A concrete surface is final."""
+
+    @abstractmethod
+    def slope(self, mach: Scalar) -> Scalar:
+        """S = C_N_alpha A, m^2, at a Mach number."""
+
+    @abstractmethod
+    def centre(self) -> Scalar:
+        """z of the centre of pressure, m, in the construction axes of the body."""
+
+
+NOSES = ("conical", "ogive", "parabolic", "ellipsoid", "von_karman")
+
+
+@final
+class NoseCone(AbstractSurface):
+    """The nose, given by its base, its tip and its centre of pressure."""
+
+    radius: NumberField = quantity("m", positive=True, doc="of the base")
+    tip: NumberField = quantity("m", doc="z of the tip in construction axes")
+    centre_behind: NumberField = quantity(
+        "m", non_negative=True, doc="distance of the centre of pressure behind the tip"
+    )
+
+    @classmethod
+    @constructor(
+        sets=("centre_behind",),
+        length=argument("m", positive=True, doc="of the nose"),
+        shape=Choice(NOSES, doc="of the nose"),
+    )
+    def of_shape(cls, radius: Scalar, tip: Scalar, length: Scalar, shape: str) -> "NoseCone":
+        """A nose of a known shape.
+
+        **Arguments**
+
+        - `radius`: of the base; `tip`: z of the tip; `length`: m.
+        - `shape`: "conical", "ogive" (tangent), "parabolic", "ellipsoid" or "von_karman".
+        """
+        length, r = as_float(length), as_float(radius)
+        # The centre lies L - V/(pi r^2) behind the tip, V the volume (Barrowman 3-8).
+        shares = {"conical": 2 / 3, "parabolic": 0.5, "ellipsoid": 1 / 3, "von_karman": 0.5}
+        share = shares[shape] if shape in shares else 1.0 - _ogive_volume(r, length)
+        return cls(r, tip, share * length)
+
+    def slope(self, mach: Scalar) -> Scalar:
+        return 2.0 * np.pi * self.radius * self.radius + 0.0 * mach
+
+    def centre(self) -> Scalar:
+        return self.tip - self.centre_behind
+
+
+def _ogive_volume(r: Scalar, length: Scalar) -> Scalar:
+    """Volume of a tangent ogive over that of its cylinder."""
+    rho = 0.5 * (r * r + length * length) / r
+    volume = length * (rho * rho - length * length / 3.0)
+    volume = volume - rho * rho * (rho - r) * jnp.arcsin(length / rho)
+    return volume / (r * r * length)
+
+
+@final
+class RadiusChange(AbstractSurface):
+    """A conical tail or shoulder: a change of the body's radius."""
+
+    fore_radius: NumberField = quantity("m", positive=True, doc="at its fore end")
+    aft_radius: NumberField = quantity("m", positive=True, doc="at its aft end")
+    length: NumberField = quantity("m", positive=True, doc="along the axis")
+    fore_end: NumberField = quantity("m", doc="z of its fore end in construction axes")
+
+    def slope(self, mach: Scalar) -> Scalar:
+        return 2.0 * np.pi * (self.aft_radius**2 - self.fore_radius**2) + 0.0 * mach
+
+    def centre(self) -> Scalar:
+        ratio = self.fore_radius / self.aft_radius
+        # (1 - q)/(1 - q^2) = 1/(1 + q): no hole where the radius stays.
+        return self.fore_end - self.length / 3.0 * (1.0 + 1.0 / (1.0 + ratio))
+
+
+@final
+class FinSet(AbstractSurface):
+    """Equal trapezoidal fins about the body, evenly spaced."""
+
+    count: NumberField = quantity("", low=2.0, high=8.0, fixed=True, doc="of the fins")
+    span: NumberField = quantity("m", positive=True, doc="s, of one fin")
+    root_chord: NumberField = quantity("m", positive=True, doc="at the body")
+    tip_chord: NumberField = quantity("m", non_negative=True, doc="at the tip")
+    sweep_length: NumberField = quantity(
+        "m", doc="from the leading edge of the root aft to that of the tip"
+    )
+    radius: NumberField = quantity("m", positive=True, doc="of the body at the fins")
+    leading_edge: NumberField = quantity(
+        "m", doc="z of the leading edge of the root in construction axes"
+    )
+    cant: OptionalNumberField = quantity(
+        "rad",
+        low=-0.5,
+        high=0.5,
+        optional=True,
+        doc="of the fins, positive for a roll about +z; straight by default",
+    )
+
+    def single_slope(self, mach: Scalar) -> Scalar:
+        """S of one fin alone, m^2 (Diederich's formula)."""
+        mean = 0.5 * (self.root_chord + self.tip_chord)
+        middle = self.sweep_length + 0.5 * (self.tip_chord - self.root_chord)
+        # Aspect ratio over the cosine of the sweep at half chord, with the span taken in.
+        wide = 2.0 * jnp.sqrt(self.span**2 + middle**2) / mean
+        bent = prandtl_factor(mach) * wide
+        return 4.0 * np.pi * self.span**2 / (2.0 + jnp.sqrt(4.0 + bent * bent))
+
+    def slope(self, mach: Scalar) -> Scalar:
+        n = self.count
+        # Fins in the wake of each other from five on (Niskanen 3.2.2).
+        losses = jnp.select(
+            [n == 5.0, n == 6.0, n == 7.0, n == 8.0], [2.37, 2.74, 2.99, 3.24], 0.5 * n
+        )
+        body = 1.0 + self.radius / (self.span + self.radius)
+        return losses * body * self.single_slope(mach)
+
+    def centre(self) -> Scalar:
+        root, tip = self.root_chord, self.tip_chord
+        both = root + tip
+        behind = self.sweep_length / 3.0 * (root + 2.0 * tip) / both
+        return self.leading_edge - behind - (both - root * tip / both) / 6.0
+
+    def roll_slope(self, mach: Scalar) -> Scalar:
+        """Moment about the axis over rho |w|^2/2 and the angle of all fins, m^3."""
+        arm = self.span / 3.0 * (self.root_chord + 2.0 * self.tip_chord)
+        arm = arm / (self.root_chord + self.tip_chord) + self.radius
+        return self.count * self._forcing_share() * arm * self.single_slope(mach)
+
+    def roll_forcing(self, mach: Scalar) -> Scalar | None:
+        """Moment about the axis over rho |w|^2/2, m^3; `None` for straight fins."""
+        return None if self.cant is None else self.roll_slope(mach) * self.cant
+
+    def roll_damping(self, mach: Scalar) -> Scalar:
+        """Moment against the roll over rho |w| omega_z/2, m^4."""
+        s, r, root, tip = self.span, self.radius, self.root_chord, self.tip_chord
+        strips = (root + 3.0 * tip) * s**3 + 4.0 * (root + 2.0 * tip) * r * s**2
+        strips = (strips + 6.0 * (root + tip) * s * r**2) / 12.0
+        return self.count * self._damping_share() * 2.0 * np.pi / prandtl_factor(mach) * strips
+
+    def _forcing_share(self) -> Scalar:
+        """k_f, what the body adds to the roll of canted fins (Barrowman 3-32)."""
+        tau = (self.span + self.radius) / self.radius
+        a = jnp.arcsin((tau * tau - 1.0) / (tau * tau + 1.0))
+        b = (tau * tau + 1.0) ** 2 / (tau * (tau - 1.0)) ** 2
+        total = 0.25 * np.pi**2 * ((tau + 1.0) / tau) ** 2 + np.pi * b * a
+        total = total - 2.0 * np.pi * (tau + 1.0) / (tau * (tau - 1.0)) + b * a * a
+        total = total - 4.0 * (tau + 1.0) / (tau * (tau - 1.0)) * a
+        return (
+            total + 8.0 / (tau - 1.0) ** 2 * jnp.log((tau * tau + 1.0) / (2.0 * tau))
+        ) / np.pi**2
+
+    def _damping_share(self) -> Scalar:
+        """k_d, what the body adds to the damping of the roll (Barrowman 3-56)."""
+        tau = (self.span + self.radius) / self.radius
+        ratio = self.tip_chord / self.root_chord
+        upper = (tau - ratio) / tau - (1.0 - ratio) / (tau - 1.0) * jnp.log(tau)
+        lower = 0.5 * (tau + 1.0) * (tau - ratio)
+        return 1.0 + upper / (lower - (1.0 - ratio) * (tau**3 - 1.0) / (3.0 * (tau - 1.0)))

@@ -1,0 +1,63 @@
+"""A coefficient of the forces of the air by the Mach number, from a table.
+
+Linear between the points and constant outside; one point is a constant coefficient."""
+
+__all__ = ["MachTable"]
+
+from collections.abc import Sequence
+from typing import Any, final
+
+import jax.numpy as jnp
+from jaxtyping import Array, Float
+
+from ..core import AbstractParameters, Scalar, quantity
+from ..core.tables import polygon
+from ..core.types import as_float
+from .local_air import check_nodes
+
+
+@final
+class MachTable(AbstractParameters):
+    """A coefficient by the Mach number: `MachTable([0.0, 0.9, 1.1], [0.4, 0.5, 0.7])(mach)`.
+
+    Raises `InputError` for Mach numbers that do not ascend, or another number of values."""
+
+    mach: Float[Array, "nodes *#runs"] = quantity("", non_negative=True, doc="ascending")
+    values: Float[Array, "nodes *#runs"] = quantity("", doc="the coefficient there")
+
+    def __check_init__(self):
+        check_nodes("MachTable.mach", self.mach, values=self.values)
+
+    def __call__(self, mach: Scalar) -> Scalar:
+        """The coefficient at the Mach number, (*runs,)."""
+        return polygon(mach, self.mach, self.values)
+
+
+def as_coefficient(x: Any) -> MachTable:
+    """A table as it is; a pair of Mach numbers and values as a table; a number as a constant."""
+    if isinstance(x, MachTable):
+        return x
+    if isinstance(x, Sequence) and len(x) == 2:
+        return MachTable(as_float(x[0]), as_float(x[1]))
+    value = as_float(x)
+    return MachTable(jnp.zeros((1,), value.dtype), value[None])
+
+
+def as_optional_coefficient(x: Any) -> MachTable | None:
+    """Convert a coefficient by `as_coefficient`; `None`, for no coefficient, stays `None`."""
+    return None if x is None else as_coefficient(x)
+
+
+# Shared by the effects whose coefficient changes there.
+BURNOUT = "from which the coefficient is that of coasting"
+
+
+def coefficient_at(
+    t: Scalar, mach: Scalar, burning: MachTable, coasting: MachTable | None, burnout: Scalar | None
+) -> Scalar:
+    """The coefficient at a Mach number and the time `t`, s: that of `coasting` from `burnout`, s,
+    on, where there is one."""
+    value = burning(mach)
+    if coasting is None or burnout is None:
+        return value
+    return jnp.where(t < burnout, value, coasting(mach))

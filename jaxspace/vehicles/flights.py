@@ -1,0 +1,284 @@
+"""The flight of a sounding rocket from its rail to the ground, in phases.
+
+    rail -> ascent -> [wait] -> parachute -> [wait] -> parachute -> ground
+
+On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
+freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
+opens a lag after its trigger, the apogee or a height above the ground.
+
+Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
+
+Source: Niskanen, OpenRocket technical documentation, 4.
+"""
+
+__all__ = ["apogee", "flight_phases"]
+
+import dataclasses
+from collections.abc import Sequence
+from typing import final
+
+import equinox as eqx
+import jax.numpy as jnp
+
+from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
+from ..core import (
+    AbstractParameters,
+    InputError,
+    NumberField,
+    OptionalNumberField,
+    Scalar,
+    Vector,
+    event,
+    output,
+    quantity,
+)
+from ..core.shapes import with_rank
+from ..core.types import as_float
+from ..core.vectors import norm
+from ..orbits import RotatingFrame
+from ..rotations import Quaternion
+from ..scene import Scene
+from ..simulation import Event, Mission, Phase
+from ._dryden_gusts import DrydenGusts
+from ._rail import Rail
+from ._vehicle import Vehicle
+from .air_drag import Parachute
+from .ground_gravity import STANDARD_GRAVITY, GroundGravity
+from .local_air import AbstractWind, LocalAir
+
+EARTH_RATE = 7.2921159e-5  # rad/s
+# Of the search for the end of the rail and the apogee, which each happen once: more would only
+# enlarge what every step writes.
+SAMPLES = 32
+
+
+@final
+class LaunchSite(AbstractParameters):
+    """Where and how a sounding rocket is launched."""
+
+    rail_length: NumberField = quantity("m", positive=True, doc="travel on the rail")
+    inclination: NumberField = quantity(
+        "rad", low=0.0, high=1.6, doc="of the rail above the horizontal"
+    )
+    heading: NumberField = quantity("rad", default=0.0, doc="of the rail, from north towards east")
+    latitude: OptionalNumberField = quantity(
+        "rad",
+        low=-1.6,
+        high=1.6,
+        optional=True,
+        doc="geodetic; without it gravity is standard and the Earth does not turn",
+    )
+    longitude: OptionalNumberField = quantity(
+        "rad", low=-6.3, high=6.3, optional=True, doc="to the east, for the place of the landing"
+    )
+    elevation: NumberField = quantity("m", default=0.0, doc="of the ground above sea level")
+    wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
+    atmosphere: AbstractAtmosphere | None = eqx.field(
+        default=None, metadata={"doc": "over the site; the U.S. standard by default"}
+    )
+    gusts: DrydenGusts | None = eqx.field(
+        default=None, metadata={"doc": "turbulence beside the wind; none by default"}
+    )
+
+    def air(self) -> LocalAir:
+        """The air over the site: its atmosphere, wind and gusts."""
+        return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
+
+    def winds(self, top: Scalar, count: int = 100) -> tuple[Scalar, Scalar]:
+        """The wind to the east and to the north, m/s, each (count, *runs), at heights that are
+        evenly spaced from the ground to `top`, m."""
+        height = jnp.linspace(0.0, as_float(top), count)
+        east, north, _ = self.air().velocity(jnp.stack([0.0 * height, 0.0 * height, height]))
+        return east, north
+
+    def environment(self) -> tuple[AbstractEffect, ...]:
+        """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
+        known."""
+        if self.latitude is None:
+            return (GroundGravity(STANDARD_GRAVITY),)
+        s, c = jnp.sin(self.latitude), jnp.cos(self.latitude)
+        turning = EARTH_RATE * jnp.stack([0.0 * s, c, s])
+        return GroundGravity.of_latitude(self.latitude, self.elevation), RotatingFrame(turning)
+
+    @output("m")
+    def east(self, position: Vector) -> Scalar:
+        """How far east of the rail, m."""
+        return position[0]
+
+    @output("m")
+    def north(self, position: Vector) -> Scalar:
+        """How far north of the rail, m."""
+        return position[1]
+
+    @output("m")
+    def distance(self, position: Vector) -> Scalar:
+        """Distance from the rail over the ground, m."""
+        return norm(_level(position))
+
+    @output("m")
+    def drift(self, position: Vector, began: BodyState) -> Scalar:
+        """Way over the ground from the start of the phase to its end, straight, m."""
+        return norm(_level(position - began.position))
+
+    def direction(self) -> Vector:
+        """The unit vector of the rail, (3, *runs)."""
+        c = jnp.cos(self.inclination)
+        east, north = c * jnp.sin(self.heading), c * jnp.cos(self.heading)
+        return jnp.stack(jnp.broadcast_arrays(east, north, jnp.sin(self.inclination)))
+
+    def attitude(self) -> Quaternion:
+        """The attitude of a rocket on the rail: turned about z by the heading, then off the
+        vertical."""
+        tilt = 0.5 * (0.5 * jnp.pi - self.inclination)
+        c, s = jnp.cos(tilt), jnp.sin(tilt)
+        # The axis of the tilt lies across the heading: (cos, -sin, 0) turns z towards north for 0.
+        a, b = jnp.sin(self.heading), jnp.cos(self.heading)
+        return Quaternion(jnp.stack(jnp.broadcast_arrays(c, -s * b, s * a, 0.0 * c)))
+
+
+def _level(way: Vector) -> Vector:
+    """What a way, m, is over the ground."""
+    return way * jnp.reshape(jnp.array([1.0, 1.0, 0.0], way.dtype), (3,) + (1,) * (way.ndim - 1))
+
+
+@final
+class Recovery(AbstractParameters):
+    """A parachute: what it drags, and when it opens."""
+
+    drag_area: NumberField = quantity("m^2", positive=True, doc="C_D A")
+    lag: OptionalNumberField = quantity(
+        "s",
+        non_negative=True,
+        optional=True,
+        doc="from its trigger to its opening; without it the parachute opens at once",
+    )
+    height: OptionalNumberField = quantity(
+        "m",
+        non_negative=True,
+        optional=True,
+        doc="above the ground, at which it is triggered on the way down; without it at the apogee",
+    )
+
+
+@final
+class _Above(eqx.Module):
+    """Height above `height`, m."""
+
+    height: Scalar
+
+    def __call__(self, t: Scalar, y: BodyState) -> Scalar:
+        del t
+        return y.position[2] - self.height
+
+
+@event("m/s", direction=-1, needs=("velocity",))
+def apogee(t: Scalar, y: BodyState) -> Scalar:
+    """v_z, m/s: it falls through zero at the apogee over flat ground."""
+    del t
+    return y.velocity[2]
+
+
+def as_point(t: Scalar, y: BodyState) -> BodyState:
+    """The state without its rotation."""
+    del t
+    return dataclasses.replace(y, attitude=None, omega=None)
+
+
+def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
+    """The names of the phases of a flight with these parachutes, in their order."""
+    names = ["rail", "ascent"]
+    for number, chute in enumerate(recovery, 1):
+        # By whether it is given and not by its value, which may be another one in every run.
+        names += [] if chute.lag is None else [f"wait {number}"]
+        names.append(f"parachute {number}")
+    return names
+
+
+def sounding_flight(
+    vehicle: Vehicle,
+    site: LaunchSite,
+    recovery: Sequence[Recovery] = (),
+    *,
+    rail_within: Scalar | None = None,
+    ascent_within: Scalar = 300.0,
+    descent_within: Scalar = 2000.0,
+) -> tuple[Mission, BodyState]:
+    """The mission of a sounding rocket and its state on the rail.
+
+    **Arguments**
+
+    - `vehicle`: with a known mass of its propellant.
+    - `site`: of the launch.
+    - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
+      one the mission ends at the apogee.
+    - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
+      rail (by default as long as a rocket may take that leaves it at all), for the apogee, and for
+      the next parachute or the ground, s. The search for an event samples all of that time: a
+      narrow limit is a fast run.
+
+    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait", if it
+    has a lag, and "parachute", numbered; and the state at ignition, of every run.
+
+    **Raises** `InputError` for a parachute after the first one without a height.
+    """
+    air, environment = site.air(), site.environment()
+
+    def scene(*effects: AbstractEffect, carry: tuple[str, ...] = ()) -> Scene:
+        return Scene((*environment, *effects), vehicle.body, carry)
+
+    rail = Rail(site.direction(), site.rail_length)
+    burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
+    leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
+    for number, chute in enumerate(recovery[1:], 2):
+        if chute.height is None:
+            raise InputError(
+                f"Recovery.height of parachute {number} is None: it must be a height in m, for the "
+                f"apogee triggers the first one alone."
+            )
+    names = iter(flight_phases(recovery))
+    phases = [
+        Phase(
+            scene(*burning, rail),
+            Event(rail.rail_exit, 1, leaving, samples=SAMPLES),
+            name=next(names),
+        ),
+        Phase(
+            scene(*burning),
+            Event(apogee, -1, ascent_within, samples=SAMPLES),
+            name=next(names),
+        ),
+    ]
+    flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
+    for number, chute in enumerate(recovery):
+        drag = Parachute(chute.drag_area, air=air)
+        hanging = scene(drag, carry=("mass",))
+        # Under a parachute hangs a point: the rotation ends with the ascent.
+        turn = as_point if number == 0 else None
+        if chute.lag is not None:
+            phases.append(Phase(flying, chute.lag, turn, next(names)))
+        else:
+            phases[-1] = dataclasses.replace(phases[-1], then=turn)
+        # The last parachute hangs until the ground, each other one until the next opens.
+        below = as_float(0.0) if number == last else recovery[number + 1].height
+        phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names)))
+        flying = hanging
+    return Mission(phases), _at_rest(vehicle, site)
+
+
+def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
+    """The time, s, after which no rocket leaves its rail: behind the burnout that of a climb which
+    just comes to rest at the end, L = g sin(i) t^2/2, taken for 6 deg on a flatter rail."""
+    slope = jnp.maximum(jnp.sin(site.inclination), 0.1)
+    coast = jnp.sqrt(2.0 * site.rail_length / (STANDARD_GRAVITY * slope))
+    return jnp.max(vehicle.motor.burnout() + coast)
+
+
+def _at_rest(vehicle: Vehicle, site: LaunchSite) -> BodyState:
+    """The state on the rail, with the runs of the vehicle and the site."""
+    mass, attitude = vehicle.body.loaded_mass(), site.attitude()
+    assert mass is not None
+    wxyz = attitude.wxyz
+    runs = jnp.broadcast_shapes(jnp.shape(mass), wxyz.shape[1:])
+    zero = jnp.zeros((3, *runs), wxyz.dtype)
+    wxyz = jnp.broadcast_to(with_rank(wxyz, len(runs)), (4, *runs))
+    return BodyState(zero, zero, Quaternion(wxyz), zero, jnp.broadcast_to(mass, runs))

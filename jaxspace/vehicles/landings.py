@@ -1,0 +1,85 @@
+"""Where a rocket lands: its place on the Earth, and the numbers of interest of a campaign.
+
+A point of the axes of the site lies beside its foot along east, north and up of the ellipsoid
+there; its latitude is that of the normal through it.
+
+Source: NIMA TR8350.2, World Geodetic System 1984, 4; `orbits.ground_track.ground_point`.
+"""
+
+__all__ = ["landing", "landing_latitude", "landing_longitude"]
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ..core import Scalar, Vector, output
+from ..core.shapes import with_rank
+from ..core.types import as_float
+from ..core.vectors import norm
+from ..orbits.ground_track import GroundPoint, ground_point, position_of
+from ..simulation import MissionResult
+
+EQUATORIAL = 6378137.0  # m, WGS 84
+FLATTENING = 1.0 / 298.257223563
+
+
+@output("rad", latitude="site.latitude", longitude="site.longitude", elevation="site.elevation")
+def landing_latitude(
+    position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
+) -> Scalar:
+    """Geodetic latitude below a position in the axes of a site, rad.
+
+    **Arguments**
+
+    - `position`: to the east, to the north and up, m, (3, *runs).
+    - `latitude`, `longitude`: of the site, rad; `elevation`: m."""
+    return _place(position, latitude, longitude, elevation).latitude
+
+
+@output("rad", latitude="site.latitude", longitude="site.longitude", elevation="site.elevation")
+def landing_longitude(
+    position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
+) -> Scalar:
+    """Longitude below a position in the axes of a site, rad, from -pi to pi; arguments as of
+    `landing_latitude`."""
+    return _place(position, latitude, longitude, elevation).longitude
+
+
+def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar) -> GroundPoint:
+    site = GroundPoint(as_float(latitude), as_float(longitude), as_float(elevation))
+    foot = position_of(site, as_float(0.0), EQUATORIAL, FLATTENING)
+    s, c = jnp.sin(site.latitude), jnp.cos(site.latitude)
+    across, along = jnp.sin(site.longitude), jnp.cos(site.longitude)
+    zero = 0.0 * c
+    axes = ((-across, along, zero), (-s * along, -s * across, c), (c * along, c * across, s))
+    # Each component of the sum over the three axes.
+    away = [sum(x * axis[k] for x, axis in zip(position, axes, strict=True)) for k in range(3)]
+    point = with_rank(foot, position.ndim - 1) + jnp.stack(away)
+    return ground_point(point, 0.0 * point[0], EQUATORIAL, FLATTENING)
+
+
+def landing(result: MissionResult, samples: Mapping[str, Array]) -> dict[str, Array]:
+    """The outputs of a campaign of `sounding_flight`s: `Campaign(build, inputs, landing)`.
+
+    **Arguments**
+
+    - `result`: of the flights, from the rail to the ground.
+    - `samples`: the inputs, which do not matter.
+
+    **Returns** `east`, `north` and `distance` of the landing from the rail, `drift_of_ascent` and
+    `drift_of_descent` over the ground, and the `apogee` above it, m; `impact_speed`, m/s, and
+    `flight_time`, s; each (*runs,)."""
+    del samples
+    # Rail and ascent are the first two phases.
+    top, end = result.phases[1].states.position[:, -1], result.final.position
+    return {
+        "east": end[0],
+        "north": end[1],
+        "distance": norm(end[:2]),
+        "drift_of_ascent": norm(top[:2]),
+        "drift_of_descent": norm(end[:2] - top[:2]),
+        "apogee": top[2],
+        "impact_speed": norm(result.final.velocity),
+        "flight_time": result.end,
+    }

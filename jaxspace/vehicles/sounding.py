@@ -1,0 +1,44 @@
+"""A sounding from a file, as data, as an atmosphere and as a wind; `_sounding_file` has the
+formats."""
+
+__all__ = ["Sounding", "read_sounding"]
+
+import os
+
+from ._measured_air import MeasuredAtmosphere, MeasuredWind
+from ._sounding_file import SoundingFile, read_sounding_file
+
+
+class Sounding(SoundingFile):
+    """What a sounding has measured, by the geometric height above sea level.
+
+    - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
+    - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.
+
+    Empty where the file has none of these."""
+
+    __slots__ = ()
+
+    def atmosphere(self) -> MeasuredAtmosphere:
+        """The atmosphere of its pressures and temperatures. Raises `InputError` without them."""
+        return MeasuredAtmosphere(*self.air_levels())
+
+    def wind(self) -> MeasuredWind:
+        """The wind of its directions and speeds. Raises `InputError` without them."""
+        return MeasuredWind(*self.wind_levels())
+
+
+def read_sounding(path: str | os.PathLike[str]) -> Sounding:
+    """The sounding of a file: text or CSV of the University of Wyoming, or any CSV with these
+    columns.
+
+    **Arguments**
+
+    - `path`: of the file, at most 64 MB.
+
+    **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
+    number, values out of range, heights that do not ascend, pressures that do not fall, a gap of
+    more than 6 km, and an empty field where the format has none. `OSError` for a file that cannot
+    be opened.
+    """
+    return Sounding(*read_sounding_file(path))
