@@ -13,6 +13,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests"))
 
 import hunt_page  # noqa: E402
 
+from jaxspace.core.modules import public_names  # noqa: E402
+
 PAGE = "explanation/equations.md"
 HEAD = """\
 # A wall of equations
@@ -59,13 +61,9 @@ def wall() -> str:
 
 def module_of(name: str) -> str:
     """The module of the file that a public name, "room.name", stands in."""
-    room, *path = name.split(".")
-    found = importlib.import_module(f"jaxspace.{room}")
-    for part in path:
-        # Of a class its own name is enough, where a method may be inherited.
-        if inspect.isclass(found):
-            break
-        found = getattr(found, part)
+    room, first, *_ = name.split(".")
+    # Of a class its own name is enough, where a method may be inherited.
+    found = public_names(importlib.import_module(f"jaxspace.{room}"))[first]
     return found.__module__
 
 

@@ -47,7 +47,9 @@ def systems(scene: Scene, y0: BodyState, event: Event) -> None:
 def missions(mission: Mission, y0: BodyState, event: Event) -> None:
     """Runs of a mission, from zero or another time."""
     assert_type(simulate_mission(mission, y0), MissionTrajectory)
-    assert_type(simulate_mission(mission, y0, 1.0, num_saved=3)["up"], Trajectory)
+    # A name may be that of a branch, which is a mission: the type is for the reader to say.
+    phase: Trajectory = simulate_mission(mission, y0, 1.0, num_saved=3)["up"]
+    assert_type(phase, Trajectory)
     assert_type(simulate_mission_batch(mission, y0, jnp.zeros(2)), MissionTrajectory)
     simulate(mission, y0, [0.0, 1.0])  # pyright: ignore[reportArgumentType]
     simulate_batch(mission, y0, [0.0, 1.0])  # pyright: ignore[reportArgumentType]
