@@ -250,6 +250,8 @@ within = "172800 s"
 
 [optimize]
 minimise = "altitude"
+# What 40 steps in two days compute is too rough for gradients of 1e-6.
+tolerance = 1e-5
 
 [optimize.free]
 "initial.velocity.1" = { low = "7.8 km/s", high = "13 km/s" }

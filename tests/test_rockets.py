@@ -160,8 +160,8 @@ def test_propellant_that_runs_out_ends_the_phase():
     run = simulate_mission(Mission([Phase(scene, until)]), drifting(500.0), accuracy=1e-12)
     assert int(run.status) == Status.EVENT
     # The event lies 4096 units in the last place of the mass, 1e-12 of it, before the thrust's own
-    # end.
-    np.testing.assert_allclose(run.end, 60.0, rtol=1e-11)
+    # end. Beyond that the condition is flat: the search may end one step of Newton's method away.
+    np.testing.assert_allclose(run.end, 60.0, rtol=1e-10)
     np.testing.assert_allclose(run.final.velocity[2], 2500.0 * np.log(500.0 / 380.0), rtol=1e-11)
     assert float(thrust.thrust(jnp.array(70.0), jnp.array(379.0))) == 0.0
 

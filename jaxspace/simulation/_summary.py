@@ -38,16 +38,6 @@ class Run(Protocol):
     run_axes: int
     control: dict[str, Any] | None
 
-    @property
-    def initial(self) -> State:
-        """The state at the first time."""
-        ...
-
-    @property
-    def final(self) -> State:
-        """The state at the last time."""
-        ...
-
 
 @runtime_checkable
 class Phases(Protocol):
@@ -120,7 +110,9 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
         *_ended(run.status),
     ]
     # In a batch the range at the end says most, because most runs start alike.
-    ends = [run.final] if run.run_axes else [run.initial, run.final]
+    # The last state alone of many runs.
+    places = (-1,) if run.run_axes else (0, -1)
+    ends = [state_at(run.states, k, run.run_axes) for k in places]
     tables = [_state_table(run.states, ends, run.run_axes)]
     rows = (0, -1)[-len(ends) :]
     for tree in sampled:
