@@ -22,7 +22,8 @@ from typing import final
 
 from jaxspace import BodyState
 from jaxspace.bodies import AbstractEffect, Load
-from jaxspace.core import NumberField, Scalar, axis, output, quantity
+from jaxspace.core import NumberField, Scalar, output, quantity
+from jaxspace.core.vectors import axis
 
 
 @final

@@ -49,7 +49,8 @@ def test_a_file_gives_the_vehicle_that_python_gives(landing):
 
 def test_a_factor_of_the_thrust_keeps_the_propellant_and_one_of_the_drag_the_body(landing):
     building = landing.parsed.building()
-    factors = {"vehicle.impulse_factor": 1.1, "vehicle.axial_factor": 1.2}
+    names = "vehicle.impulse_factor", "vehicle.axial_factor"
+    factors = dict(zip(names, jnp.array([1.1, 1.2]), strict=True))
     made = building._replace(values=landing.replaced(landing.values, factors)).make("vehicle")
     plain = building.make("vehicle")
     flow = made.motor.mass_rate(jnp.asarray(1.0), 20.0)
@@ -147,7 +148,7 @@ def test_listing_and_schema_know_vehicles(capsys):
     assert re.search(r"^    tube_length \[m\]", shown, re.MULTILINE)
     assert "parachutes: a list of tables" in shown
     assert shown.count("\n  vehicle: ") == 1
-    assert listing(only="flights").startswith("flights\n  vehicle: ")
+    assert listing(word="flights").startswith("flights\n  vehicle: ")
     assert main(["list", "vehicel"]) == 2
     assert "Did you mean vehicle?" in capsys.readouterr().err
 

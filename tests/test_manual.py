@@ -47,6 +47,7 @@ GENERATED = {
     *("scene_files.md", "command_line.md", "hard_cases.md"),
     *("from_the_textbook.md", "equations.md"),
 }
+GENERATED |= {f"{folder.name}.md" for folder in ROOT.glob("examples/gallery/*/")}
 
 
 def test_there_is_something_to_run():

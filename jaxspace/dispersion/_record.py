@@ -7,7 +7,7 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ..core._own_code import text_hash
+from ..core.own_code import text_hash
 from ..integration.accuracy import Accuracy
 from ._batch_runner import cores
 from ._campaign import Campaign

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import jax
 
 from ..core import InputError
-from ..core._own_code import run_module
+from ..core.own_code import run_module
 from ._batch_runner import BatchRunner
 from ._run_results import PlannedCampaign, RunResults
 

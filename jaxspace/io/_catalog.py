@@ -177,10 +177,10 @@ def _catalog(
     named: dict[str, Group] = {name: {} for name in (*BASES, *FUNCTIONS, "methods")}
     refused: dict[str, str] = {}
     kinds: dict[type, Object] = {}
-    for room in ROOMS:
-        # Public names alone: what a room keeps to itself is no promise to files.
-        for thing in public_names(room).values():
-            _add(named, kinds, refused, thing)
+    # Public names alone: what a room keeps to itself is no promise to files. All of them first, for
+    # a kind knows its classes by what is imported.
+    for thing in [thing for room in ROOMS for thing in public_names(room).values()]:
+        _add(named, kinds, refused, thing)
     for name, thing in vars(solvers).items():
         if (
             # By what it offers: helpers and abstract classes of the room have no step and order.

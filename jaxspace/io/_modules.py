@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..core import InputError
-from ..core._own_code import run_module, text_hash
 from ..core.files import read_text
+from ..core.own_code import run_module, text_hash
 from ._named_files import NamedFile
 
 

@@ -2,6 +2,7 @@
 million runs is no larger than that of a thousand."""
 
 import itertools
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -180,7 +181,7 @@ def _one_sided(values: np.ndarray) -> bool:
         return False
     skewness = float(np.mean(((own - own.mean()) / deviation) ** 3))
     # Of a normal law it scatters by sqrt(6/n): what stands out by chance claims nothing.
-    return abs(skewness) > max(0.6, 4.0 * np.sqrt(6.0 / own.size))
+    return abs(skewness) > max(0.6, 4.0 * math.sqrt(6.0 / own.size))
 
 
 def _phase(x: np.ndarray) -> np.ndarray:

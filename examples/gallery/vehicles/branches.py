@@ -12,23 +12,22 @@ import matplotlib.pyplot as plt
 
 import jaxspace
 from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate_mission
-from jaxspace.bodies import Detached
-from jaxspace.bodies.parting import come_apart, spring_speed
-from jaxspace.bodies.solids import cylinder
-from jaxspace.rockets import SteeredThrust
-from jaxspace.rockets.steering import AlongVelocity
-from jaxspace.vehicles import Parachute, Wind
-from jaxspace.vehicles.ground_gravity import GroundGravity
-from jaxspace.vehicles.local_air import LocalAir
+from jaxspace.bodies import Detached, parting, solids
+from jaxspace.rockets import SteeredThrust, steering
+from jaxspace.vehicles import Parachute, Wind, ground_gravity, local_air
 
 jaxspace.enable_x64()
 FIRST, SECOND, PAYLOAD = 40.0, 15.0, 10.0  # kg, without propellant
 PROPELLANT = (30.0, 6.0)  # kg
-air = LocalAir(wind=Wind([0.0, 8e3], [4.0, 15.0], [0.0, 0.0]))
+air = local_air.LocalAir(wind=Wind([0.0, 8e3], [4.0, 15.0], [0.0, 0.0]))
 
 
 def scene(drag_area, *more):
-    effects = GroundGravity(9.81), Parachute(drag_area, air=air), *more
+    effects = (
+        ground_gravity.GroundGravity(9.81),
+        Parachute(drag_area, air=air),
+        *more,
+    )
     return Scene(effects, carry=("mass",))
 
 
@@ -48,17 +47,19 @@ def parachute(name, start, opens):
     return Mission([fall, hang], start=start, name=name)
 
 
-motor = partial(SteeredThrust.of_propellant, AlongVelocity())
+motor = partial(SteeredThrust.of_propellant, steering.AlongVelocity())
 first = motor(9e3, 230.0, PROPELLANT[0])
-parting = first.burn_time
-second = motor(4e3, 230.0, PROPELLANT[1], ignition=parting + 3.0)
+burnout = first.burn_time
+second = motor(4e3, 230.0, PROPELLANT[1], ignition=burnout + 3.0)
 rest = SECOND + PAYLOAD + PROPELLANT[1]
-apart = spring_speed(400.0, FIRST, rest)
+apart = parting.spring_speed(400.0, FIRST, rest)
 # The state has no attitude: the axis of the rocket is taken upwards.
-first_stage = cylinder(FIRST, 0.1, 2.0)
-others = cylinder(rest, 0.1, 3.0).moved(jnp.array([0.0, 0.0, 2.5]))
+first_stage = solids.cylinder(FIRST, 0.1, 2.0)
+others = solids.cylinder(rest, 0.1, 3.0).moved(jnp.array([0.0, 0.0, 2.5]))
 still, up = jnp.zeros(3), jnp.array([0.0, 0.0, 1.0])
-lower, upper = come_apart(first_stage, others, kicks=[still, apart * up])
+lower, upper = parting.come_apart(
+    first_stage, others, kicks=[still, apart * up]
+)
 apogee = Event(lambda t, y: y.velocity[2], -1, within=300.0)
 parts = [
     parachute("stage", Detached(SECOND, still), 2e3),
@@ -67,7 +68,7 @@ parts = [
 climb = Phase(scene(0.01, second), apogee, name="climb", branches=parts)
 booster = parachute("booster", lower, 2e3)
 sustainer = Mission([climb], start=upper, name="sustainer")
-ascent = Phase(scene(0.012, first), parting, branches=[booster, sustainer])
+ascent = Phase(scene(0.012, first), burnout, branches=[booster, sustainer])
 mass = jnp.array(FIRST + PROPELLANT[0] + rest)
 start = BodyState(jnp.zeros(3), jnp.array([4.0, 0.0, 35.0]), mass=mass)
 mission = Mission([ascent])
