@@ -62,9 +62,9 @@ def in_air(r, v, t):
 
 
 def in_wind(r, v, t):
-    """As above, in a wind of 300 m/s to the east."""
+    """As above, in a wind of 100 m/s to the east."""
     east = unit(np.stack([-r[1], r[0], 0.0 * r[0]]))
-    return unit(v - 1e-4 * np.stack([-r[1], r[0], 0.0 * r[0]]) - 300.0 * east)
+    return unit(v - 1e-4 * np.stack([-r[1], r[0], 0.0 * r[0]]) - 100.0 * east)
 
 
 @final
@@ -106,7 +106,7 @@ LAWS = {
     "user": ('swing = "20 deg"', lambda r, v, t: pitched(np.radians(20.0) * np.sin(0.3 * t))),
     "wind": (
         'air = { radius = "6378 km", air_rate = "1e-4 rad/s", wind = { heights = [0.0, 1e4], '
-        "east = [300.0, 300.0], north = [0.0, 0.0] } }",
+        "east = [100.0, 100.0], north = [0.0, 0.0] } }",
         in_wind,
     ),
     "air": ('air_rate = "1e-4 rad/s"', in_air),

@@ -42,8 +42,8 @@ def listing(
     **Arguments**
 
     - `also`, `modules`: as in `load`.
-    - `word`: only the group or the entries of this name are listed; where there are none, those
-      with it in their name or first sentence, or else in their fields.
+    - `word`: only the group of this name is listed; where there is none, the entries with it in
+      their name or first sentence, or else in their fields.
 
     **Raises** `InputError` for a word that no entry has."""
     known = catalog(also, modules)
@@ -66,14 +66,11 @@ def listing(
 
 
 def _with_word(groups: list[Group], word: str) -> list[Group]:
-    """The group or the entries of this name; or else those with this word, in the groups that have
-    some."""
+    """The group of this name; or else the entries with this word, in the groups that have some."""
     named = [group for group in groups if group[0] == word]
     if named:
         return named
     entries = [(group, entry) for group, lines in groups for entry in _entries(lines)]
-    exact = [(group, entry) for group, entry in entries if _name(entry) == word]
-    entries = exact or entries
     # By all of its lines only then: fields of thrust are named in half of the entries.
     for part in (slice(1), slice(None)):
         found: dict[str, list[str]] = {}

@@ -23,12 +23,9 @@ air = local_air.LocalAir(wind=Wind([0.0, 8e3], [4.0, 15.0], [0.0, 0.0]))
 
 
 def scene(drag_area, *more):
-    effects = (
-        ground_gravity.GroundGravity(9.81),
-        Parachute(drag_area, air=air),
-        *more,
-    )
-    return Scene(effects, carry=("mass",))
+    pull = ground_gravity.GroundGravity(9.81)
+    drag = Parachute(drag_area, air=air)
+    return Scene([pull, drag, *more], carry=("mass",))
 
 
 class Below(eqx.Module):
@@ -56,15 +53,12 @@ apart = parting.spring_speed(400.0, FIRST, rest)
 # The state has no attitude: the axis of the rocket is taken upwards.
 first_stage = solids.cylinder(FIRST, 0.1, 2.0)
 others = solids.cylinder(rest, 0.1, 3.0).moved(jnp.array([0.0, 0.0, 2.5]))
-still, up = jnp.zeros(3), jnp.array([0.0, 0.0, 1.0])
-lower, upper = parting.come_apart(
-    first_stage, others, kicks=[still, apart * up]
-)
+still = jnp.zeros(3)
+kicks = [still, jnp.array([0.0, 0.0, apart])]
+lower, upper = parting.come_apart(first_stage, others, kicks=kicks)
 apogee = Event(lambda t, y: y.velocity[2], -1, within=300.0)
-parts = [
-    parachute("stage", Detached(SECOND, still), 2e3),
-    parachute("payload", Detached(PAYLOAD, still), 6e3),
-]
+parts = [parachute("stage", Detached(SECOND, still), 2e3)]
+parts += [parachute("payload", Detached(PAYLOAD, still), 6e3)]
 climb = Phase(scene(0.01, second), apogee, name="climb", branches=parts)
 booster = parachute("booster", lower, 2e3)
 sustainer = Mission([climb], start=upper, name="sustainer")
