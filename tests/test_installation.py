@@ -181,7 +181,7 @@ from jaxspace.core import MissingExtra
 from jaxspace.cli import main, parser
 from jaxspace.bodies import BodyState
 from jaxspace.dispersion import DaskCluster, Dispersion
-from jaxspace.io import read_omm, read_tle
+from jaxspace.io.mean_elements import read_omm, read_tle
 import numpy as np
 scene, out = %r, %r
 print("plain", main(["examples"]), main(["schema"]), main(["new", "top", out + "/new.toml"]))

@@ -67,9 +67,8 @@ CHECK = """
 import jax, jax.numpy as jnp, numpy as np
 from jaxspace import core
 from jaxspace.bodies import BodyState
-from jaxspace.rotations import (
-    Quaternion, euler_rates_from_omega, from_euler_angles, omega_from_euler_rates
-)
+from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.rotations.euler_angles import euler_rates_from_omega, omega_from_euler_rates
 rows, v, m, q = jnp.ones((201, 3)), jnp.ones(3), jnp.eye(3), Quaternion.identity()
 wrong = jax.tree.map(lambda x: jnp.ones((201, 4)), q)
 for case, sentence in %r.items():

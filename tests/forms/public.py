@@ -114,7 +114,7 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.UncertainWind* vehicles.DrydenGusts*
     """.split(),
     "steps in time with a memory, under `verify` and its own tests": """
-        control.* rockets.ColdGasThrusters* rockets.ThrottledEngine* rockets.servo_rate
+        control.* rockets.ThrottledEngine* rockets.servo_rate
         vehicles.AirBrake* vehicles.MovableFins*
     """.split(),
 }
