@@ -29,7 +29,7 @@ def test_report_of_a_store(folder, capsys):
         assert (folder / "b" / name).exists() and name in printed
     page = (folder / "b" / "coast.html").read_text(encoding="utf-8")
     data = json.loads(re.search(r"const data = (.*);\n", page).group(1))
-    assert "<h1>A coast</h1>" in page and "≥ 398.92" in page
+    assert "<h1>A coast</h1>" in page and "≥\u00a0398.92" in page
     # 400 miles, as the scene says, and in its unit what is required, 642 km.
     assert data["nominal"]["periapsis_altitude"] == pytest.approx(400.0, abs=1e-3)
     required = data["histograms"]["periapsis_altitude"]["required"]

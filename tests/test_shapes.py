@@ -18,20 +18,20 @@ TIMES, RUNS = 5, 4
 # Every case is a call that a wrong first axis must stop, with what the sentence names. They run in
 # an interpreter without the instrumentation of these tests, which would stop them before.
 CASES = {
-    "core.dot(rows, rows)": "dot: a has the shape (201, 3): its first axis must hold the 3 "
+    "vectors.dot(rows, rows)": "dot: a has the shape (201, 3): its first axis must hold the 3 "
     "components (components lead, then times, then runs).",
-    "core.dot(v, rows)": "dot: b has the shape (201, 3)",
-    "core.cross(rows, v)": "cross: a has the shape (201, 3)",
-    "core.norm(rows)": "norm: a has the shape (201, 3)",
-    "core.unit(rows)": "unit: a has the shape (201, 3)",
-    "core.inverse_norm(rows)": "inverse_norm: a has the shape (201, 3)",
-    "core.scale(1.0, rows)": "scale: a has the shape (201, 3)",
-    "core.matvec(m, rows)": "matvec: a has the shape (201, 3)",
-    "core.matvec(rows, v)": "matvec: m has the shape (201, 3): its first two axes",
-    "core.solve3(m, rows)": "solve3: b has the shape (201, 3)",
-    "jax.jit(core.norm)(rows)": "norm: a has the shape (201, 3)",
-    "jax.grad(lambda x: core.dot(x, x)[0])(rows)": "dot: a has the shape (201, 3)",
-    "core.norm(jnp.ones(()))": "norm: a has the shape ()",
+    "vectors.dot(v, rows)": "dot: b has the shape (201, 3)",
+    "vectors.cross(rows, v)": "cross: a has the shape (201, 3)",
+    "vectors.norm(rows)": "norm: a has the shape (201, 3)",
+    "vectors.unit(rows)": "unit: a has the shape (201, 3)",
+    "vectors.inverse_norm(rows)": "inverse_norm: a has the shape (201, 3)",
+    "vectors.scale(1.0, rows)": "scale: a has the shape (201, 3)",
+    "vectors.matvec(m, rows)": "matvec: a has the shape (201, 3)",
+    "vectors.matvec(rows, v)": "matvec: m has the shape (201, 3): its first two axes",
+    "vectors.solve3(m, rows)": "solve3: b has the shape (201, 3)",
+    "jax.jit(vectors.norm)(rows)": "norm: a has the shape (201, 3)",
+    "jax.grad(lambda x: vectors.dot(x, x)[0])(rows)": "dot: a has the shape (201, 3)",
+    "vectors.norm(jnp.ones(()))": "norm: a has the shape ()",
     "Quaternion(jnp.ones((201, 4)))": "Quaternion.wxyz has the shape (201, 4): its first axis must "
     "hold the 4 components",
     "Quaternion.from_xyzw(jnp.ones((201, 4)))": "Quaternion.from_xyzw: xyzw",
@@ -67,6 +67,7 @@ CHECK = """
 import jax, jax.numpy as jnp, numpy as np
 from jaxspace import core
 from jaxspace.bodies import BodyState
+from jaxspace.core import vectors
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.rotations.euler_angles import euler_rates_from_omega, omega_from_euler_rates
 rows, v, m, q = jnp.ones((201, 3)), jnp.ones(3), jnp.eye(3), Quaternion.identity()
