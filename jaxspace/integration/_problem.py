@@ -6,6 +6,7 @@ into the field, the initial state and the settings of an integration, and result
 
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 from typing import TypeAlias, TypeVar, cast, final
 
@@ -119,14 +120,19 @@ class Problem:
 
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
         """Whether the steps are a small program, those of a run or of a `derivative`."""
-        if settings.tolerance.run_axes == 0:
+        if self._is_alone(settings):
             # A derivative holds a step three times over, and its first call is mostly compilation.
             return derivative or self.field_operations >= LARGE
         return self.field_operations >= (LARGE if derivative else VERY_LARGE)
 
     def _is_single(self, settings: LoopSettings) -> bool:
         """Whether this is a single run of a field that is worth a small program throughout."""
-        return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
+        return self._is_alone(settings) and self.field_operations >= MEDIUM
+
+    def _is_alone(self, settings: LoopSettings) -> bool:
+        """Whether there is one run, with or without an axis of runs."""
+        last = self.avals[self.num_field + self.num_states - 1].shape
+        return math.prod(last[len(last) - settings.tolerance.run_axes :]) == 1
 
     def _packing(self, field: PyTree, y0: State, settings: LoopSettings) -> Packing | None:
         """Layout of the packed state for a single run of a large field; `None` for other runs."""
