@@ -13,7 +13,7 @@ misalignment, a pulse or any moment, and a body whose principal axis stands aske
     lam         n (C - A)/A                                                      rad/s
     M, nu       transverse moment M_1 + i M_2 in body axes, its frequency        N m, rad/s
     theta, psi  angle between the axis and its first direction; of the node      rad
-    Th, b       complex angle of attack; small turn from the body's axis to the  rad
+    Th, b       complex tilt of the axis; small turn from the body's axis to the  rad
                 principal one, as a vector (x + i y)
 
 Source: Thomson 7.2-5 to 7.2-9, 7.3-5 to 7.3-9, 7.4-2, 7.4-18, Problems 6, 10 and 13 of 7.4.
@@ -22,7 +22,7 @@ for small angles, to their third power. E and D have no singular place: they are
 resonance, nu = lam, a body that does not spin and one with C = A are ordinary.
 """
 
-__all__ = ["angle_of_attack", "principal_tilt"]
+__all__ = ["principal_tilt"]
 
 import math
 from collections.abc import Callable
@@ -36,25 +36,15 @@ from jaxtyping import Array, Float
 from ..bodies.inertia import AbstractInertia
 from ..bodies.principal_axes import principal_axes
 from ..core import AbstractParameters, Matrix, NumberField, Scalar, quantity
-from ..core.safe import safe_atan2, sinc_squared
+from ..core.safe import sinc_squared
 from ..core.shapes import with_rank
-from ..core.vectors import axis
-from ..rotations import Quaternion
+from ..rotations.tilt import tilt_of_axis
 
 Complex: TypeAlias = Float[Array, "2 *#runs"]
 """Real and imaginary part."""
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 # Terms of the series of D: |x|, |y| < 1, and the sum of the next ones is below rounding.
 _TERMS = 19
-
-
-def angle_of_attack(attitude: Quaternion) -> Complex:
-    """Complex angle of attack theta e^(i psi), rad, (2, *runs), of the body's z axis against the
-    inertial Z, by Euler's angles 3-1-3 (Thomson 7.3-5).
-
-    It is the rotation vector that turns Z into the axis. Exact for every angle below half a turn,
-    where no direction is left; smooth at zero."""
-    return _turn_to(attitude.rotate(axis(2, attitude.wxyz[0])))
 
 
 def principal_tilt(inertia: AbstractInertia) -> Complex:
@@ -68,7 +58,9 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
     moment = jnp.take_along_axis(moments, nearest[None], axis=0)[0]
     # An axis has no direction: of both unit vectors the one on the side of z.
-    return _turn_to(_refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along)))
+    return tilt_of_axis(
+        _refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along))
+    )
 
 
 def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
@@ -83,25 +75,6 @@ def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
     share = jnp.where(use, s[2], 0.0) / jnp.where(use, whole, 1.0)
     x, y = (b * e - c * d) * share, (b * d - a * e) * share
     return jnp.stack([jnp.where(use, x, s[0]), jnp.where(use, y, s[1]), s[2]])
-
-
-def _turn_to(s: Array) -> Complex:
-    """The rotation vector that turns z into the unit vector `s`."""
-    square = s[0] * s[0] + s[1] * s[1]
-    # On the side of z only: near -z the sine is small as well, and the angle near pi.
-    small = (square < 1e-3) & (s[2] > 0.0)
-    sine = jnp.sqrt(jnp.where(small, 1.0, square))
-    # asin(x)/x, whose next term is below rounding at the limit.
-    series, x2 = 1.0, jnp.where(small, square, 0.0)
-    for k in (9, 7, 5, 3, 1):
-        series = 1.0 + _arcsine_ratio(k) * x2 * series
-    ratio = jnp.where(small, series, safe_atan2(sine, s[2]) / sine)
-    return jnp.stack([-ratio * s[1], ratio * s[0]])
-
-
-def _arcsine_ratio(k: int) -> float:
-    """Ratio a_j/a_(j-1), k = 2 j - 1, of the coefficients of asin(x)/x = sum a_j x^(2 j)."""
-    return k * k / ((k + 1.0) * (k + 2.0))
 
 
 @final
@@ -152,7 +125,7 @@ class SpinningMissile(AbstractParameters):
         forced = t * _product(turned, _mean_phase((frequency - rate) * t))
         return free + _product(_of_rank(moment, t), forced) / self.transverse_inertia
 
-    def attack_angle(
+    def complex_tilt(
         self,
         t: Scalar,
         angle: Complex,

@@ -16,6 +16,7 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
+    as_state,
     check_initial_state,
     check_start,
     state_dtype,
@@ -136,6 +137,7 @@ def fly(
     throw: bool,
 ) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
+    y0 = as_state(y0)
     _check(loop, y0, run_axes)
     asked = Asked(loop, y0, ts, options, run_axes)
     times, events = known_times(ts), as_events(options.events)

@@ -196,14 +196,20 @@ def state_dtype(y: PyTree) -> jnp.dtype:
     return next(iter(dtypes))
 
 
-def without_weak_types(y0: PyTree) -> PyTree:
-    """The same arrays, none of them weakly typed.
+def as_state(y0: PyTree) -> PyTree:
+    """The state with its plain numbers as arrays, in the precision of its other arrays.
 
-    `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts there would be compiled
-    anew."""
-    return jax.tree.map(
-        lambda x: jnp.asarray(x, x.dtype) if getattr(x, "weak_type", False) else x, y0
-    )
+    No array is weakly typed. `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts
+    there would be compiled again."""
+
+    def is_plain(x: object) -> bool:
+        number = isinstance(x, float | int | np.number) and not isinstance(x, bool)
+        return number or getattr(x, "weak_type", False)
+
+    leaves = jax.tree.leaves(y0)
+    given = {x.dtype for x in leaves if hasattr(x, "dtype") and not is_plain(x)}
+    dtype = next(iter(given)) if len(given) == 1 else jnp.result_type(float)
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype) if is_plain(x) else x, y0)
 
 
 def check_initial_state(y0: PyTree) -> None:

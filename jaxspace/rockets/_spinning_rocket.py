@@ -31,7 +31,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, NumberField, Scalar, argument, constructor, quantity
 from ..core.types import as_float
-from .angle_of_attack import check_axes
+from ..rotations.tilt import check_axes
 from .jet_damping import _power, spin_angle
 
 # Nodes of one panel, and the panels of the quadrature of the angle of attack.
@@ -123,14 +123,14 @@ class SpinningRocket(AbstractParameters):
         angle = -(1.0 - self.gyration_ratio**2) * self.spin_angle(time)
         return self.damping(time) * turned(as_float(start), angle)
 
-    def angle_of_attack(
+    def complex_tilt(
         self,
         time: Scalar,
         rate: Float[Array, "2 *#runs"],
         start: Float[Array, "2 *#runs"] | None = None,
         axes: str = "inertial",
     ) -> Float[Array, "2 *#runs"]:
-        """The complex angle of attack, rad, after a `time`, s (Thomson 7.10).
+        """The complex tilt of the axis (`rotations.tilt`), rad, after a `time`, s (Thomson 7.10).
 
         **Arguments**
 

@@ -12,7 +12,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, state_dtype
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
@@ -75,8 +75,8 @@ def simulate_batch(
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
     # A state that is not finite fails its own run alone, so that only the precision is checked.
+    y0s = as_state(y0s)
     state_dtype(y0s)
-    y0s = without_weak_types(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = as_events(events)
     check_dense(dense, events)

@@ -10,9 +10,9 @@ from ..core.checks import is_concrete
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
+    as_state,
     check_initial_state,
     check_start,
-    without_weak_types,
 )
 from ..integration.status import Status
 from ._after_run import warn_after
@@ -60,9 +60,9 @@ def simulate_mission(
     returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
     `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
+    y0 = as_state(y0)
     check_initial_state(y0)
     check_start(y0)
-    y0 = without_weak_types(y0)
     t0 = as_times("t0", t0, y0, "one time, s")
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")

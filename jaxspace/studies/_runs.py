@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
-from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
+from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
@@ -87,7 +87,7 @@ def check_start(
     """Initial state and times as arrays.
 
     **Raises** `InputError` as `simulate` does, which cannot see them once they are traced."""
-    y0 = jax.tree.map(jnp.asarray, y0)
+    y0 = jax.tree.map(jnp.asarray, as_state(y0))
     check_initial_state(y0)
     if not isinstance(system, Mission):
         return y0, check_times(ts, y0)

@@ -147,8 +147,7 @@ def hoop(t):
     y0 = system.state(0.3)
     q, v = after(system, y0, t)
     end = GeneralisedState(q, v)
-    # With zero height at the bottom.
-    jacobi = system.energy(0.0, y0) + G * 0.5
+    jacobi = system.energy(0.0, y0)
     bottom = linear(system, system.state(0.0)).frequencies[0]
     return (
         *(q[0], v[0], jacobi),

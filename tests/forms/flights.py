@@ -60,7 +60,7 @@ def streams(x):
 def attack_angles(x):
     """The angle of attack of a spinning rocket: spin, burn, three lengths, time and rate."""
     rocket = k.SpinningRocket.of_lengths(x[0], x[1], x[2], x[3], x[4])
-    return (rocket.angle_of_attack(x[5], x[6:8]),)
+    return (rocket.complex_tilt(x[5], x[6:8]),)
 
 
 def surfaces(x):
@@ -150,7 +150,7 @@ FORMS = (
     ),
     Form(
         attack_angles,
-        of("rockets.SpinningRocket", "angle_of_attack", "of_lengths"),
+        of("rockets.SpinningRocket", "complex_tilt", "of_lengths"),
         [(10.0, 8e-3, 1.0, 0.5, 2.0, 20.0, 0.1, 0.02), (10.0, 8e-3, 1.0, 0.5, 2.0, 0.0, 0.1, 0.02)],
     ),
     Form(

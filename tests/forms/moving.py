@@ -75,7 +75,7 @@ def spinning_missile(x):
     """Rates and angle of a spinning missile: A, C, n, time, angle, rate, moment and tilt."""
     one = a.SpinningMissile(*x[:3])
     rate = one.transverse_rate(x[3], x[6:8], x[8:10])
-    turned = one.attack_angle(x[3], x[4:6], x[6:8], x[8:10], tilt=x[10:12])
+    turned = one.complex_tilt(x[3], x[4:6], x[6:8], x[8:10], tilt=x[10:12])
     centre, slow, fast = one.circles(x[8:10])
     figures = one.nutation_rate(), one.precession_rate(), slow, fast
     return rate, turned, centre, *numbers(*figures)
@@ -276,7 +276,7 @@ FORMS = (
         of(
             "SpinningMissile",
             "transverse_rate",
-            "attack_angle",
+            "complex_tilt",
             "circles",
             "nutation_rate",
             "precession_rate",

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxspace import attitude as a
 from jaxspace import gyros as g
 from jaxspace import rockets as k
+from jaxspace import rotations as r
 from jaxspace.rotations import Quaternion
 
 from .form import Form
@@ -86,15 +87,12 @@ def gyrostat(x):
 
 
 def attack(x):
-    """Angles of attack of an attitude: as complex numbers, and against a velocity."""
+    """The tilt of an axis as complex numbers, and its angle with a velocity."""
     attitude = Quaternion.from_rotation_vector(x[:3])
-    inertial, body = (
-        k.angle_of_attack.complex_angle_of_attack(attitude, axes) for axes in ("inertial", "body")
-    )
+    inertial, body = (r.tilt.complex_tilt(attitude, axes) for axes in ("inertial", "body"))
     return (
         inertial,
         body,
-        a.spinning_missile.angle_of_attack(attitude),
         k.angle_of_attack.angle_of_attack(attitude, x[3:6])[None],
     )
 
@@ -246,7 +244,7 @@ FORMS = (
     ),
     Form(
         attack,
-        ("attitude.angle_of_attack", "rockets.angle_of_attack", "rockets.complex_angle_of_attack"),
+        ("rockets.angle_of_attack", "rotations.complex_tilt", "rotations.tilt_of_axis"),
         [
             (0.1, 0.2, 0.3, 1.0, 2.0, 3.0),
             (0.0, 0.0, 0.3, 0.0, 0.0, 1.0),
