@@ -221,9 +221,9 @@ def test_parts_cost_what_each_costs_alone():
     # A branch is a mission that runs by itself, from the state of the whole.
     for branch in three_parts(400.0).phases[0].branches:
         part = simulate_mission(branch, whole.final, whole.ts[-1], accuracy=ACCURACY)
-        evaluations.append(part.evaluations())
+        evaluations.append(part.evaluations)
         assert_allclose(part.end, run[branch.name].end, rtol=1e-12)
-    assert int(run.evaluations()) == sum(map(int, evaluations))
+    assert int(run.evaluations) == sum(map(int, evaluations))
 
 
 BATCH = jnp.array([110.0, 120.0, 130.0]), jnp.array([100.0, 400.0, 900.0])

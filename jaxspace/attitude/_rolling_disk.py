@@ -115,7 +115,7 @@ class RollingDisk(AbstractSystem):
         kept = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
-            "quaternion_norm": jnp.sqrt(attitude.norm_squared()),
+            "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
         if self.contour_damping is None and self.contour_friction is None:
             return {"energy": self.energy(y)} | kept
@@ -223,11 +223,13 @@ class RollingDisk(AbstractSystem):
             self._letters(), as_float(theta), as_float(precession), as_float(spin)
         )
 
+    @property
     def least_rolling_spin(self) -> Scalar:
         """The |n|, rad/s, above which the disk rolls upright on a straight line (Thomson 5.16)."""
         A, C, mRR, mgR = self._letters()
         return jnp.sqrt(mgR * A / (C * (C + mRR)))
 
+    @property
     def least_standing_spin(self) -> Scalar:
         """The psi', rad/s, above which the disk spins upright in place (Thomson 5.16-33)."""
         A, _, mRR, mgR = self._letters()

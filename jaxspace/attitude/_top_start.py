@@ -72,7 +72,7 @@ def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
         nutation.gamma_down,
         nutation.start,
     )
-    (upper, _), (lower, rest) = barrier(circles.half_angles())
+    (upper, _), (lower, rest) = barrier(circles.half_angles)
     x = 0.25 * (circles.d + 2.0 * beta * lower)
     y = 0.5 * beta * safe_sqrt(circles.apart_squared)
     pole = -0.5 * beta * lower

@@ -60,6 +60,7 @@ class TurningCircles(NamedTuple):
     product_down: Scalar
     apart_squared: Scalar
 
+    @property
     def half_angles(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
         """sin^2 and cos^2 of half the turning angle, of the nearer and of the farther circle."""
         apart = safe_sqrt(self.apart_squared)

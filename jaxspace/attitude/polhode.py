@@ -96,6 +96,7 @@ class Polhode(eqx.Module):
             herpolhode=(near, far),
         )
 
+    @property
     def period(self) -> Scalar:
         """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
         separatrix, about the intermediate axis and in a body with three equal moments."""
@@ -104,6 +105,7 @@ class Polhode(eqx.Module):
         rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
         return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
 
+    @property
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
         """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
         (Thomson 5.10-19)."""

@@ -85,10 +85,12 @@ class SpinningMissile(AbstractParameters):
     axial_inertia: NumberField = quantity("kg m^2", positive=True, doc="C, along the axis")
     spin_rate: NumberField = quantity("rad/s", doc="n")
 
+    @property
     def nutation_rate(self) -> Scalar:
         """lam, rad/s: the rate of the free transverse rotation in body axes (Thomson 7.2-6)."""
         return self.spin_rate * (self.axial_inertia / self.transverse_inertia - 1.0)
 
+    @property
     def precession_rate(self) -> Scalar:
         """n + lam = n C/A, rad/s: its rate in inertial axes."""
         return self.spin_rate * self.axial_inertia / self.transverse_inertia
@@ -113,7 +115,7 @@ class SpinningMissile(AbstractParameters):
         - `panels`: of the quadrature.
 
         **Returns** w, rad/s, (2, *runs)."""
-        rate = self.nutation_rate()
+        rate = self.nutation_rate
         turned = _phase(rate * t)
         free = _product(_of_rank(start, t), turned)
         if callable(moment):
@@ -144,7 +146,7 @@ class SpinningMissile(AbstractParameters):
         - the others: as in `transverse_rate`.
 
         **Returns** Th, rad, (2, *runs)."""
-        n, fast = self.spin_rate, self.precession_rate()
+        n, fast = self.spin_rate, self.precession_rate
         mean = t * _mean_phase(fast * t)
         found = _of_rank(angle, t) + _product(_of_rank(start, t), mean)
         if callable(moment):
@@ -170,10 +172,10 @@ class SpinningMissile(AbstractParameters):
         rad. Not finite without spin or for C = A."""
         m = jnp.hypot(moment[0], moment[1])
         # Th = -M/(n lam A) [lam/(n + lam) - e^(i n t) + n/(n + lam) e^(i (n + lam) t)]
-        n, rate = self.spin_rate, self.nutation_rate()
+        n, rate = self.spin_rate, self.nutation_rate
         scale = 1.0 / (n * self.transverse_inertia)
-        slow = m * jnp.abs(scale * n / (rate * self.precession_rate()))
-        return -scale / self.precession_rate() * moment, slow, m * jnp.abs(scale / rate)
+        slow = m * jnp.abs(scale * n / (rate * self.precession_rate))
+        return -scale / self.precession_rate * moment, slow, m * jnp.abs(scale / rate)
 
     def _integral(
         self,

@@ -63,6 +63,7 @@ class MassProperties(eqx.Module):
     centre: Vector
     tensor: Matrix
 
+    @property
     def inertia(self) -> InertiaTensor:
         """The inertia about the centre of mass; raises `InputError` where it is that of no body
         which can turn about every axis."""

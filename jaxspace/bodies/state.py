@@ -86,6 +86,7 @@ class BodyState(eqx.Module):
             )
         return self.parts[name]
 
+    @property
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""
         return tuple(name for name in PARTS if getattr(self, name) is not None)

@@ -176,7 +176,7 @@ def budget(
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
-    parts = file.y0.present()
+    parts = file.y0.present
     judged = parts[0] if output is None else output
     if judged in parts:
         # The difference of two attitudes is an angle.

@@ -64,6 +64,7 @@ class Filtered(eqx.Module):
         """Standard deviations of the coordinates of the state."""
         return jnp.sqrt(jnp.stack([self.covariance[k, k] for k in range(len(self.names))]))
 
+    @property
     def nis(self) -> Float[Array, "times *#runs"]:
         """Normalised innovations squared, r^T S^-1 r: chi^2 with m degrees of freedom on average if
         the filter is consistent."""

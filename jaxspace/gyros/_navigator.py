@@ -102,7 +102,7 @@ class InertialNavigator(AbstractSystem):
     gimballed: bool = eqx.field(static=True, default=False)
 
     def vector_field(self, t: Scalar, y: NavigatorState) -> NavigatorState:
-        earth, felt = self.earth(), self.felt(t)
+        earth, felt = self.earth, self.felt(t)
         force, turn = self._measured(felt, y.attitude)
         # What all runs share meets what each has of its own.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
@@ -132,7 +132,7 @@ class InertialNavigator(AbstractSystem):
         self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
     ) -> NavigatorState:
         """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
-        felt, earth = self.felt(0.0), self.earth()
+        felt, earth = self.felt(0.0), self.earth
         east, north, up = as_float(position)
         place = felt.place
         along, across = earth.curvature_radii(place.latitude)
@@ -146,13 +146,14 @@ class InertialNavigator(AbstractSystem):
         v = with_rank(v, rank) + with_rank(felt.velocity, rank)
         return NavigatorState(*parts, place.height + up, v, attitude)
 
+    @property
     def earth(self) -> Earth:
         """The earth on which it navigates."""
         return Earth(self.radius, self.flattening, self.mu, self.j2, self.earth_rate)
 
     def felt(self, t: Scalar) -> Felt:
         """The motion of the vehicle at `t`, s, and what perfect instruments would feel."""
-        return felt_on(self._course if self.path is None else self.path, self.earth(), t)
+        return felt_on(self._course if self.path is None else self.path, self.earth, t)
 
     def errors(self, t: Scalar, y: NavigatorState) -> NavigationErrorState:
         """The errors of what the navigator holds, in the true level axes, exactly; its tilt is that
@@ -175,7 +176,7 @@ class InertialNavigator(AbstractSystem):
         """The linear error equations of 6.11 at the time `t`, s, with constant coefficients: exact
         to first order for a body that keeps its heading on a parallel of a sphere."""
         felt = self.felt(t)
-        p, z = self.earth().from_axis(felt.place.latitude, felt.place.height)
+        p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
         radius = jnp.sqrt(p * p + z * z)
         faults = (self.accelerometer_bias, self.gyro_drift)
         turn = Quaternion.identity() if self.gimballed else felt.attitude
@@ -194,7 +195,7 @@ class InertialNavigator(AbstractSystem):
     def _course(self, t: Scalar) -> Place:
         place = self.latitude, self.height
         speed = jnp.broadcast_arrays(self.east_speed, self.north_speed, self.climb)
-        north, east, up = self.earth().place_rates(*place, jnp.stack(speed))
+        north, east, up = self.earth.place_rates(*place, jnp.stack(speed))
         roll = self.roll_amplitude * jnp.sin(self.roll_frequency * t)
         still = 0.0 * t
         return Place(
@@ -229,7 +230,7 @@ class InertialNavigator(AbstractSystem):
 
     def _inertial(self, y: NavigatorState, level: Quaternion) -> tuple[Vector, Vector]:
         """Position and velocity in inertial axes that meet those of the earth now."""
-        p, z = self.earth().from_axis(y.latitude, y.height)
+        p, z = self.earth.from_axis(y.latitude, y.height)
         r = jnp.stack(jnp.broadcast_arrays(p * jnp.cos(y.longitude), p * jnp.sin(y.longitude), z))
         spin = jnp.stack(jnp.broadcast_arrays(-r[1], r[0], 0.0 * r[2]))
         v = level.rotate(y.velocity)

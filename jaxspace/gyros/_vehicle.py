@@ -39,6 +39,7 @@ class Place(NamedTuple):
     pitch: Scalar
     roll: Scalar
 
+    @property
     def attitude(self) -> Quaternion:
         """From body axes to level axes."""
         turned = Quaternion.about(2, self.heading).then(Quaternion.about(1, self.pitch))
@@ -96,4 +97,4 @@ def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
     force = v_rate + cross(2.0 * turn + transport, v) - gravity
 
     omega = place.body_rate(rate)
-    return Felt(place, v, force, turn + transport, place.attitude(), omega)
+    return Felt(place, v, force, turn + transport, place.attitude, omega)

@@ -41,6 +41,7 @@ class BearingFriction(AbstractParameters):
         doc="r_0 of smooth dry friction; without it slip and stick are events",
     )
 
+    @property
     def slips(self) -> bool:
         """Whether slip is a part of the state."""
         return self.creep is None

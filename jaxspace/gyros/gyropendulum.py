@@ -83,6 +83,7 @@ class Gyropendulum(AbstractSystem):
     def closed_form(self) -> LinearFlow:
         return LinearFlow(*self._matrices())
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the precession and of the nutation, without erection:
         (sqrt(H^2 + 4 A Wl) -+ H) / (2 A)."""

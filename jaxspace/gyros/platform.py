@@ -71,10 +71,12 @@ class PlatformAxis(AbstractSystem):
     def closed_form(self) -> LinearFlow:
         return LinearFlow(*self._matrices())
 
+    @property
     def at_rest(self) -> PlatformState:
         """The state in which all angles and rates are zero."""
         return PlatformState(*(as_float(0.0) for _ in range(5)))
 
+    @property
     def nutation_frequency(self) -> Scalar:
         """h / sqrt(J I), rad/s, without servo and damping (Thomson 6.8-4)."""
         return self.spin_momentum / jnp.sqrt(self.platform_inertia * self.gyro_inertia)

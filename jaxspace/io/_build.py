@@ -53,7 +53,7 @@ def build_mission(
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
     # Before the phases, because a part that one of them integrates stays in the others.
     initial = with_parts(initial, effects.values(), body)
-    carry = initial.present()
+    carry = initial.present
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
         return _one_phase(file, building, scene, seeds), initial

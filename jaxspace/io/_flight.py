@@ -90,7 +90,7 @@ def flight_errors(file: Parsed) -> list[str]:
     """What does not fit together in a flight, one sentence each."""
     found = []
     building = file.building()
-    top = float(building.make("vehicle").ceiling())
+    top = float(building.make("vehicle").ceiling)
     before = math.inf
     for number, chute in enumerate(parachutes(building)):
         key = f"vehicle.parachutes.{number}.height"

@@ -133,6 +133,7 @@ class RotatingHoop(AbstractLagrangian):
         speed2 = self.radius**2 * (theta_rate**2 + (self.rate * jnp.sin(theta)) ** 2)
         return self.mass * (0.5 * speed2 + self.gravity * self._height(theta))
 
+    @property
     def rest_angle(self) -> Scalar:
         """The stable angle, rad: zero up to W^2 = g / r, then cos(theta) = g / (r W^2). Its slope
         is infinite where it leaves the bottom."""

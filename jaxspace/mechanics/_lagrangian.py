@@ -91,6 +91,7 @@ class AbstractLagrangian(AbstractDescription):
         **Raises** `InputError` where known constraints depend on each other or have no slope."""
         return GeneralisedState(*consistent(self, t, y.coordinates, y.rates))
 
+    @property
     def cyclic(self) -> tuple[str, ...]:
         """The names of the coordinates whose momenta are constant."""
         kept = symmetries(self).cyclic

@@ -121,6 +121,7 @@ class ElasticPendulum(AbstractLagrangian):
         """The state of distance, m, angle, rad, and their rates."""
         return state_of_pairs((r, r_rate), (theta, theta_rate))
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of small bounces and of small swings; a ratio of two makes
         them exchange their energy."""

@@ -157,6 +157,7 @@ class Trailer(AbstractSystem):
         del t, y
         return {}
 
+    @property
     def stability_margin(self) -> Scalar:
         """a c - rho^2, m^2: the trailer follows where it is positive, at every speed and
         stiffness."""

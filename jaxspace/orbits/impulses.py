@@ -183,7 +183,7 @@ class Impulse(AbstractJump):
         del t
         if y.position is None or y.velocity is None:
             raise InputError(
-                f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold position and "
+                f"The state holds {', '.join(y.present) or 'nothing'}: it must hold position and "
                 f"velocity."
             )
         outwards, up = unit(y.position), unit(cross(y.position, y.velocity))

@@ -43,7 +43,7 @@ def conserved(scene: AbstractScene, t: Scalar, y: BodyState) -> dict[str, Array]
     adds = frozenset().union(*(added for _, added in pairs))
     # Effects that add a torque alone do not change the energy of the orbit.
     pushing = [(e, added) for e, added in pairs if not added or not added <= TURNING]
-    unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
+    unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared}
     found: dict[str, Array] = {}
     # Mass that leaves takes energy and momentum along.
     if "mass_rate" in adds:

@@ -138,7 +138,7 @@ class Scene(AbstractScene):
                     f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
                 )
         # A part without a role would be integrated at a cost, or silently dropped.
-        idle = [part for part in y.present() if part not in parts]
+        idle = [part for part in y.present if part not in parts]
         if idle:
             raise InputError(
                 f"The state holds {idle[0]}, which no effect of the scene reads or changes: "

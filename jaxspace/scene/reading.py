@@ -134,7 +134,7 @@ def _traced(
     jaxpr = jax.make_jaxpr(act)(y, arrays, time).jaxpr
     moved = {
         part: depending_on(jaxpr, [x])
-        for part, x in zip(y.present(), jaxpr.invars[: len(y.present())], strict=True)
+        for part, x in zip(y.present, jaxpr.invars[: len(y.present)], strict=True)
     }
     outputs = iter(jaxpr.outvars)
     readings = []

@@ -65,6 +65,7 @@ class MissionTrajectory(AbstractMissionResult):
 
         return show_run(self, path)
 
+    @property
     def evaluations(self) -> Array:
         """Evaluations of the vector field over all phases."""
         return sum((p.stats["evaluations"] for p in self.phases), jnp.array(0))

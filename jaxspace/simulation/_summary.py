@@ -56,6 +56,7 @@ class Phases(Protocol):
         """The runs with the names of their phases."""
         ...
 
+    @property
     def evaluations(self) -> Array:
         """How often the vector fields were evaluated."""
         ...
@@ -142,7 +143,7 @@ def summary_of_mission(result: Phases) -> Summary:
         rows.append(
             (name, type(phase.system).__name__, *cells, _counts(phase)[0], _statuses(phase.status))
         )
-    work = _range(result.evaluations())
+    work = _range(result.evaluations)
     facts = [
         ("times", f"{_range(result.phases[0].ts[0])} s to {_range(result.end)} s"),
         ("work", f"{work} evaluations of the vector fields"),

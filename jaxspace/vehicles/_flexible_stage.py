@@ -64,7 +64,7 @@ class FlexibleStage(AbstractEffect):
 
     def body(self, roll_moment: Scalar) -> RigidBody:
         """The rigid body of a scene with this stage; `roll_moment`: about the axis, kg m^2."""
-        across = self.loop.missile.inertia()
+        across = self.loop.missile.inertia
         moments = jnp.stack(jnp.broadcast_arrays(across, across, jnp.asarray(roll_moment)))
         return RigidBody(self.loop.missile.mass, moments)
 
@@ -94,7 +94,7 @@ class FlexibleStage(AbstractEffect):
             self.loop.missile.command + with_rank(self.command, rank),
         )
         missile = loop.missile
-        turn = missile.engine()["turn"]
+        turn = missile.engine["turn"]
         leaning, leaning_rate = self._inclination(y)
         # Both planes pass through the loop as two runs: of the bending the modes come first there.
         state = MissileLoopState(
@@ -115,7 +115,7 @@ class FlexibleStage(AbstractEffect):
             "bending": jnp.swapaxes(found.missile.bending_rate, 0, 1),
             "slosh": found.slosh_rate,
         }
-        turning = missile.inertia() * loop.mean_turn(state)
+        turning = missile.inertia * loop.mean_turn(state)
         across = missile.mass * loop.sideways(state)
         along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
         still = jnp.zeros_like(across[:1])
@@ -145,7 +145,7 @@ class FlexibleStage(AbstractEffect):
         pairs = {"mass": (mass, missile.mass, "kg")}
         if mass is not None and body.has_inertia():
             moment = body.inertia(mass).matrix()[0, 0]
-            pairs["moment of inertia across its axis"] = (moment, missile.inertia(), "kg m^2")
+            pairs["moment of inertia across its axis"] = (moment, missile.inertia, "kg m^2")
         for name, (given, own, kg) in pairs.items():
             if given is None or not (is_concrete(given) and is_concrete(own)):
                 continue

@@ -274,6 +274,7 @@ class Vehicle(AbstractParameters):
                 effects = (*effects, damping)
         return (*effects, control) if isinstance(control, AttitudeControl) else effects
 
+    @property
     def ceiling(self) -> Scalar:
         """A height above the start, m, that no flight from rest on the Earth exceeds: that of a
         climb with the greatest speed for the burn time, and of a throw with it, without air.

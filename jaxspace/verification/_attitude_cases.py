@@ -26,7 +26,7 @@ def free_flight(x: Array) -> Array:
 
 def polhode_period(x: Array) -> Array:
     """From moments and rate."""
-    return Polhode.of(x[:3], x[3:6]).period()[None]
+    return Polhode.of(x[:3], x[3:6]).period[None]
 
 
 def cones(x: Array) -> Array:
@@ -39,13 +39,13 @@ def nutation(x: Array) -> Array:
     psi' and n."""
     y = Top.state(jnp.stack([0.0 * x[3], x[3], 0.0 * x[3]]), jnp.stack([x[5], x[4], x[6]]))
     motion = Top(x[0], x[1], x[2]).nutation(y)
-    return jnp.stack([*motion.turning_points(), motion.period(), motion.precession()])
+    return jnp.stack([*motion.turning_points, motion.period, motion.precession])
 
 
 def cubic_period(x: Array) -> Array:
     """The period from N, beta, alpha - beta and gamma - N."""
     n, beta, up, gamma = x
-    return Nutation(n, beta, up, up + 2.0 * beta, gamma, gamma + 2.0 * n).period()[None]
+    return Nutation(n, beta, up, up + 2.0 * beta, gamma, gamma + 2.0 * n).period[None]
 
 
 def steady_rates(x: Array) -> Array:
@@ -87,7 +87,7 @@ def unwound(x: Array) -> Array:
 def gimbal_walk(x: Array) -> Array:
     """Period and drift from theta, its rate, H, J, I_1 and I_2."""
     walk = GimbalWalk(*x)
-    return jnp.stack([walk.period(), walk.drift()])
+    return jnp.stack([walk.period, walk.drift])
 
 
 # Three moments well apart: about the middle axis the body flips.

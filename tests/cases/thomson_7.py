@@ -316,8 +316,8 @@ def misaligned_rates(A, C, n, M1, start, t):
     missile = SpinningMissile(A, C, n)
     rate = missile.transverse_rate(t, vec(*start), vec(M1, 0))
     # From rest w_12 is a circle through the origin.
-    half = missile.transverse_rate(jnp.pi / missile.nutation_rate(), vec(0, 0), vec(M1, 0))
-    return rate, missile.nutation_rate(), jnp.hypot(*half)
+    half = missile.transverse_rate(jnp.pi / missile.nutation_rate, vec(0, 0), vec(M1, 0))
+    return rate, missile.nutation_rate, jnp.hypot(*half)
 
 
 def angles_321(angles, rates):
@@ -346,7 +346,7 @@ def pioneer(w0, last):
     cord = cord_length(w0, last, I, R, m)
     yoyo = YoYo(I, R, m, cord)
     return (
-        *(yoyo.inertia_ratio(), cord, zero_spin_cord_length(I, R, m)),
+        *(yoyo.inertia_ratio, cord, zero_spin_cord_length(I, R, m)),
         *(yoyo.unwinding_time(w0), cord / R),
     )
 
@@ -364,7 +364,7 @@ def unwinding(w0, phi, t):
     flow, start = cords.closed_form().flow, cords.state(w0)
     y = flow(phi / w0, start)
     end = flow(t, y)
-    most = jnp.sqrt(cords.inertia_ratio() / 3.0)
+    most = jnp.sqrt(cords.inertia_ratio / 3.0)
     return y.spin, end.angle, end.spin, end.angle_rate, cords.tension(flow(most / w0, start)), most
 
 

@@ -91,7 +91,7 @@ def airs_at(x):
     )
     rates = v.air_drag.descent_rate(*x[8:11], 9.8 + 0.0 * x[0])
     site = v.LaunchSite(5.0, 1.4, 0.3 + x[6], x[6])
-    placed = site.direction(), site.attitude().wxyz
+    placed = site.direction, site.attitude.wxyz
     force = v.air_drag.drag_force(x[3:6], x[10], x[9])
     dry, left = dry_air(280.0 + x[9], 9e4 + x[8]), isothermal_ratio(x[2], 280.0 + x[9])
     rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]), *dry, left)

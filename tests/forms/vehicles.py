@@ -76,7 +76,7 @@ def top_relatives(x):
 def on_a_shaft(x):
     """Critical rate, equilibrium and frequency of a pendulum on a turning shaft."""
     pendulum = a.ShaftPendulum(x[0], x[1], x[2], x[3])
-    found = pendulum.critical_rate(), pendulum.equilibrium(), pendulum.frequency(x[4])
+    found = pendulum.critical_rate, pendulum.equilibrium, pendulum.frequency(x[4])
     return tuple(f[None] for f in found)
 
 
@@ -126,17 +126,15 @@ def burning_and_spinning(x):
 def compass_at_rest(x):
     """Frequencies, errors and damping of a gyrocompass."""
     compass = g.Gyrocompass(*x[:6], speed=x[6], course=x[7])
-    rest = compass.rest_tilt(), compass.rest_azimuth(), compass.heading_error()
-    slow = compass.slow_frequency(), compass.damping_ratio(), compass.clamped_frequency()
-    return tuple(jnp.atleast_1d(f) for f in (*rest, *slow, *compass.frequencies()))
+    rest = compass.rest_tilt, compass.rest_azimuth, compass.heading_error
+    slow = compass.slow_frequency, compass.damping_ratio, compass.clamped_frequency
+    return tuple(jnp.atleast_1d(f) for f in (*rest, *slow, *compass.frequencies))
 
 
 def rate_gyro(x):
     """Integrated angle, steady angle and overshoot of a rate gyro."""
     gyro = g.RateGyro(*x[:5])
-    return tuple(
-        f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle(), gyro.overshoot())
-    )
+    return tuple(f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle, gyro.overshoot))
 
 
 def of_navigation(x):
