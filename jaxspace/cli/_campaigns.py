@@ -55,12 +55,12 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))
-    for doubt in file.doubts():
-        print(doubt, file=sys.stderr)
+    for warning in file.warnings:
+        print(warning, file=sys.stderr)
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
     how |= {"until": until, "seed": seed, "times": times}
     store = path_of(file, folder, ".zarr")
-    return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
+    return _run(file, store, runs, options.engine, METHODS if options.compare else None, **how)
 
 
 def _refuse_options_of_runs(options: Options) -> None:
@@ -98,10 +98,10 @@ def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     own["times"] = there.get("times")
     own["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], own["until"]))
-    return _fly(file, store, there["planned_runs"], engine, resume=True, **own)
+    return _run(file, store, there["planned_runs"], engine, resume=True, **own)
 
 
-def _fly(
+def _run(
     file: SceneFile,
     store: str,
     runs: int,
@@ -111,7 +111,7 @@ def _fly(
 ) -> int:
     before = _head_of(store)
     try:
-        return _fly_and_report(file, store, runs, engine, compare, **how)
+        return _run_and_report(file, store, runs, engine, compare, **how)
     except (KeyboardInterrupt, RuntimeError) as error:
         if not is_stop(error):
             raise
@@ -120,7 +120,7 @@ def _fly(
         raise Stopped(_left(store, untouched)) from None
 
 
-def _fly_and_report(
+def _run_and_report(
     file: SceneFile,
     store: str,
     runs: int,
@@ -189,7 +189,7 @@ def _left(store: str, untouched: bool) -> str:
     # Stopped before the first run.
     except StoreError:
         return "stopped before the first run: nothing is kept."
-    planned = there.wanted
+    planned = there.planned_runs
     return (
         f"stopped: {there.runs} of {planned} runs are kept in {store}. "
         f"`jaxspace resume {store}` computes the rest."
@@ -199,11 +199,11 @@ def _left(store: str, untouched: bool) -> str:
 def _times(result: Dispersion) -> str:
     # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
     ahead = result.attributes["preparation_seconds"]
-    flying = max(result.seconds - ahead, 1e-9)
+    computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
     return (
         f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then "
-        f"{result.runs / flying:.0f} runs/s, {use:.0f} % of {result.cores} cores"
+        f"{result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores"
     )
 
 
@@ -212,8 +212,8 @@ def replay(
 ) -> int:
     """Run one sample of a store once more, print it, and draw its phases."""
     kept = _opened_quietly(store)
-    if run >= kept.wanted:
-        raise InputError(f"--run is {run}: it must be from 0 to {kept.wanted - 1}.")
+    if run >= kept.planned_runs:
+        raise InputError(f"--run is {run}: it must be from 0 to {kept.planned_runs - 1}.")
     file = _scene(store, kept, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.

@@ -70,9 +70,12 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
 
         found, numbers, run = _confirmed(file, file.optimize(progress=show), best)
         most = MOST_REPEATED * found.steps
-        # Both claim an end by the search's own flight, and not that of an interruption.
-        while found.doubt and (found.minimum.converged or found.infeasible) and found.steps < most:
-            bar.write(f"{found.doubt} The search goes on with {2 * found.steps}.", file=sys.stderr)
+        # Both claim an end by the search's own run, and not that of an interruption.
+        while found.warning and found.steps < most:
+            if not (found.minimum.converged or found.infeasible):
+                break
+            sentence = f"{found.warning} The search goes on with {2 * found.steps}."
+            bar.write(sentence, file=sys.stderr)
             again = file.optimize(progress=show, start=found.values, steps=2 * found.steps)
             found, numbers, run = _confirmed(file, again, best)
     print(optimum_report(found, numbers, run))
@@ -102,7 +105,7 @@ def _confirmed(
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
-    return found.judged(run, numbers), numbers, run
+    return found.checked(run, numbers), numbers, run
 
 
 def explain(path: str, modules: Sequence[str] = ()) -> int:

@@ -28,10 +28,10 @@ from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, runs_of
-from ..simulation.flight import AbstractFlight
 from ..simulation.run_result import RunResult
+from ..simulation.runnable import AbstractRunnable
 from ._controller import AbstractController, as_controller
-from ._fly import LoopOptions, LoopRun, fly
+from ._loop_run import LoopOptions, LoopRun, run_loop
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period, known_seconds
@@ -47,7 +47,7 @@ def _as_sensors(x: Any) -> Any:
 
 
 @final
-class ClosedLoop(AbstractFlight):
+class ClosedLoop(AbstractRunnable):
     """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
@@ -65,7 +65,7 @@ class ClosedLoop(AbstractFlight):
     - `key`: of the noise, where the run is given none; in a mission of many runs one of each.
     - `longest`: how long the loop may take as a phase whose duration is traced, s.
 
-    As the `system` of a `Phase` a loop flies in a mission, and so in a campaign.
+    As the `system` of a `Phase` a loop runs in a mission, and so in a campaign.
 
     Raises `InputError` for a period, a delay or a `longest` that is no known time, and for another
     hold."""
@@ -113,7 +113,7 @@ class ClosedLoop(AbstractFlight):
     def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
         return config_of(self, y0, accuracy)
 
-    def fly(
+    def run(
         self,
         until: Scalar | Event,
         y0: State,
@@ -167,7 +167,7 @@ class ClosedLoop(AbstractFlight):
         memory: PyTree = None,
         throw: bool = True,
     ) -> LoopRun:
-        """Fly the loop from the state `y0`.
+        """Run the loop from the state `y0`.
 
         **Arguments**
 
@@ -187,9 +187,9 @@ class ClosedLoop(AbstractFlight):
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
         in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
-        be flown."""
+        run."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
-        return fly(self, y0, ts, options, 0, throw=throw)
+        return run_loop(self, y0, ts, options, 0, throw=throw)
 
     def simulate_batch(
         self,
@@ -212,4 +212,4 @@ class ClosedLoop(AbstractFlight):
         draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
         alone."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
-        return fly(self, y0s, ts, options, 1, throw=throw)
+        return run_loop(self, y0s, ts, options, 1, throw=throw)

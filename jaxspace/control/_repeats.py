@@ -25,7 +25,7 @@ REPEATS = 3
 def repeated(
     program: Callable[..., RunResult], known: Known, config: IntegrationConfig, static: Static
 ) -> tuple[RunResult, IntegrationConfig]:
-    """A flight, with finer steps where they proved too few and that can be known here."""
+    """The run, repeated with finer steps if they were too few and the numbers are known."""
     for _ in range(REPEATS + 1):
         result = program(known, config, static)
         error = _too_few(result)

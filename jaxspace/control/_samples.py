@@ -73,8 +73,8 @@ class Passing(NamedTuple):
     stop: Stop
 
 
-class Left(NamedTuple):
-    """What a loop leaves, with the nodes first in `states`, `commands` and `readings`."""
+class SampledRun(NamedTuple):
+    """A run of a loop, with the nodes first in `states`, `commands` and `readings`."""
 
     states: State
     commands: PyTree
@@ -93,8 +93,8 @@ def run_samples(
     start: Scalar,
     nodes: Nodes,
     keys: Keys | None,
-) -> Left:
-    """Fly a loop from the state `y0` at the time `start`, s.
+) -> SampledRun:
+    """Run a loop from the state `y0` at the time `start`, s.
 
     **Arguments**
 
@@ -126,7 +126,7 @@ def run_samples(
     status = jnp.where(alive, status, Status.NOT_FINITE)
     # First what explains the others: a command that is no number spoils the state behind it.
     status = jnp.where(last.bad, Status.COMMAND_NOT_FINITE, status).astype(jnp.int32)
-    return Left(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
+    return SampledRun(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
 
 
 def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> Passing:

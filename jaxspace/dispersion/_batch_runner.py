@@ -6,7 +6,7 @@ runs follow that plan in blocks; the embedded error estimate shows for every run
 enough. The runs that missed the tolerance are repeated on finer plans, and those that still miss it
 with adaptive steps, each by itself; where that fails too, their status says so.
 
-One compiled program draws the inputs and one flies the missions of every call and every plan,
+One compiled program draws the inputs and one runs the missions of every call and every plan,
 whatever the number of runs, of chunks, of cores and of processes: the plans are padded to one
 length, a call is always so many runs in blocks of always the same runs, and cores share calls,
 never a call. The numbers of run i therefore depend on the campaign, the seed and i alone, to the
@@ -88,17 +88,17 @@ class BatchRunner:
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)
 
-        def draw(flown: np.ndarray) -> Drawn:
-            return runner._draw(first, flown)
+        def draw(used: np.ndarray) -> Drawn:
+            return runner._draw(first, used)
 
-        flown = np.ones(runner.call, bool)
-        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, flown, 0))
+        used = np.ones(runner.call, bool)
+        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
         def plans_of_pilots() -> tuple[list[np.ndarray | None], bool]:
-            draw(flown)
+            draw(used)
             # The program of all runs takes longer to compile: it must be traced first. What its
-            # functions return wrongly is raised here, before anything flies.
+            # functions return wrongly is raised here, before any mission runs.
             lowered.result()
             pilots, coupled, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # While the compiler is at work on the program of all runs.
@@ -194,15 +194,15 @@ class BatchRunner:
     ) -> tuple[RunResults, np.ndarray]:
         """The results of call number `k`; of a run that raises, its own row says so."""
 
-        def call(flown: np.ndarray) -> PyTree:
-            drawn = self._draw(numbers, flown, k)
+        def call(used: np.ndarray) -> PyTree:
+            drawn = self._draw(numbers, used, k)
             return jax.tree.map(np.asarray, self._program(*self._given(drawn, plans, blocks)))
 
         return isolate(call, numbers.size)
 
-    def _draw(self, numbers: np.ndarray, flown: np.ndarray, k: int = 0) -> Drawn:
+    def _draw(self, numbers: np.ndarray, used: np.ndarray, k: int = 0) -> Drawn:
         """The inputs of call number `k`, on its device."""
-        return draw_inputs(*self._chosen(numbers, flown, k))
+        return draw_inputs(*self._chosen(numbers, used, k))
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
@@ -225,10 +225,10 @@ class BatchRunner:
     def _program(self) -> Callable[..., Any]:
         return program(self.devices[0].platform)
 
-    def _chosen(self, numbers: np.ndarray, flown: np.ndarray, k: int) -> tuple[Any, ...]:
+    def _chosen(self, numbers: np.ndarray, used: np.ndarray, k: int) -> tuple[Any, ...]:
         """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
-        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
+        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
         return self.planned.campaign, self.key, *given
 
     def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:

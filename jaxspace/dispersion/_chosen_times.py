@@ -11,9 +11,9 @@ import numpy as np
 
 from ..core import InputError
 from ..simulation import Event, Phase
-from ..simulation.flight import AbstractFlight
 from ..simulation.legs import legs_of
 from ..simulation.mission_runs import OwnTimes
+from ..simulation.runnable import AbstractRunnable
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
 
@@ -71,7 +71,7 @@ def _chosen_in(
     left, start, known = before
     if not left.size:
         return None, before
-    if isinstance(phase.system, AbstractFlight):
+    if isinstance(phase.system, AbstractRunnable):
         raise InputError(
             f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
             f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "

@@ -19,9 +19,9 @@ from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign
 from ._chosen_times import choose_times
+from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
-from ._flight import in_memory, ordered, stored
 from ._record import record
 from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter

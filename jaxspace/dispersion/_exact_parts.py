@@ -15,9 +15,9 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.exact_part import takes_many_steps
-from ..simulation.flight import AbstractFlight
 from ..simulation.legs import legs_of
 from ..simulation.phases import longest
+from ..simulation.runnable import AbstractRunnable
 
 
 def _turns(campaign: Any) -> list[Array]:
@@ -26,8 +26,8 @@ def _turns(campaign: Any) -> list[Array]:
     found = []
     for leg in legs_of(mission)[0]:
         phase: Any = leg.phase
-        flight = isinstance(phase.system, AbstractFlight)
-        decoupled = None if flight else phase.system.decoupled()
+        loop = isinstance(phase.system, AbstractRunnable)
+        decoupled = None if loop else phase.system.decoupled()
         if decoupled is not None:
             found.append(jnp.max(decoupled.turns(longest(phase.until), y0)))
     return found

@@ -107,9 +107,9 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     count = len(next(iter(pilots.samples.values())))
     status = np.broadcast_to(pilots.result.status, (count,))
 
-    def compute(flown: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+    def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         # The nominal run in place of one that raises.
-        rows = np.where(flown, np.arange(count), 0)
+        rows = np.where(used, np.arange(count), 0)
         return rows, _numbers(_at(campaign, pilots, rows))
 
     try:
@@ -117,9 +117,9 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     except SimulationError as error:
         nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), campaign.along)
         raise raised("The nominal run", campaign, *nominal, error) from error
-    flown = (rows == np.arange(count)) & (status <= Status.EVENT)
+    used = (rows == np.arange(count)) & (status <= Status.EVENT)
     # The greatest of all runs is that of one of them: two are asked.
-    for row in [*(np.flatnonzero(flown[1:])[:1] + 1).tolist(), 0]:
+    for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
         alone = _numbers(_at(campaign, pilots, np.full(count, row)))
         for name, x in alone.items():
             here = among[name][row].item()

@@ -1,6 +1,6 @@
 """Whether a mean and a deviation found without many runs are those of the runs.
 
-    doubted where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
+    warning where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
 
     symbol    meaning                                                        unit
     m, s      mean and deviation by a method without many runs               of the output

@@ -49,7 +49,7 @@ from .evaluate import BLOCK, Evaluator, evaluate_traced
 
 # How far from the mean slopes are compared with the curvature, in deviations; and which part of
 # them may lack before the output counts as not smooth.
-NEARBY, LACK = 0.01, 1e-3
+NEARBY, MISSING_SHARE = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
 METHODS = ("lincov", "second_order", "unscented")
@@ -137,10 +137,10 @@ def moments(
         return found
     found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
     # Outputs that are not finite have had a warning already.
-    doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
-    if doubted:
+    unsure = [name for name in found.warnings if math.isfinite(found.std(name))]
+    if unsure:
         warnings.warn(
-            f"{method} is not to be trusted in {', '.join(doubted)}: {check} runs say otherwise, "
+            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs say otherwise, "
             f"and Moments.warnings what; Monte Carlo tells it.",
             stacklevel=2,
         )
@@ -239,10 +239,10 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
     expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
-    lacking = np.abs(found - expected).max()
+    missing = np.abs(found - expected).max()
     # A fourth derivative lets a little lack, rounding a little of the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
-    return bool(lacking > 0.5 * np.abs(found).max() and lacking > LACK * steepest)
+    return bool(missing > 0.5 * np.abs(found).max() and missing > MISSING_SHARE * steepest)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:

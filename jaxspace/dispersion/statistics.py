@@ -80,22 +80,22 @@ class Dispersion(eqx.Module):
         return f"{self.enough} runs are enough, {StopRule(**self.attributes['until']).text()}."
 
     @property
-    def wanted(self) -> int:
+    def planned_runs(self) -> int:
         """Number of runs of the complete campaign."""
         return int(self.enough or self.attributes.get("planned_runs", self.runs))
 
     @property
-    def lacking(self) -> str:
+    def missing_runs(self) -> str:
         """How many of the planned runs are here, and what computes the rest, in a sentence; empty
         when the campaign is complete, also one that ended itself."""
-        if self.runs >= self.wanted:
+        if self.runs >= self.planned_runs:
             return ""
         # The command line builds campaigns of scene files alone.
         scene = "scene_file" in self.attributes
         rest = f"jaxspace resume {self.store}" if scene else "disperse(..., resume=True)"
         return (
-            f"{self.runs} of {self.wanted} planned runs are in the store: `{rest}` computes the "
-            f"rest."
+            f"{self.runs} of {self.planned_runs} planned runs are in the store: `{rest}` computes "
+            f"the rest."
         )
 
     @property
@@ -115,11 +115,11 @@ class Dispersion(eqx.Module):
     def utilisation(self) -> float:
         """The share of these cores that was at work while the runs were computed; NaN where that is
         not known."""
-        flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
+        computing = self.seconds - self.attributes.get("preparation_seconds", 0.0)
         busy = self.attributes.get("cpu_seconds", 0.0)
         # Zero if nothing was computed, or nothing was recorded.
-        known = flying > 0.0 and busy > 0.0 and self.cores > 0
-        return busy / (flying * self.cores) if known else float("nan")
+        known = computing > 0.0 and busy > 0.0 and self.cores > 0
+        return busy / (computing * self.cores) if known else float("nan")
 
     @property
     def good(self) -> np.ndarray:
@@ -161,7 +161,7 @@ class Dispersion(eqx.Module):
         """A `Row` for each of the "outputs" or "inputs", over the good runs.
 
         Limits and extremes count infinite values, mean and deviation leave them out; the row says
-        how many there are (`Row.doubt`). Raises `InputError` for any other word."""
+        how many there are (`Row.warning`). Raises `InputError` for any other word."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         return [
@@ -169,10 +169,11 @@ class Dispersion(eqx.Module):
             for name, x in getattr(self, of).items()
         ]
 
-    def doubts(self) -> tuple[str, ...]:
+    @property
+    def warnings(self) -> tuple[str, ...]:
         """What to know before the numbers are used, a sentence each: runs that the store lacks, and
         outputs that are infinite or not a number in runs that ended well."""
-        sentences = (self.lacking, *(row.doubt() for row in self.table()))
+        sentences = (self.missing_runs, *(row.warning for row in self.table()))
         return tuple(sentence for sentence in sentences if sentence)
 
     def contributors(self, output: str, count: int | None = 5) -> Contributors:

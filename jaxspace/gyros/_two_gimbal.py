@@ -147,8 +147,8 @@ class TwoGimbalGyro(AbstractSystem):
             y = replace(y, slip_inner=jnp.sign(theta_rate + 0.0 * h))
         if self.outer_bearing is not None and self.outer_bearing.slips:
             y = replace(y, slip_outer=jnp.sign(psi_rate + 0.0 * h))
-        for name, bearing, _, acting, slip in self._slipping(y):
-            y = replace(y, **{name: jnp.where(slip == 0.0, bearing.slip_at_rest(acting), slip)})
+        for name, bearing, _, applied, slip in self._slipping(y):
+            y = replace(y, **{name: jnp.where(slip == 0.0, bearing.slip_at_rest(applied), slip)})
         return y
 
     def outer_rate(self, y: GimbalState) -> Scalar:
@@ -178,12 +178,12 @@ class TwoGimbalGyro(AbstractSystem):
         are."""
         del t
         least = self.friction_margin(0.0, y)
-        for name, bearing, rate, acting, slip in self._slipping(y):
-            margin = bearing.margin(rate, acting, slip)
+        for name, bearing, rate, applied, slip in self._slipping(y):
+            margin = bearing.margin(rate, applied, slip)
             # Two at the same time are one event.
             now = (margin <= least) | (margin <= 0.0)
             y = self._at_rest(y, name, now)
-            y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(acting), slip)})
+            y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(applied), slip)})
         return y
 
     def struck(self, y: GimbalState, inner: Scalar, outer: Scalar = 0.0) -> GimbalState:

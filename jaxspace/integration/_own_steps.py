@@ -152,14 +152,14 @@ def _advance(
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
     free = jnp.where(moving & ~past, proposal, free)
     pending = active & (loop.pending | past | (accept & loop.landing))
-    turn = _Turn(
+    state = _PassState(
         OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
     )
     # All at once, when no run is still on its way: to land costs as much as some steps.
     y1, h1, pending, landing, done = jax.lax.cond(
         jnp.any(pending) & jnp.all(pending | ~active),
-        lambda: _turned(settings, form, field, segment, turn, free),
-        lambda: (*turn, jnp.zeros_like(past)),
+        lambda: _enter_segments(settings, form, field, segment, state, free),
+        lambda: (*state, jnp.zeros_like(past)),
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
     taken = jnp.where(accept, loop.h, 0.0)
@@ -177,7 +177,7 @@ def _advance(
     )
 
 
-class _Turn(NamedTuple):
+class _PassState(NamedTuple):
     """State of the runs between two passes.
 
     - `y`: variables and segments.
@@ -191,28 +191,28 @@ class _Turn(NamedTuple):
     landing: Bool[Array, "*runs"]
 
 
-def _turned(
+def _enter_segments(
     settings: LoopSettings,
     form: AbstractRegularised,
     field: ScaledField,
     segment: Segment,
-    turn: _Turn,
+    state: _PassState,
     free: Array,
 ) -> tuple[OwnState, Array, Array, Array, Array]:
     """Advance runs that are close to the end of their segment; those at its end enter the next one.
 
-    **Returns** the fields of the next `_Turn`, and which runs have landed."""
-    z = turn.y.z
+    **Returns** the fields of the next `_PassState`, and which runs have landed."""
+    z = state.y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]
     close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * unit(form, z, rate)
-    done = turn.pending & (close | (segment.duration == 0.0))
-    y1 = landing_state(form, segment, turn.y, done)
+    done = state.pending & (close | (segment.duration == 0.0))
+    y1 = landing_state(form, segment, state.y, done)
     following = Segment.of(field, settings, y1.segment)
     to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
-    landing = turn.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
+    landing = state.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
     h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
-    return y1, h, jnp.zeros_like(turn.pending), landing, done
+    return y1, h, jnp.zeros_like(state.pending), landing, done
 
 
 def _too_long(

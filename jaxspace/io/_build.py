@@ -59,10 +59,10 @@ def build_mission(
         return _one_phase(file, building, scene, seeds), initial
     phases, start = [], 0.0
     for number, phase in enumerate(values["phase"]):
-        acting = {name: effects[name] for name in phase["effects"]}
-        until = _until(file, number, acting, start, building)
+        active = {name: effects[name] for name in phase["effects"]}
+        until = _until(file, number, active, start, building)
         # All phases carry the same parts, so that one state passes through all of them.
-        scene = Scene(tuple(acting.values()), body, carry)
+        scene = Scene(tuple(active.values()), body, carry)
         system = controlled(file, f"phase.{number}.control", building, scene, seeds)
         phases.append(Phase(system, until, _jump(number, phase, building), phase["name"]))
         # After an event the time is not known before the run; known ends are refused there.
@@ -75,8 +75,8 @@ def _one_phase(
 ) -> Mission:
     """A system or a scene as a mission, under a controller where the file has one."""
     end = end_of_loop(file, _span(file)) if file.values["control"] else _span(file)
-    flown = controlled(file, "control", building, system, seeds)
-    return Mission([Phase(flown, end, name=ONE_PHASE[file.kind])])
+    moving = controlled(file, "control", building, system, seeds)
+    return Mission([Phase(moving, end, name=ONE_PHASE[file.kind])])
 
 
 def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSystem, State]:
@@ -156,7 +156,7 @@ def _span(file: Parsed) -> float:
 
 
 def _until(
-    file: Parsed, number: int, acting: dict[str, AbstractEffect], start: Scalar, building: Building
+    file: Parsed, number: int, active: dict[str, AbstractEffect], start: Scalar, building: Building
 ) -> Scalar | Event:
     """The duration of the phase of this number, s, or the event that ends it; `start` is its
     time, s."""
@@ -166,11 +166,11 @@ def _until(
         return phase["duration"]
     if name is not None:
         path = f"phase.{number}.until.{name}"
-        condition = building.make(path, **referred(file.makers[path], acting))
+        condition = building.make(path, **referred(file.makers[path], active))
         return Event(condition, condition.direction, phase["within"])
     if until in events:
         return Event(events[until], events[until].event.direction, phase["within"])
-    known = next(e for n, e in acting.items() if until in file.catalog.known_times(n))
+    known = next(e for n, e in active.items() if until in file.catalog.known_times(n))
     return getattr(known, until)() - start
 
 

@@ -32,7 +32,7 @@ class Parsed:
 
     @property
     def is_mission(self) -> bool:
-        """Whether it is flown in phases."""
+        """Whether it runs in phases."""
         return self.kind in ("mission", "flight")
 
     def building(self) -> Building:
@@ -199,13 +199,13 @@ def _no_inertia(file: Parsed) -> str:
     return missing("body.inertia", what).removesuffix(".")
 
 
-def effect_errors(acting: list[str], file: Parsed) -> list[str]:
+def effect_errors(active: list[str], file: Parsed) -> list[str]:
     """What effects that act together need and the file does not have."""
     found, whole = [], []
-    for name in acting:
+    for name in active:
         others = {n: c for n, c in file.catalog.effects.items() if n != name}
         needs = f"the effect {name} needs another effect"
-        errors = reference_errors(file.makers[f"effects.{name}"], needs, others, acting)
+        errors = reference_errors(file.makers[f"effects.{name}"], needs, others, active)
         found += errors
         # Without what it refers to an effect cannot be made, nor be asked what it reads.
         whole += [] if errors else [name]
@@ -234,21 +234,21 @@ def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> lis
         line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
         found.append(f"{line}; the effect {name} needs the mass of the body.")
     # What an effect adds has to be integrated, even where the effect does not read it.
-    wanted = reading.needs & (TRANSLATION | ROTATION)
+    needed = reading.needs & (TRANSLATION | ROTATION)
     for added in reading.adds & set(CALLS_FOR):
-        wanted |= CALLS_FOR[added]
-    lacking = sorted(wanted - file.parts())
-    return found + [_lacking(part, f"the effect {name}") for part in lacking]
+        needed |= CALLS_FOR[added]
+    absent = sorted(needed - file.parts())
+    return found + [_absent_part(part, f"the effect {name}") for part in absent]
 
 
 def reference_errors(
-    maker: Maker, needs: str, effects: Mapping[str, type], acting: list[str]
+    maker: Maker, needs: str, effects: Mapping[str, type], active: list[str]
 ) -> list[str]:
     """What an object refers to, and none of the effects that act beside it has."""
     found = []
     for attribute in maker.references.values():
         offers = [name for name, cls in effects.items() if hasattr(cls, attribute)]
-        if not set(offers) & set(acting):
+        if not set(offers) & set(active):
             found.append(
                 f"{needs} with a {attribute.replace('_', ' ')} that acts beside it: one of "
                 f"{', '.join(offers)}."
@@ -256,7 +256,7 @@ def reference_errors(
     return found
 
 
-def _lacking(part: str, whose: str) -> str:
+def _absent_part(part: str, whose: str) -> str:
     return f"initial has no {part}: {whose} needs it."
 
 
@@ -281,7 +281,7 @@ def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
         name = condition_of(until) or until
         # The mass is never given in `initial`: it is that of the body.
         for part in sorted(event_needs(until, file.catalog) - parts - {"mass"}):
-            found.append(_lacking(part, f"the event {name}"))
+            found.append(_absent_part(part, f"the event {name}"))
         maker = file.makers.get(f"{key}.until.{name}")
         if maker is not None:
             needs, effects = f"the event {name} needs an effect", file.catalog.effects
@@ -298,5 +298,5 @@ def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
         found.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
     for name in jumps:
         needs = file.catalog.jumps[name].needs - {"mass"}
-        found += [_lacking(part, f"the jump {name}") for part in sorted(needs - parts)]
+        found += [_absent_part(part, f"the jump {name}") for part in sorted(needs - parts)]
     return found

@@ -227,11 +227,11 @@ def method_kind(catalog: Catalog) -> Object:
 
 def _phase(catalog: Catalog) -> Table:
     jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
-    acting = ListOf(OneName(tuple(catalog.effects)))
+    active = ListOf(OneName(tuple(catalog.effects)))
     return Table(
         {
             "name": Entry(Text(), doc="of the phase, for tables and figures"),
-            "effects": Entry(acting, (), doc="the effects that act in this phase"),
+            "effects": Entry(active, (), doc="the effects that act in this phase"),
             "duration": Entry(DURATION, None, doc="how long it lasts"),
             "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
             "within": Entry(DURATION, None, doc="how long to wait for the event"),

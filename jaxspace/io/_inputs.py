@@ -38,7 +38,7 @@ class Input(NamedTuple):
         """The distribution about the nominal value."""
         return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
 
-    def doubts(self, path: str) -> list[str]:
+    def warnings(self, path: str) -> list[str]:
         """What is allowed but hardly meant: a range without the nominal value, draws that the
         class of the number refuses."""
         quantity, found = self.nominal.quantity, []

@@ -48,7 +48,7 @@ class MadeInput(NamedTuple):
         """The distribution of this number."""
         return self.made
 
-    def doubts(self, path: str) -> list[str]:
+    def warnings(self, path: str) -> list[str]:
         """A sentence where the class of the number refuses more than one draw in a thousand."""
         quantity = self.nominal.quantity
         share = self.made.outside(quantity.low, quantity.high)

@@ -168,11 +168,11 @@ def _with_empty_tables(data: Values, known: Catalog) -> Values:
 def _named_effects(data: Values) -> list[str]:
     """The effects that have a table, or that a phase names."""
     effects, phases = data.get("effects", {}), data.get("phase", [])
-    acting = [
+    active = [
         e
         for p in (phases if isinstance(phases, list) else [])
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]
     ]
     own = list(effects) if isinstance(effects, Mapping) else []
-    return [e for e in (*own, *acting) if isinstance(e, str)]
+    return [e for e in (*own, *active) if isinstance(e, str)]

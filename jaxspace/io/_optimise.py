@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..optimization import Progress, StopReason, minimise
-from ._flown_task import criterion, failed_phase
 from ._optimize_table import Free, Task
 from ._optimum import Optimum
+from ._search_task import criterion, failed_phase
 
 
 def optimise(
@@ -44,18 +44,18 @@ def optimise(
     met = tuple(bool(x) for x in happened)
     made = Optimum(file, task, found, float(objective), numbers, float(error), each, met)
     if int(found.reason) == StopReason.NOT_FINITE:
-        return dataclasses.replace(made, doubt=_failed_start(made))
+        return dataclasses.replace(made, warning=_failed_start(made))
     return made
 
 
 def _failed_start(found: Optimum) -> str:
-    """Why the flight from the start of a search has no finite numbers, in words; empty where that
-    is not the flight's fault."""
-    # The search itself keeps of a flight only its ends.
+    """Why the run from the start of a search has no finite numbers, in words; empty where that
+    is not the fault of the run."""
+    # The search itself saves only the ends of a run.
     run = found.file.nominal_mission(samples=2)
     bad = failed_phase(run)
     if bad:
-        return f"The flight from the start: {bad}"
+        return f"The run from the start: {bad}"
     missed = [name for name, met in zip(run.names, found.happened, strict=True) if not met]
     if not missed:
         return ""

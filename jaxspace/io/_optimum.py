@@ -14,11 +14,11 @@ from ..core import InputError
 from ..optimization import Minimum, StopReason
 from ..simulation import MissionTrajectory
 from ._build import replaced
-from ._flown_task import criterion, failed_phase, values_of
 from ._inputs import measures
 from ._optimize_table import OWN_TABLES, Task
 from ._optimum_file import with_numbers
 from ._outputs import OutputSpec
+from ._search_task import criterion, failed_phase, values_of
 
 # Relative error of an output that the steps of the search may cause: far below what a design asks
 # of a first search, and far above that of good steps, of which 40 a phase reach 1e-5.
@@ -39,7 +39,7 @@ class Optimum:
     - `objective`, `constraints`: the values of the outputs, SI, in the order of the file.
     - `error`: what the steps estimate of their relative error; `steps`: of each phase.
     - `happened`: whether each phase met its event.
-    - `doubt`: what speaks against it beside the search, in words: that the flight from the start
+    - `warning`: what speaks against it beside the search, in words: that the run from the start
       fails, or that the run that confirms it has other numbers."""
 
     file: Any  # a `SceneFile`, whose module imports this one
@@ -50,12 +50,12 @@ class Optimum:
     error: float
     steps: int
     happened: tuple[bool, ...] = ()
-    doubt: str = ""
+    warning: str = ""
 
     @property
     def converged(self) -> bool:
         """Whether the search met its tolerance, and nothing speaks against the optimum."""
-        return bool(self.minimum.converged) and not self.doubt
+        return bool(self.minimum.converged) and not self.warning
 
     @property
     def values(self) -> dict[str, float]:
@@ -72,7 +72,7 @@ class Optimum:
         """Why the search ended; what each constraint that is not met has reached and what was
         asked, in the units of the file; and what else speaks against the optimum."""
         own = self._own_sentence()
-        return f"{own} {self.doubt}" if self.doubt else own
+        return f"{own} {self.warning}" if self.warning else own
 
     def _own_sentence(self) -> str:
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
@@ -172,10 +172,11 @@ class Optimum:
         numbers = replaced(file.values, {})
         return tuple(float(x) for x in values_of(file, numbers, self._specs, states, ends))
 
-    def judged(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
-        """The optimum with its `doubt`, after the `run` of its file and the outputs `confirmed` by
-        that: where they differ from those found by more than a thousandth, or about zero by more
-        than a hundred tolerances."""
+    def checked(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
+        """The optimum with its `warning`, after the `run` of its file.
+
+        It warns where the outputs `confirmed` by that run differ from those of the search by more
+        than a thousandth, or about zero by more than a hundred tolerances."""
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
             return self
         table, weight = self.file.values["optimize"], np.asarray(self.minimum.search.weight)
@@ -197,15 +198,15 @@ class Optimum:
                 clauses.append(f"{spec.name.replace('_', ' ')} {shown[0]}, not {shown[1]}{unit}")
         bad = failed_phase(run)
         if not clauses and not bad:
-            return dataclasses.replace(self, doubt="")
+            return dataclasses.replace(self, warning="")
         what = f"has {', '.join(clauses)}" if clauses else "fails"
         # A run that fails has its own reason, and says nothing of the steps.
         why = bad or (
             f"The {self.steps} steps of a phase are too coarse, with a relative error of "
             f"{self.error:.1e}."
         )
-        doubt = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"
-        return dataclasses.replace(self, doubt=doubt)
+        warning = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"
+        return dataclasses.replace(self, warning=warning)
 
     def text(self) -> str:
         """The scene file with the optimum in place of its free numbers, comments and units kept."""

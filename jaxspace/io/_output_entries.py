@@ -122,9 +122,9 @@ def _methods_of(name: str, file: Parsed) -> Mapping[str, OutputFunction]:
 def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
     """The numbers of the phases along which an extreme is sought: those in which the effect acts,
     if it is of one. Raises `ValueError` where there are none."""
-    acting = [phase["effects"] for phase in _phases(file)]
-    every = range(max(len(acting), 1)) if found.at < 0 else [found.at]
-    phases = [k for k in every if not acting or not found.effect or found.effect in acting[k]]
+    active = [phase["effects"] for phase in _phases(file)]
+    every = range(max(len(active), 1)) if found.at < 0 else [found.at]
+    phases = [k for k in every if not active or not found.effect or found.effect in active[k]]
     if not phases:
         raise ValueError(f"{what}: {found.effect} does not act in this phase.")
     return tuple(phases)

@@ -66,9 +66,9 @@ def design_of(sampling: str, runs: int) -> LatinHypercube | Sobol | None:
     return Sobol() if sampling == "sobol" else None
 
 
-def doubts_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
+def warnings_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
     """What inputs allow and hardly mean, a sentence each."""
-    return tuple(line for path, how in inputs.items() for line in how.doubts(path))
+    return tuple(line for path, how in inputs.items() for line in how.warnings(path))
 
 
 def _noise(values: Values) -> dict[str, Uniform]:

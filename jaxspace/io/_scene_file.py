@@ -46,7 +46,7 @@ from ._optimize_table import Task
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
-from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
+from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
 
@@ -249,7 +249,7 @@ class SceneFile:
           [dispersion.inputs] has it, such as `{"deviation": "2 km"}`.
         - `outputs`: a function of a `MissionResult` and the inputs that gives more outputs, each
           (runs,), by name, as `Campaign.outputs` does, beside those of the file.
-        - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
+        - `warn`: whether to warn of what the file allows and hardly means (`SceneFile.warnings`).
         - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
           them.
 
@@ -259,8 +259,8 @@ class SceneFile:
         # A copy: what is given for one campaign is no file of another one.
         files = NamedFiles(self.files.folder, self.files.texts)
         scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
-        for doubt in doubts_of(scatters) if warn else ():
-            warnings.warn(doubt, stacklevel=2)
+        for warning in warnings_of(scatters) if warn else ():
+            warnings.warn(warning, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
             nominal = self.nominal_mission()
         reference = None if nominal is None else nominal_states(nominal)
@@ -293,17 +293,18 @@ class SceneFile:
         - `steps`: integration steps of each phase, in place of those of the file.
 
         **Returns** an `Optimum`, whose `converged` says whether it is one as far as the search
-        knows; `Optimum.judged` holds it against a run at the accuracy of the file.
+        knows; `Optimum.checked` holds it against a run at the accuracy of the file.
 
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         return optimise(self, self.task, progress, start, steps)
 
-    def doubts(self) -> tuple[str, ...]:
+    @property
+    def warnings(self) -> tuple[str, ...]:
         """What the file allows and hardly means, a sentence each: a range without the nominal
         value, more than one draw of a thousand that will be refused."""
-        return doubts_of(self.inputs)
+        return warnings_of(self.inputs)
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is

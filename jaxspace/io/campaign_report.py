@@ -61,7 +61,7 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
     range."""
     numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
     lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
-    lines += [kept.lacking] if kept.lacking else []
+    lines += [kept.missing_runs] if kept.missing_runs else []
     # Once, because each column is read from the disk.
     inputs = dict(kept.inputs) if kept.failed else {}
     moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
@@ -139,8 +139,8 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
-    doubts = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
-    return "\n".join([aligned(shown), *([""] if doubts else []), *doubts])
+    warnings = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
+    return "\n".join([aligned(shown), *([""] if warnings else []), *warnings])
 
 
 def moments_report(
@@ -162,15 +162,15 @@ def moments_report(
         cells = (number(x, 0.01 * std) if math.isfinite(x) else NO_NUMBER for x in numbers)
         word = WARNING if name in found.warnings else ""
         rows.append((name, units.get(name, ""), *cells, word))
-    doubts = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
+    warnings = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
     runs = "run" if found.runs == 1 else "runs"
     return "\n".join(
         [
             f"{title}: {found.method}",
             aligned(rows),
             "",
-            *doubts,
-            *([""] if doubts else []),
+            *warnings,
+            *([""] if warnings else []),
             f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
         ]
     )

@@ -17,11 +17,11 @@ from ..dispersion import Dispersion
 from ..dispersion.contributors import Contributors
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
-from ._flown_task import values_of
 from ._inputs import measures
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
+from ._search_task import values_of
 from .units import WrittenUnits, in_unit
 
 Row = tuple[str, ...]
@@ -240,8 +240,8 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
         # An output that was given in Python has no nominal value here.
         own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
         rows.append((row.name, row.unit, own, *numbers))
-    doubts = [sentence for row in table if (sentence := row.doubt())]
-    return "\n".join([aligned(rows), *([""] if doubts else []), *doubts])
+    warnings = [sentence for row in table if (sentence := row.warning)]
+    return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
 
 
 def requirement_table(result: Dispersion) -> str:
@@ -303,7 +303,7 @@ def status_lines(result: Dispersion) -> str:
     """How many runs ended well, how many are still to come, each bad end with its sentence, and
     why there are no more of them."""
     lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
-    lines += [result.lacking] if result.lacking else []
+    lines += [result.missing_runs] if result.missing_runs else []
     lines += [
         f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
     ]

@@ -79,7 +79,7 @@ def dispersion_figure(
 def heading(dispersion: "Dispersion") -> str:
     """The number of runs, and of those that failed."""
     failed = sum(f.count for f in dispersion.failed)
-    planned = f" of {dispersion.wanted} planned" if dispersion.lacking else ""
+    planned = f" of {dispersion.planned_runs} planned" if dispersion.missing_runs else ""
     return f"{dispersion.runs}{planned} runs, seed {dispersion.seed}" + (
         f", {failed} failed" if failed else ", none failed"
     )

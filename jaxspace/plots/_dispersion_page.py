@@ -18,7 +18,7 @@ from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights
+    from ..dispersion import Dispersion, RunPaths
     from ..dispersion.statistics import Failure
 
 HERE = Path(__file__).parent
@@ -34,7 +34,7 @@ def dispersion_page(
     count: int = 8,
     title: str = "Dispersion",
     nominal: Mapping[str, float] | None = None,
-    flights: "Flights | None" = None,
+    paths: "RunPaths | None" = None,
     wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Path:
     """Write a page of a campaign: its card, tables and interactive plots, light or dark.
@@ -52,14 +52,14 @@ def dispersion_page(
     - `count`: of contributors for each output.
     - `title`: of the page.
     - `nominal`: the outputs of the nominal run, in the units of the dispersion.
-    - `flights`: some runs in full (`jaxspace.dispersion.fly`).
+    - `paths`: some runs in full (`jaxspace.dispersion.run_paths`).
     - `wind`: components to the east and to the north, m/s, for a rose beside the landings, as
       `LaunchSite.winds` gives them.
 
     **Returns** the path.
     """
     nominal = {} if nominal is None else nominal
-    data = page_data(dispersion, nominal, count, flights, wind)
+    data = page_data(dispersion, nominal, count, paths, wind)
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
@@ -126,7 +126,7 @@ def _card(dispersion: "Dispersion") -> str:
     versions = record.get("versions", {})
     rows = {
         "runs": f"{good} of {dispersion.runs} ended well",
-        "unfinished": dispersion.lacking,
+        "unfinished": dispersion.missing_runs,
         "ended": dispersion.ending,
         "seed": str(dispersion.seed),
         "inputs": str(len(dispersion.inputs)),
@@ -178,8 +178,8 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     if required:
         note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
     table = '<table class="outputs">' + "\n".join(lines) + "</table>"
-    doubts = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.doubts())
-    return f'{table}{doubts}<p class="note">{note}</p>'
+    warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.warnings)
+    return f'{table}{warnings}<p class="note">{note}</p>'
 
 
 def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:

@@ -14,7 +14,7 @@ from ._dispersion_figure import chosen_pair, contributors_or_none, explained, sh
 from .footprint import degrees_by_length, required_radius, wind_rose
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights
+    from ..dispersion import Dispersion, RunPaths
     from ..dispersion.table import Row
 
 MOST_POINTS = 2000
@@ -29,7 +29,7 @@ def page_data(
     dispersion: "Dispersion",
     nominal: Mapping[str, float],
     count: int,
-    flights: "Flights | None",
+    paths: "RunPaths | None",
     wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> dict[str, Any]:
     """What the script of the page is given: points, bins, contributors, convergence, times."""
@@ -60,7 +60,7 @@ def page_data(
         # What differs by rounding alone has one bin: it shows nothing against the others.
         "matrix": [n for n, h in histograms.items() if h and len(h["counts"]) > 1][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
-        "trajectories": _paths(flights),
+        "trajectories": _trajectories(paths),
         "footprint": _footprint(dispersion),
         "rose": None if wind is None else _rose(*wind),
     }
@@ -108,8 +108,8 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
 
 
 def processor_words(dispersion: "Dispersion") -> str:
-    """How busy the cores were while the runs were flown, in a sentence; nothing where that is not
-    known.
+    """How busy the cores were while the runs were computed, in a sentence; empty where that is
+    unknown.
 
     Processor time is of all cores together: it stands beside the wall time, and is no part of it.
     """
@@ -262,11 +262,11 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, A
     }
 
 
-def _paths(flights: "Flights | None") -> dict[str, Any] | None:
+def _trajectories(paths: "RunPaths | None") -> dict[str, Any] | None:
     """The trajectories in km, or in m where they are short; `None` without any."""
-    if flights is None or not np.isfinite(flights.positions).any():
+    if paths is None or not np.isfinite(paths.positions).any():
         return None
-    x = np.asarray(flights.positions, float)
+    x = np.asarray(paths.positions, float)
     factor, unit = (1e-3, "km") if np.nanmax(np.abs(x)) > 1e4 else (1.0, "m")
     digits = 6 - int(np.ceil(np.log10(max(factor * float(np.nanmax(np.abs(x))), 1e-6))))
     rounded = np.round(factor * x, digits)
@@ -280,7 +280,7 @@ def _paths(flights: "Flights | None") -> dict[str, Any] | None:
     return {
         "unit": unit,
         # The first one is the nominal run.
-        "numbers": [int(flights.numbers[k]) for k in good if k > 0],
+        "numbers": [int(paths.numbers[k]) for k in good if k > 0],
         "runs": [rounded[..., k].tolist() for k in good if k > 0],
         "nominal": rounded[..., 0].tolist() if 0 in good else None,
     }

@@ -44,8 +44,8 @@ class CompactPhase(NamedTuple):
     happened: Bool[Array, ""]
 
 
-class CompactFlight(NamedTuple):
-    """Result of `fly_compact`.
+class CompactRun(NamedTuple):
+    """Result of `simulate_compact`.
 
     - `final`, `end`: the state after the last jump, and its time, s.
     - `phases`: one `CompactPhase` for each phase.
@@ -58,7 +58,9 @@ class CompactFlight(NamedTuple):
     error: Float[Array, ""]
 
 
-def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40) -> CompactFlight:
+def simulate_compact(
+    mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40
+) -> CompactRun:
     """The run of a mission in fixed steps, as a small program, for optimisation.
 
     **Arguments**
@@ -66,22 +68,22 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
     - `mission`, `y0`, `t0`: as in `simulate_mission`, of one run.
     - `steps`: of each phase, shared among the spans between its breaks, at least two each.
 
-    **Returns** a `CompactFlight`, differentiable in both modes.
+    **Returns** a `CompactRun`, differentiable in both modes.
 
     **Raises** `InputError` for fewer than one step, an event that is a touch, or branches."""
     if steps < 1:
-        raise InputError(f"fly_compact got steps = {steps}: it must be at least 1.")
-    check_one_line(mission, "fly_compact")
+        raise InputError(f"simulate_compact got steps = {steps}: it must be at least 1.")
+    check_one_line(mission, "simulate_compact")
     t = as_float(t0)
     y = y0
     error = jnp.zeros(())
     phases = []
     for phase in mission.phases:
-        flown, t, y, more = _phase(phase, t, y, steps)
-        phases.append(flown)
+        run, t, y, more = _phase(phase, t, y, steps)
+        phases.append(run)
         error = error + more
         y = y if phase.then is None else phase.then(t, y)
-    return CompactFlight(y, t, tuple(phases), error)
+    return CompactRun(y, t, tuple(phases), error)
 
 
 def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
@@ -101,10 +103,14 @@ def _phase(
     """A phase, the time and the state at its end before the jump, and the error of its steps."""
     event = phase.until if isinstance(phase.until, Event) else None
     if event is not None and event.touch is not None:
-        raise InputError(f"Phase {phase.name!r} ends at a touch: fly_compact needs a crossing.")
+        raise InputError(
+            f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
+        )
     t1 = t0 + (phase.until if event is None else event.within)
     if phase.system is not phase.moving:
-        raise InputError(f"Phase {phase.name!r} is a closed loop: fly_compact takes systems alone.")
+        raise InputError(
+            f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
+        )
     # Constants of the phase, as far as its state is concerned, are integrated along.
     v0, unravel = ravel_pytree(y0)
     system = phase.moving

@@ -29,7 +29,8 @@ class Restarts(NamedTuple):
 
     - `ts`, `before`, `after`: times, s, and the states on both sides; the end of the run, and the
       state there, behind the last one.
-    - `which`: the number of the event, -1 behind the last one; `rising`: the way of its condition.
+    - `which`: the number of the event, -1 behind the last one; `rising`: whether its
+      condition rises.
     - `end`, `final`: the time at which the run ends, s, and the state there; `stopped_by`: the
       number of the event that ended it, or -1. A run that failed ends with the last restart
       before.
@@ -49,7 +50,7 @@ class Restarts(NamedTuple):
     stats: dict[str, Array]
 
 
-class _Way(NamedTuple):
+class _RunState(NamedTuple):
     """Progress of a run: time, state, status, restarts of each event, and what ended it."""
 
     t: Array
@@ -76,35 +77,35 @@ def restarts_between(
     room = jnp.array(rooms, jnp.int32).reshape(-1, *axes)
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
-    def one(way: _Way, _: None) -> tuple[_Way, tuple]:
+    def one(run: _RunState, _: None) -> tuple[_RunState, tuple]:
         # A run that has ended goes on with an interval of no length, as the others need the pass.
-        stopped = (way.stopped_by >= 0) | (way.status > Status.EVENT)
-        last = jnp.where(stopped, way.t, t1)
-        found = first_event(system, way.y, way.t, last, events, config, run_axes)
-        result = integrate(system, way.y, way.t, found.time, None, config, run_axes)
+        stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
+        last = jnp.where(stopped, run.t, t1)
+        found = first_event(system, run.y, run.t, last, events, config, run_axes)
+        result = integrate(system, run.y, run.t, found.time, None, config, run_axes)
         y = found.met(state_at(result.states, -1, run_axes))
         t, y = newton_correct(system, events, found.which, found.time, y)
-        status = combine_status(way.status, combine_status(result.status, found.status))
+        status = combine_status(run.status, combine_status(result.status, found.status))
         # What an interval that failed has led to is no restart, and no end of the run.
         good = status <= Status.EVENT
         hit = (found.which >= 0) & good
-        here = (numbers == found.which) & hit & (way.counts < room)
+        here = (numbers == found.which) & hit & (run.counts < room)
         goes_on = jnp.any(here, axis=0)
         after, rising = y, jnp.zeros(runs, bool)
         for number, event in enumerate(events):
-            # Before the jump, which may turn the way of the condition round.
+            # Before the jump, which may reverse the sign of the slope.
             slope = event.slope(system, t, y)[1]
             rising = jnp.where(here[number], slope * jnp.sign(t1 - t0) > 0.0, rising)
             if event.then is not None:
                 moved = event.then(t, y)
                 after = jax.tree.map(lambda a, b, k=number: jnp.where(here[k], a, b), moved, after)
-        by = jnp.where(hit & ~goes_on, found.which, way.stopped_by)
+        by = jnp.where(hit & ~goes_on, found.which, run.stopped_by)
         row = (t, y, after, jnp.where(goes_on, found.which, -1), rising, result.stats)
-        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (way.t, way.y))
-        return _Way(t, after, status, way.counts + here.astype(jnp.int32), by), row
+        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (run.t, run.y))
+        return _RunState(t, after, status, run.counts + here.astype(jnp.int32), by), row
 
     none = jnp.zeros((len(events), *runs), jnp.int32)
-    start = _Way(
+    start = _RunState(
         jnp.broadcast_to(t0, runs),
         y0,
         jnp.zeros(runs, jnp.int32),
@@ -112,14 +113,14 @@ def restarts_between(
         jnp.full(runs, -1, jnp.int32),
     )
     # One pass more than restarts: the last one leads to the end, or finds that there is no room.
-    way, (ts, before, after, which, rising, stats) = jax.lax.scan(
+    run, (ts, before, after, which, rising, stats) = jax.lax.scan(
         one, start, None, length=sum(rooms) + 1
     )
     # An event that jumps ends a run only for want of room.
-    overflow = (numbers == way.stopped_by) & (room > 0)
+    overflow = (numbers == run.stopped_by) & (room > 0)
     return Restarts(
-        ts, before, after, which, rising, way.t, way.y, way.stopped_by, way.counts, overflow,
-        way.status, _total(stats),
+        ts, before, after, which, rising, run.t, run.y, run.stopped_by, run.counts, overflow,
+        run.status, _total(stats),
     )  # fmt: skip
 
 

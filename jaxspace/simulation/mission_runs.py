@@ -19,10 +19,10 @@ from ..integration.status import Status, combine_status
 from ._mission import Mission
 from ._runs import straight_to_event
 from .checks import check_events
-from .flight import AbstractFlight
 from .legs import legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
+from .runnable import AbstractRunnable
 
 
 class OwnTimes(NamedTuple):
@@ -208,10 +208,10 @@ def run_mission(
                 t, y = _left_by(leg.start, results[leg.after], run_axes)
         plan = None if plans is None else plans[number]
         saved = num_saved if isinstance(num_saved, int) else num_saved[number]
-        if isinstance(phase.system, AbstractFlight):
+        if isinstance(phase.system, AbstractRunnable):
             assert isinstance(saved, int)
             # It takes the steps that lie between its samples, whatever the plan of the others.
-            result = phase.system.fly(phase.until, y, t, saved, config, run_axes)
+            result = phase.system.run(phase.until, y, t, saved, config, run_axes)
             t, y = _left_by(phase.then, result, run_axes)
         else:
             given = phase.system, phase.until, phase.then, y, t, saved

@@ -13,8 +13,8 @@ from ..integration.exact_part import with_exact_part
 from ._mission import Mission, Phase
 from ._switches import warn_of_switches
 from .checks import check_structure, shapes_after
-from .flight import AbstractFlight
 from .legs import legs_of
+from .runnable import AbstractRunnable
 
 
 def resolve_phases(
@@ -47,7 +47,7 @@ def resolve_phases(
         whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=3)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
         warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
-        if isinstance(phase.system, AbstractFlight):
+        if isinstance(phase.system, AbstractRunnable):
             # Its steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
         else:

@@ -49,7 +49,7 @@ class LoopOptions(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """The arguments of a flight."""
+    """The arguments of a run."""
 
     loop: Loop
     y0: State
@@ -67,7 +67,7 @@ class LoopRun(AbstractRun):
 
     - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
     - `steps`: fixed steps between two nodes.
-    - `asked`: with what the loop was flown, for `error`."""
+    - `asked`: the arguments of the run, for `error`."""
 
     trajectory: Trajectory
     steps: int = eqx.field(static=True)
@@ -118,7 +118,8 @@ class LoopRun(AbstractRun):
 
         Of the same noise; commands in quanta may switch, and then it shows that."""
         loop, y0, ts, options, run_axes = self.asked
-        again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
+        finer = options._replace(steps=2 * self.steps)
+        again = run_loop(loop, y0, ts, finer, run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
     def facts(self) -> list[tuple[str, ...]]:
@@ -127,7 +128,7 @@ class LoopRun(AbstractRun):
         return [("control", f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold")]
 
 
-def fly(
+def run_loop(
     loop: Loop,
     y0: State,
     ts: ArrayLike | Sequence[float],
@@ -159,7 +160,7 @@ def fly(
 
 
 def _check(loop: Loop, y0: State, run_axes: int) -> None:
-    """Raise `InputError` for what no loop can be flown with."""
+    """Raise `InputError` for arguments with which no loop can run."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(
             f"ClosedLoop.controller is of type {type(loop.controller).__name__}: it must be a "

@@ -21,7 +21,7 @@ from .spread import StopRule
 from .statistics import Dispersion
 
 Progress: TypeAlias = Callable[[int, int], None] | None
-Flown: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
+Computed: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
 
 
 def in_memory(
@@ -37,8 +37,8 @@ def in_memory(
     extents = [Extent(k, first, min(chunk, total - first)) for k, first in enumerate(firsts)]
     ending = None if until is None else Ending(until, len(extents))
     chunks, enough = {}, None
-    with contextlib.closing(_flown(runner, engine, extents, total, progress)) as flown:
-        for k, found in flown:
+    with contextlib.closing(_computed(runner, engine, extents, total, progress)) as computed:
+        for k, found in computed:
             chunks[k] = found
             if ending is not None:
                 ending.add(k, found[0])
@@ -81,8 +81,8 @@ def stored(
         if enough is not None:
             break
         done = store.runs - sum(e.runs for e in extents if e.chunk >= part[0].chunk)
-        flown = _flown(runner, engine, engine.share(part), store.runs, progress, done)
-        storing += _written(writer, flown, ending)
+        computed = _computed(runner, engine, engine.share(part), store.runs, progress, done)
+        storing += _written(writer, computed, ending)
         engine.sync(f"part {number}")
         if ending is not None:
             ending.read(store, [extent.chunk for extent in part if engine.shares])
@@ -95,12 +95,12 @@ def stored(
     return as_dispersion(store, store.finished())
 
 
-def _written(writer: StoreWriter, flown: Flown, ending: Ending | None) -> float:
+def _written(writer: StoreWriter, computed: Computed, ending: Ending | None) -> float:
     """Write what comes, up to where the rule is met; the time that this took, s."""
     last, storing = time.perf_counter(), 0.0
     # Closed at once where the campaign ends itself: other processes then stop.
-    with contextlib.closing(flown):
-        for chunk, (results, cpu) in flown:
+    with contextlib.closing(computed):
+        for chunk, (results, cpu) in computed:
             before = time.perf_counter()
             writer.commit(chunk, results, before - last, cpu)
             last = time.perf_counter()
@@ -130,14 +130,14 @@ def _parts(
     return [part for part in parts if part]
 
 
-def _flown(
+def _computed(
     runner: BatchRunner,
     engine: AbstractEngine,
     extents: list[Extent],
     total: int,
     progress: Progress,
     done: int = 0,
-) -> Flown:
+) -> Computed:
     """The results of these chunks with the processor time of each; `done` runs are there."""
     own = {extent.chunk: extent.runs for extent in extents}
     # Closed at once where the campaign ends itself: other processes then stop.
