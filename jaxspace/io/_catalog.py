@@ -105,6 +105,7 @@ class Catalog(NamedTuple):
         """The methods of an effect that are declared as outputs, by name."""
         return output_methods(self.effects[effect])
 
+    @property
     def all_known_times(self) -> list[str]:
         """The names of all such times."""
         return list(dict.fromkeys(n for effect in self.effects for n in self.known_times(effect)))

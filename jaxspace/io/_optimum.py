@@ -84,7 +84,7 @@ class Optimum:
             where = "at the start" if int(self.minimum.steps) == 0 else "where the search ended"
             return f"{', '.join(bad)} {where}." if bad else self.minimum.sentence()
         # Equalities and the rest come back in the order of the file among their own kind.
-        equal, above = (iter(flags) for flags in self.minimum.unmet())
+        equal, above = (iter(flags) for flags in self.minimum.unmet)
         clauses = []
         for demand, value in zip(self.task.demands, self.constraints, strict=True):
             if next(equal if demand.limit == "equal" else above):

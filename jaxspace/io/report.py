@@ -259,7 +259,7 @@ def requirement_table(result: Dispersion) -> str:
 def footprint_table(result: Dispersion) -> str:
     """The ellipses of the landings; empty without landings."""
     found = result.footprint()
-    return "" if found is None else aligned(found.words())
+    return "" if found is None else aligned(found.words)
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:

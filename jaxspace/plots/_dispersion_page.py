@@ -245,7 +245,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     found = dispersion.footprint()
     if found is None:
         return []
-    head, *rows = found.words()
+    head, *rows = found.words
     table = [_cells(list(head), "th", 1), *(_cells(list(row), text=1) for row in rows)]
     beside = "" if data["rose"] is None else _plot("rose")
     place = " Pointing at a run shows its latitude and longitude." * bool(

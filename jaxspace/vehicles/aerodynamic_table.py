@@ -49,6 +49,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.types import as_float
 from ._aerodynamic_file import read_columns
 from ._coefficient_grid import AXES, AXIAL, on_grid
 from ._hermite import of_all_runs, product
@@ -64,11 +65,11 @@ class AerodynamicTable(AbstractParameters):
 
     The nodes of an axis with one point say that nothing depends on it."""
 
-    mach: Float[Array, "machs *#runs"]
-    angle: Float[Array, "angles *#runs"]
-    roll: Float[Array, "rolls *#runs"]
-    reynolds: Float[Array, "reynolds *#runs"]
-    data: Float[Array, "points numbers *#runs"]
+    mach: Float[Array, "machs *#runs"] = eqx.field(converter=as_float)
+    angle: Float[Array, "angles *#runs"] = eqx.field(converter=as_float)
+    roll: Float[Array, "rolls *#runs"] = eqx.field(converter=as_float)
+    reynolds: Float[Array, "reynolds *#runs"] = eqx.field(converter=as_float)
+    data: Float[Array, "points numbers *#runs"] = eqx.field(converter=as_float)
     names: tuple[str, ...] = eqx.field(static=True)
     area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
     length: NumberField = quantity("m", positive=True, doc="L, the reference length")
