@@ -23,7 +23,7 @@ DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
 def _known_float(x: object) -> object:
     """Convert by `as_optional_float`, where a Python number stays concrete under `jit`."""
     if isinstance(x, complex | np.complexfloating):
-        # For `check_number`, which names the field.
+        # Left to `check_number`, whose error names the field.
         return x
     if not isinstance(x, float | int):
         return as_optional_float(x)
@@ -112,7 +112,7 @@ class Accuracy(AbstractParameters):
             check_number(f"Accuracy.{name}", getattr(self, name))
         if is_concrete(self.rtol):
             # An error as large as the state itself: most likely a number of digits was meant.
-            # What is not finite has its sentence with the range of the field.
+            # A value that is not finite is refused with the range of the field.
             rtol = np.asarray(self.rtol)
             fine = (rtol < 1.0) | ~np.isfinite(rtol)
             check(fine, "Accuracy.rtol", self.rtol, "below one, such as 1e-9 for nine digits")
@@ -218,15 +218,15 @@ def check_initial_state(y0: PyTree) -> None:
     known = [x for x in jax.tree.leaves(y0) if is_concrete(x)]
     if all(np.all(np.isfinite(np.asarray(x))) for x in known):
         return
-    # By their names, which take longer than the check.
+    # Only now by name: to build the names takes longer than the check.
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
         check_finite("y0" + jax.tree_util.keystr(path), leaf)
 
 
 def check_start(y0: PyTree) -> None:
-    """Ask every part of an initial state that knows what no run starts with (`check_start`).
+    """Call `check_start` of every part of an initial state that has it.
 
-    Raises `InputError` for it. Traced numbers pass."""
+    Raises `InputError` for values with which no run can start. Traced numbers pass."""
 
     def knows(x: object) -> bool:
         # By its class: an object of a user may answer to any name.
