@@ -86,8 +86,8 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     """Whether some of the runs would take an explicit method very many steps, and the exponential
     method is suited to all of these.
 
-    `False` where the numbers are unknown (under `jit`, or in a derivative), or `rtol` is zero, which
-    stands for an unknown tolerance."""
+    `False` where the numbers are unknown (under `jit`, or in a derivative), or `rtol` is zero,
+    which stands for an unknown tolerance."""
     if rtol == 0.0 or not starts.readable:
         return False
     system, y, ts = starts.runs

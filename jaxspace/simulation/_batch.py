@@ -1,5 +1,4 @@
-"""Many runs of a system, integrated block by block: one solve serves all runs of a block, and no
-solve is mapped over runs."""
+"""Many runs of a system, integrated block by block: the runs of a block share one solve."""
 
 import dataclasses
 import functools
@@ -74,7 +73,7 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
-    # A state that is not finite fails its own run alone, so that only the precision is checked.
+    # A state that is not finite fails only its own run: here the precision alone is checked.
     y0s = as_state(y0s)
     state_dtype(y0s)
     ts = check_times(ts, y0s, axes=2)
@@ -87,7 +86,7 @@ def simulate_batch(
     check_values(whole[0], ts, whole[1])
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     traced = is_traced((batched, shared))
-    # A traced status cannot decide what is repeated (below).
+    # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
     config_for = functools.partial(
         _resolve_for, accuracy, whole, batched, restarts=traced and not throw
@@ -113,8 +112,7 @@ def _resolve_for(
 ) -> IntegrationConfig:
     """The configuration for the runs `rows`, by default for all of them.
 
-    `decoupled` sets `Accuracy.decoupled` where the accuracy leaves it open and chooses the method
-    itself."""
+    `decoupled` sets `Accuracy.decoupled` where it is `None` and the method is "auto"."""
     system, y0, ts = whole
     if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
         accuracy = dataclasses.replace(accuracy, decoupled=decoupled)

@@ -2,11 +2,11 @@
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
 
-The vector field of a phase stands once in the program, in place of once for each of twelve stages,
-again for events and again for the record of steps: an optimisation compiles this and its derivative
-once, and the whole answer comes after seconds. A step runs slower than that of `simulate_mission`,
-and takes no notice of a tolerance: `error` says whether the steps were enough, and the run of the
-optimum by `simulate_mission` confirms it.
+The program holds the vector field of a phase once, in place of once for each of twelve stages,
+again for events and again for the record of steps. An optimisation compiles this program and its
+derivative once, and returns within seconds. A step runs slower than that of `simulate_mission`, and
+no tolerance controls it: `error` shows whether the steps were enough, and a run of the optimum by
+`simulate_mission` confirms it.
 
 Steps end on the `breaks` of the phases. A phase that ends at an event steps up to its zero, where
 one Newton step carries the derivative.
@@ -30,13 +30,13 @@ from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
 from .legs import check_one_line
 
-# How often the step to an event is shortened: some eight reach rounding.
+# Most reductions of the step to an event: about eight reach rounding.
 SEARCH = 12
 
 
 class CompactPhase(NamedTuple):
-    """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components
-    lead, the state at its end `before` the jump, and whether the event that ends it happened."""
+    """A phase: the times of the ends of its steps, (steps + 1,), s, the states there, times behind
+    the components, the state at its end `before` the jump, and whether its event happened."""
 
     ts: Float[Array, " times"]
     states: State
@@ -49,8 +49,8 @@ class CompactRun(NamedTuple):
 
     - `final`, `end`: the state after the last jump, and its time, s.
     - `phases`: one `CompactPhase` for each phase.
-    - `error`: the sum of what the steps estimate of their errors (of fifth order, so that it is on
-      the safe side), relative to the largest component of each part of the state."""
+    - `error`: the sum of the error estimates of the steps, relative to the largest component of
+      each part of the state; of fifth order, so that it exceeds the error."""
 
     final: State
     end: Float[Array, ""]
@@ -111,7 +111,7 @@ def _phase(
         raise InputError(
             f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
         )
-    # Constants of the phase, as far as its state is concerned, are integrated along.
+    # Parts of the state that are constant in the phase are integrated with the others.
     v0, unravel = ravel_pytree(y0)
     system = phase.moving
     ts = _ends(phase, t0, t1, steps)
@@ -195,7 +195,8 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         across = passed(g1, at.g)
         keep = lambda new, old: jnp.where(across, old, new)  # noqa: E731
         first = across & ~at.hit
-        # Whichever end is kept twice counts half, so that it does not stay for ever (Illinois).
+        # The weight of an end that stays twice is halved (Illinois), so that it does not stay for
+        # ever.
         ahead = jnp.where(across & at.hit & (at.side < 0.0), 0.5 * at.ahead, 1.0)
         past = jnp.where(~across & at.hit & (at.side > 0.0), 0.5 * at.past, 1.0)
         new = _Search(

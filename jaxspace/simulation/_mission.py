@@ -63,10 +63,10 @@ def _with_known_end(phase: Any) -> Any:
     if not isinstance(loop, AbstractRunnable) or loop.longest is not None:
         return phase
     duration = phase.until.within if isinstance(phase.until, Event) else phase.until
-    # Traced, as in a campaign: its builder has to give the longest time itself.
+    # Traced, as in a campaign, whose builder has to give the longest time.
     if not is_concrete(duration):
         return phase
-    # Runs share the number of samples: that of the longest serves all.
+    # Runs share the number of samples, so that the longest decides.
     known = loop.lasting(float(np.max(np.asarray(duration))))
     return dataclasses.replace(phase, system=known)
 
@@ -108,7 +108,7 @@ class Phase(eqx.Module):
 
     @property
     def moving(self) -> AbstractSystem:
-        """The system that moves, without what controls it."""
+        """The system that moves, without its controller."""
         return moving(self.system)
 
 
@@ -138,7 +138,7 @@ class Mission(eqx.Module):
             )
         branches = [branch.name for phase in self.phases for branch in phase.branches]
         for number, name in enumerate(branches):
-            # A phase of a branch is found by both names, with a dot between them.
+            # The key of a phase of a branch is both names, joined by a dot.
             taken = {other.split(".")[0] for other in names} | set(branches[:number])
             if not name or "." in name or name in taken:
                 raise InputError(

@@ -60,7 +60,7 @@ class MissionTrajectory(AbstractMissionResult):
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
         """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
-        # Imported late: a mission that is not shown needs no plots.
+        # Imported here, so that only a mission that is shown needs the plots.
         from ..plots import show_run
 
         return show_run(self, path)

@@ -90,7 +90,7 @@ def simulate(
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
 
     def config_by(accuracy: Accuracy) -> IntegrationConfig:
-        # Restarts are for mapped runs; where one that fails is an error for all, none goes on.
+        # Restarts serve mapped runs, unless one that fails is an error for all.
         return resolve(system, y0, accuracy, starts, restarts=not throw)
 
     config = config_by(with_exact_part(given, system, y0, ts))
@@ -100,5 +100,5 @@ def simulate(
     return trajectory
 
 
-# Compiled, because each of its many operations would be a call of its own.
+# Compiled, because outside of `jit` each operation would be compiled and called separately.
 _run_system = eqx.filter_jit(run_system)

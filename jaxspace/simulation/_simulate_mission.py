@@ -76,7 +76,7 @@ def simulate_mission(
         if exactly is not None:
             configs = exactly
             result = run_mission(mission, y0, t0, num_saved, configs, 0)
-    # Where it is known that no run failed, there is nothing to do, and nothing to compile.
+    # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = mission_trajectory_of(result, mission, given, configs, 0)
@@ -88,11 +88,11 @@ def _failed_phase(result: MissionTrajectory) -> str:
     """Sentence that names the phase in which a mission failed, and where that phase began."""
     for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
-            # A mission keeps no steps: the start of the phase is what is known.
+            # A mission stores no steps, so that only the start of the phase is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
             return start.replace("The run", f"The phase {name!r}")
     return ""
 
 
-# Compiled, because each of its many operations would be a call of its own.
+# Compiled, because outside of `jit` each operation would be compiled and called separately.
 _failed_are_nan = eqx.filter_jit(nan_where_failed)
