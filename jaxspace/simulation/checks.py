@@ -217,7 +217,7 @@ def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
     if dense and has_restarts(events):
         raise InputError(
             "dense=True is given with an event that jumps (then): such a run stores no steps, so "
-            "that the times that are wanted must be among ts."
+            "that the requested times must be among ts."
         )
 
 
