@@ -1,5 +1,4 @@
-"""Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they
-are kept."""
+"""Campaigns of many runs: random inputs, engines, statistics and stores."""
 
 from typing import TYPE_CHECKING
 

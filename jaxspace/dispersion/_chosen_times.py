@@ -1,4 +1,4 @@
-"""The times at which a campaign keeps states, each in the phase that covers it."""
+"""The times at which a campaign saves states, each in the phase that covers it."""
 
 import functools
 import warnings
@@ -22,12 +22,12 @@ ROUNDING = 8.0 * np.finfo(float).eps
 
 
 def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes | None, ...]:
-    """For each phase where its states are saved so that those at `times`, s, are among them; `None`
-    for a phase without any.
+    """The places in each phase at which states are saved, so that those at `times`, s, are among
+    them; `None` for a phase without any.
 
     A time at the border of two phases belongs to the earlier one, before its jump. From the first
-    phase on that ends by an event or by a duration that scatters, every phase has the times that
-    are left, for each run has its own start and end of them.
+    phase that ends by an event or after a random duration, every phase has all remaining times,
+    because it starts and ends at other times in each run.
 
     **Raises** `InputError` for a time at which the mission does not run, and for one that may lie
     in a phase that a controller samples."""
@@ -53,11 +53,11 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
 
 
 class _Left(NamedTuple):
-    """What is left where a phase begins.
+    """The remaining times at the start of a phase.
 
-    - `times`: s, that no phase before has.
-    - `start`: of the phase, s, or of the first one before whose end differs from run to run.
-    - `known`: whether it is that of the phase."""
+    - `times`: s, that no earlier phase has.
+    - `start`: of the phase, s, or of the first earlier one whose end differs between runs.
+    - `known`: whether `start` is that of the phase."""
 
     times: np.ndarray
     start: float
@@ -67,7 +67,7 @@ class _Left(NamedTuple):
 def _chosen_in(
     phase: Phase, before: _Left, along: int
 ) -> tuple[ChosenTimes | OwnTimes | None, _Left]:
-    """Where a phase saves its states, and what it leaves to the next one."""
+    """The places in a phase at which states are saved, and the remaining times."""
     left, start, known = before
     if not left.size:
         return None, before
@@ -93,7 +93,7 @@ def _chosen_in(
 def warn_of_unreached(
     campaign: Campaign, kept: Kept, trajectories: Mapping[str, np.ndarray]
 ) -> None:
-    """Warn of times, in phases that each run has at its own ones, at which no run is under way."""
+    """Warn of times that no run of the trial reaches, in phases whose times differ between runs."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
@@ -116,16 +116,16 @@ def warn_of_unreached(
 def _check_left(
     left: np.ndarray, first: float, start: float, phases: Sequence[Phase], known: bool
 ) -> None:
-    """Raise `InputError` for times that no known phase has and that lie in no other one.
+    """Raise `InputError` for times at which no phase can run.
 
-    `start`: of the first phase whose end differs from run to run; or the end of the mission."""
+    `start`: of the first phase whose end differs between runs; or the end of the mission."""
     if known and left.size:
         raise InputError(
             f"times has {left[-1]:.9g} s: it must be a time of the mission, from {first:.9g} s to "
             f"{start:.9g} s."
         )
     durations = [p.until for p in phases if not isinstance(p.until, Event)]
-    # Backwards in time it is the other way round, and left to the runs.
+    # A mission backwards in time is not checked here.
     before = left[left < start - ROUNDING * (1.0 + abs(start))]
     if before.size and all(np.all(np.asarray(x) >= 0.0) for x in durations):
         raise InputError(

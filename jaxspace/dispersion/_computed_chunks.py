@@ -45,7 +45,7 @@ def in_memory(
                 enough = ending.enough()
             if enough is not None:
                 break
-    # What other processes had under way meanwhile lies beyond.
+    # Without the chunks beyond that other processes have computed in the meantime.
     return {k: x for k, x in chunks.items() if enough is None or k < enough}
 
 
@@ -57,7 +57,7 @@ def stored(
     progress: Progress,
     until: StopRule | None,
 ) -> Dispersion:
-    """The chunks that the store lacks, written to it, up to where the rule is met."""
+    """Compute the missing chunks of a store and write them, up to where the rule is met."""
     planned = runner.planned
     assert runner.example is not None
     columns = columns_of(ordered(runner.example, planned.campaign), planned.campaign.units)
@@ -67,7 +67,7 @@ def stored(
     writer.host = engine.host
     store = writer.store if engine.leads else writer.join(columns, attributes)
     missing, damages = writer.missing()
-    # None writes before all have looked.
+    # No process writes before all have read the store.
     engine.sync("counted")
     for damage in damages:
         warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
@@ -96,9 +96,9 @@ def stored(
 
 
 def _written(writer: StoreWriter, computed: Computed, ending: Ending | None) -> float:
-    """Write what comes, up to where the rule is met; the time that this took, s."""
+    """Write the computed chunks, up to where the rule is met; returns the time for it, s."""
     last, storing = time.perf_counter(), 0.0
-    # Closed at once where the campaign ends itself: other processes then stop.
+    # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(computed):
         for chunk, (results, cpu) in computed:
             before = time.perf_counter()
@@ -114,7 +114,7 @@ def _written(writer: StoreWriter, computed: Computed, ending: Ending | None) -> 
 
 def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: float) -> None:
     if enough is None and ENOUGH in store.attributes:
-        # The rule has ended the campaign before; later chunks may still have to be removed.
+        # The rule ended the campaign before; later chunks may still have to be removed.
         enough = store.count
     if enough is not None:
         writer.end_at(enough)
@@ -124,7 +124,7 @@ def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: floa
 def _parts(
     extents: list[Extent], engine: AbstractEngine, ending: Ending | None
 ) -> list[list[Extent]]:
-    """The chunks in the parts after which the processes that share them must meet."""
+    """The chunks in parts after which the processes that share them synchronise."""
     borders = [0, *(ending.waiting if ending and engine.shares else ()), sys.maxsize]
     parts = [[e for e in extents if a <= e.chunk < b] for a, b in itertools.pairwise(borders)]
     return [part for part in parts if part]
@@ -138,13 +138,13 @@ def _computed(
     progress: Progress,
     done: int = 0,
 ) -> Computed:
-    """The results of these chunks with the processor time of each; `done` runs are there."""
+    """The results of these chunks with the processor time of each; `done` runs exist already."""
     own = {extent.chunk: extent.runs for extent in extents}
-    # Closed at once where the campaign ends itself: other processes then stop.
+    # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(engine.compute(runner, extents)) as computed:
         for found in computed:
-            # What is yielded has been stored when the loop goes on, and only then is it reported:
-            # what a user has seen done survives an interruption.
+            # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
+            # that progress that a user has seen survives an interruption.
             yield found.chunk, (ordered(found.results, runner.planned.campaign), found.cpu)
             done += own[found.chunk]
             if progress is not None:

@@ -1,4 +1,4 @@
-"""Runs that raise an error: found by halving, so that they cost their own rows alone."""
+"""Runs that raise an error are identified by halving, so that only their rows are lost."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from ..integration.status import SimulationError
 
 T = TypeVar("T")
 
-# What jax raises when a compiled program fails: an error of a function that it calls back, too.
+# What JAX raises when a compiled program fails, also for an error of a called-back function.
 RAISED = jax.errors.JaxRuntimeError
 
 
@@ -21,7 +21,7 @@ def callbacks() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # The same text comes as a ValueError at times.
+        # JAX sometimes raises the same text as a ValueError.
         if isinstance(error, RAISED) or "CpuCallback error" not in str(error):
             raise
         raise RAISED(str(error)) from error
@@ -42,7 +42,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
     try:
         return call(used)
     except RAISED as error:
-        # Short memory is no property of a run.
+        # A lack of memory is no property of a run.
         if "RESOURCE_EXHAUSTED" in str(error):
             raise
         # The nominal inputs take the place of those of every run: where these raise, no run can be

@@ -1,4 +1,4 @@
-"""Distributions that lean to one side, take few values, or come from a file.
+"""Skewed and discrete distributions, and those of measured values.
 
 triangular    p(x) rises in a straight line from a to c, and falls to b
 lognormal     ln x is normal:  s^2 = ln(1 + (d/m)^2),  ln x = ln m - s^2/2 + s z
@@ -83,7 +83,7 @@ class Triangular(AbstractDistribution):
             return (b - x) ** 2 / ((b - a) * (b - c))
 
         x, y = (min(max(v, a), b) for v in (low, high))
-        # From the nearer end, so that a small share keeps its digits.
+        # From the nearer end, so that a small share has all its digits.
         below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
         above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
         return below + above

@@ -31,13 +31,13 @@ from ._program import Drawn
 
 # Besides the nominal run.
 PILOTS = 15
-# The pilots share their steps, each as short as the strictest of them asks: together they may take
-# so many times what a run may take by itself, tried one after the other.
+# The pilots share steps as short as the strictest of them needs: together they may take this many
+# times the steps of a single run; the factors are tried one after the other.
 ROOM = (1, 4, 16, 64)
 
 
 class StepsForTurns(Exception):
-    """The steps of the nominal run ran out, and a part of its motion needs none."""
+    """The steps of the nominal run ran out, and its motion has an exact part."""
 
 
 @eqx.filter_jit(**QUICK)
@@ -57,8 +57,8 @@ def _pilots(
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     saved = saved_of(campaign.along, kept)
     every = [saved] * len(configs) if isinstance(saved, int) else saved
-    # Where runs have breaks or save times of their own, steps end at save times, too: a plan has to
-    # know them.
+    # If the runs differ in their breaks or save times, steps also end at save times, which the plan
+    # must contain.
     every_phase = [leg.phase for leg in legs_of(mission)[0]]
     pairs = zip(every_phase, every, strict=True)
     saved = [
@@ -90,7 +90,7 @@ def _as_run(result: MissionResult) -> MissionResult:
 
 
 def _breaks_differ(system: Any) -> bool:
-    """Whether the times at which the vector field jumps differ from run to run."""
+    """Whether the times at which the vector field jumps differ between runs."""
     breaks = None if isinstance(system, AbstractRunnable) else breaks_of(system)
     return breaks is not None and breaks.ndim > 1
 
@@ -139,7 +139,7 @@ def pilot_plans(
             if has_exact_part(campaign, accuracy):
                 raise StepsForTurns
             break
-    # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
+    # A missed tolerance is no failure here, because the runs are checked on finer plans.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
     nodes = [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken]

@@ -1,8 +1,8 @@
 """The two programs of a campaign: one draws the inputs of a call, one runs its missions.
 
-The campaign is an argument of both, so that campaigns of the same functions share what has been
-compiled, whatever their numbers. Draws have a program of their own because the pilots take their
-inputs from it, too: written into both, they would be compiled twice.
+The campaign is an argument of both, so that campaigns of the same functions share the compiled
+programs, whatever their numbers. Draws are a separate program because the pilots use it, too:
+otherwise they would be compiled twice.
 """
 
 import functools
@@ -32,8 +32,8 @@ class Drawn(NamedTuple):
     """The inputs of some runs, each (runs,).
 
     - `inputs`: as drawn.
-    - `used`: the nominal ones instead for a run that is refused or raises an error.
-    - `status`: why a run is not used with its own inputs; `COMPLETED` where it is."""
+    - `used`: those of the run; the nominal ones for a run that is refused or raises an error.
+    - `status`: why a run has the nominal inputs; `COMPLETED` where it has its own."""
 
     inputs: dict[str, Array]
     used: dict[str, Array]
@@ -50,12 +50,12 @@ def draw_inputs(
     """The inputs of the runs with these `numbers`, of which those `used` raise no error."""
     inputs = campaign.samples(key, numbers)
     allowed = campaign.allowed(inputs)
-    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
+    # A refused run takes the nominal inputs, so that its own do not affect other runs of the block.
     nominal = campaign.nominal()
     taken = {name: jnp.where(allowed & used, x, nominal[name]) for name, x in inputs.items()}
     status = jnp.where(used, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
-    # Not weakly typed, as nothing that its shapes stand for is.
+    # Not weakly typed, as the arrays of these shapes are not.
     return jax.tree.map(lambda x: x.astype(x.dtype), drawn)
 
 
@@ -116,7 +116,7 @@ def _block(
 def trajectories(
     names: Sequence[str], stored: Sequence[RunResult | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
-    """The times and the parts of the states that are kept of every phase, by "phase.part"."""
+    """The stored times and parts of the states of every phase, by "phase.part"."""
     kept = {}
     # `stored` is empty if no states are saved at all.
     for name, run in zip(names, stored, strict=bool(stored)):

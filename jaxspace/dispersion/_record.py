@@ -39,7 +39,7 @@ def machine() -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """The model of the processor, by the name that its maker gives it."""
+    """Name of the model of the processor."""
     known = Path("/proc/cpuinfo")
     if known.exists():
         for line in known.read_text(errors="replace").splitlines():
@@ -56,7 +56,7 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
     rtol = float(np.asarray(accuracy.rtol))
     return {
         "description": campaign.description,
-        # Left out where there are none, so that a store of an earlier version goes on.
+        # Omitted if empty, so that a store of an earlier version can be resumed.
         **({"files": dict(campaign.files)} if campaign.files else {}),
         **({"modules": modules} if modules else {}),
         "inputs": campaign.text(),

@@ -1,4 +1,4 @@
-"""Whether a mean and a deviation found without many runs are those of the runs.
+"""Comparison of a mean and a deviation from few runs with those of a sample of runs.
 
     warning where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
 
@@ -10,8 +10,8 @@
     a         what is too little to matter: 0.1                              1
 
 Source: Kendall and Stuart, The Advanced Theory of Statistics, vol. 1, 10.9 (standard errors of a
-mean and of a deviation). A small sample sees only what is grossly wrong: of 256 normal values 4 e_m
-is 0.25, and 4 e_s is 0.18.
+mean and of a deviation). A small sample reveals only gross errors: for 256 normal values 4 e_m is
+0.25, and 4 e_s is 0.18.
 """
 
 import math
@@ -24,11 +24,11 @@ SIGNIFICANT, MATTERS = 4.0, 0.1
 
 
 def warning_of(mean: float, std: float, x: np.ndarray) -> str:
-    """What is wrong with a mean and a deviation of an output, in a sentence; empty if nothing is
-    seen.
+    """The contradiction of a mean or a deviation of an output with a sample, in a sentence; empty
+    if there is none.
 
     `x`: the output over the runs of a sample, (runs,), NaN where one failed."""
-    # Too few to say anything; their dispersion has its own words for that.
+    # Too few runs for a comparison, of which the dispersion warns by itself.
     if x.size < 2:
         return ""
     finite = x[np.isfinite(x)]
@@ -38,7 +38,7 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
     own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
     found = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
     found += rounded(spread, spread)
-    # Nothing is known: of second order no number is given where an output is not smooth.
+    # No numbers to compare: of second order an output that is not smooth has none.
     if not math.isfinite(mean + std):
         return f"It is not smooth at the nominal run: {found}."
     if not scatters(x):

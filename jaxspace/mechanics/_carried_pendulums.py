@@ -113,7 +113,7 @@ class RotatingHoop(AbstractLagrangian):
         return self.mass * (kinetic - self.gravity * self._height(q[0]))
 
     def _height(self, theta: Scalar) -> Scalar:
-        """Of the bead above the bottom, m."""
+        """Height of the bead above the bottom, m."""
         # 1 - cos(theta) by half of the angle, with its digits near the bottom.
         return 2.0 * self.radius * jnp.sin(0.5 * theta) ** 2
 
