@@ -431,6 +431,20 @@ def test_what_needs_no_argument_is_a_property():
     assert found == allowed
 
 
+def test_arguments_stand_in_the_docstring():
+    """Of every public function with more than one; and what it raises, where it raises."""
+    packages = [importlib.import_module(f"jaxspace.{room}") for room in PACKAGES if room != "cli"]
+    things = [thing for package in packages for thing in public_names(package).values()]
+    silent = []
+    for thing in filter(inspect.isfunction, things):
+        said, source = inspect.getdoc(thing) or "", inspect.getsource(inspect.unwrap(thing))
+        several = len(inspect.signature(thing).parameters) > 1
+        raises = re.search(r"^\s+raise (InputError|SimulationError|StoreError)", source, re.M)
+        if (several and "**Arguments**" not in said) or (raises and "aise" not in said):
+            silent.append(f"{thing.__module__}.{thing.__name__}")
+    assert not silent
+
+
 def test_plain_numbers_are_taken_wherever_arrays_are():
     """By every field of numbers in a public system, effect or state."""
     for cls in public_classes():

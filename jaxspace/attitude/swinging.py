@@ -71,7 +71,11 @@ def radial_release_spin(
 
 def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_0, m, that stops the spin when its mass is let go at the radius: shorter by R than
-    that of the tangential release. Arguments as in `radial_release_spin`."""
+    that of the tangential release.
+
+    **Arguments**
+
+    - `I`, `R`, `m`: as in `radial_release_spin`, (*runs,)."""
     # As a quotient, because both lengths may be large beside their difference.
     ratio = I / m
     return ratio / (jnp.sqrt(R * R + ratio) + R)

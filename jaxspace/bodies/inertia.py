@@ -198,7 +198,12 @@ def as_inertia(x: Any) -> AbstractInertia:
 
 
 def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
-    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3)."""
+    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, in body axes.
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs)."""
     return 0.5 * dot(omega, inertia.times(omega))
 
 

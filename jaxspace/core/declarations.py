@@ -194,7 +194,12 @@ def known_time(method: Function) -> Function:
 
 
 def reference(attribute: str, *, doc: str) -> Any:
-    """A field that a scene file fills with an attribute of another effect, such as a mass rate."""
+    """A field that a scene file fills with an attribute of another effect, such as a mass rate.
+
+    **Arguments**
+
+    - `attribute`: name of the attribute.
+    - `doc`: meaning, as a phrase that follows the name of the field."""
     return eqx.field(metadata={_REFERENCE: attribute, "doc": doc})
 
 

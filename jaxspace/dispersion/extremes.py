@@ -64,7 +64,13 @@ def greatest(
 def least(
     times: ArrayLike | Sequence[ArrayLike], values: ArrayLike | Sequence[ArrayLike]
 ) -> Extreme:
-    """The least value of a quantity along a run; as `greatest`."""
+    """The least value of a quantity along a run.
+
+    **Arguments**
+
+    - `times`, `values`: as in `greatest`.
+
+    **Returns** an `Extreme`, as `greatest` does."""
     pairs = _phases(times, values)
     found = greatest([t for t, _ in pairs], [-q for _, q in pairs])
     return Extreme(-found.value, found.time)

@@ -39,11 +39,16 @@ class RankCorrelation(NamedTuple):
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
-    """Spearman's rank correlation of two quantities over their runs, each (runs,).
+    """Spearman's rank correlation of two quantities over their runs.
 
     The interval is that of Fisher's transformation with the variance of Bonett and Wright,
     Psychometrika 65 (2000), 23. Infinite values have their ranks, and pairs with NaN are left out.
-    Raises `InputError` for fewer than five pairs."""
+
+    **Arguments**
+
+    - `x`, `y`: the quantities, each (runs,).
+
+    **Raises** `InputError` for fewer than five pairs."""
     from scipy.stats import rankdata
 
     x, y = np.asarray(x, float), np.asarray(y, float)

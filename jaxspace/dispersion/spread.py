@@ -43,10 +43,14 @@ class Ellipsoid(NamedTuple):
 
 
 def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
-    """The ellipsoid of a normal distribution with the mean and the covariance of the `values`,
-    (d, runs).
+    """The ellipsoid of a normal distribution with the mean and the covariance of the values.
 
-    Raises `InputError` for a probability outside (0, 1), and for fewer than two runs."""
+    **Arguments**
+
+    - `values`: of d outputs, (d, runs).
+    - `probability`: share of the distribution within it.
+
+    **Raises** `InputError` for a probability outside (0, 1), and for fewer than two runs."""
     from scipy.stats import chi2
 
     check_share("probability", probability)
@@ -112,7 +116,11 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
     - `x`: an output, (runs,).
     - `share`: of the percentile, within 0 and 1.
-    - `steps`: how many counts."""
+    - `steps`: number of counts.
+
+    **Returns** a `Convergence`.
+
+    **Raises** `InputError` for a share outside (0, 1), and for too few runs."""
     x = np.asarray(x, float)
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)

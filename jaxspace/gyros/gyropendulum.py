@@ -30,12 +30,21 @@ from ._linear import LinearFlow, linear_rate, rows
 
 
 def schuler_frequency(gravity: Scalar, radius: Scalar) -> Scalar:
-    """sqrt(g / R), rad/s, of gravity, m/s^2, and the radius of the earth, m (Thomson 6.11-12)."""
+    """sqrt(g / R), rad/s (Thomson 6.11-12).
+
+    **Arguments**
+
+    - `gravity`: m/s^2, (*runs,).
+    - `radius`: of the earth, m, (*runs,)."""
     return jnp.sqrt(gravity / radius)
 
 
 def schuler_period(gravity: Scalar, radius: Scalar) -> Scalar:
-    """2 pi sqrt(R / g), s: 84.4 minutes on the earth; arguments as in `schuler_frequency`."""
+    """2 pi sqrt(R / g), s: 84.4 minutes on the earth.
+
+    **Arguments**
+
+    - `gravity`, `radius`: as in `schuler_frequency`."""
     return 2.0 * jnp.pi / schuler_frequency(gravity, radius)
 
 

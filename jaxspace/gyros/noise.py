@@ -69,6 +69,10 @@ def allan_variance(
 
 
 def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:
-    """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over `time`, s, of many
-    samples; `angle_walk` and `rate_walk` as there."""
+    """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over many samples.
+
+    **Arguments**
+
+    - `time`: over which is averaged, s.
+    - `angle_walk`, `rate_walk`: as in `gyro_noise`."""
     return angle_walk**2 / time + rate_walk**2 * time / 3.0

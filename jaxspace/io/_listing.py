@@ -23,7 +23,11 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def schema(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Schema:
     """The JSON schema of all scene files. An editor completes and checks files with it.
 
-    `also`, `modules`: as in `load`."""
+    **Arguments**
+
+    - `also`, `modules`: as in `load`.
+
+    **Returns** the schema as a dict."""
     known = catalog(also, modules)
     # One form for each system, because the name decides on all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]

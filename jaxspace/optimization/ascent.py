@@ -176,7 +176,12 @@ def burnout_state(
 
 def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
     """Time, s, and height, m, of the apex of the coast; with w_b < 0 it would lie before burnout,
-    and is not reached."""
+    and is not reached.
+
+    **Arguments**
+
+    - `ascent`: the ascent.
+    - `burnout`: the state at burnout."""
     coast = burnout.w / ascent.gravity
     return ascent.burn_time + coast, burnout.y + 0.5 * burnout.w * coast
 

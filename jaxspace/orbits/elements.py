@@ -83,7 +83,12 @@ def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
 
 def angular_momentum(position: Vector, velocity: Vector) -> Vector:
-    """Angular momentum per unit mass h, m^2/s."""
+    """Angular momentum per unit mass h, m^2/s.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs)."""
     return cross(position, velocity)
 
 
@@ -155,7 +160,12 @@ def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 @output("rad")
 def inclination(position: Vector, velocity: Vector) -> Scalar:
     """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
-    zero for an equatorial orbit."""
+    zero for an equatorial orbit.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs)."""
     h = cross(position, velocity)
     # By an arctangent of both parts of h, because the arccosine loses half of the digits near the
     # equator.
@@ -212,10 +222,16 @@ class ClassicalElements(AbstractParameters):
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 
-    Arguments as in the other functions of this module. An eccentricity below 8 roundings is noise
+    An eccentricity below 8 roundings is noise
     and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
     the equator, derivatives of the elements do not lead back to those of the state (see the module
-    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
+    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,)."""
     return in_blocks(_elements, (1, 1, 0), position, velocity, mu)
 
 

@@ -108,7 +108,12 @@ def position_of(
 
 def geocentric_latitude(latitude: Scalar, flattening: Scalar) -> Scalar:
     """The geocentric latitude, rad, of a point of the ellipsoid with this geodetic one, rad:
-    tan(psi) = (1 - f)^2 tan(phi). The arguments are (*runs,)."""
+    tan(psi) = (1 - f)^2 tan(phi).
+
+    **Arguments**
+
+    - `latitude`: geodetic, rad, (*runs,).
+    - `flattening`: f of the ellipsoid, (*runs,)."""
     shrink = (1.0 - flattening) * (1.0 - flattening)
     return jnp.arctan2(shrink * jnp.sin(latitude), jnp.cos(latitude))
 

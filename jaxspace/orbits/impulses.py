@@ -82,8 +82,13 @@ def small_tangential_impulse(
 ) -> OrbitChange:
     """The change by a small impulse along the path, to first order (Thomson 4.14-5..7).
 
-    Arguments and result as in `tangential_impulse`; the change of the anomaly is infinite on a
-    circle."""
+    The change of the anomaly is infinite on a circle.
+
+    **Arguments**
+
+    - `semi_latus_rectum`, `eccentricity`, `true_anomaly`, `gain`: as in `tangential_impulse`.
+
+    **Returns** an `OrbitChange`, as `tangential_impulse` does."""
     e, f = as_float(eccentricity), true_anomaly
     per_a = (1.0 - e) * (1.0 + e)
     speed2 = 1.0 + 2.0 * e * jnp.cos(f) + e * e

@@ -27,8 +27,13 @@ from ..core.vectors import cross
 
 
 def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Scalar:
-    """The greatest height, m, that is reached over a horizontal `distance`, m, with a launch at
-    this `speed`, m/s, under this `gravity`, m/s^2; all (*runs,)."""
+    """The greatest height, m, that a launch at this speed reaches over a horizontal distance.
+
+    **Arguments**
+
+    - `distance`: horizontal, m, (*runs,).
+    - `speed`: of the launch, m/s, (*runs,).
+    - `gravity`: m/s^2, (*runs,)."""
     square = as_float(speed) * speed
     return 0.5 * square / gravity - 0.5 * gravity * distance * distance / square
 

@@ -119,9 +119,12 @@ def effective_potential(potential: Potential, r: Scalar, h: Scalar) -> Scalar:
 
 
 def circular_rate(potential: Potential, r: Scalar) -> Scalar:
-    """Angular rate sqrt(U'/r) of the circular orbit, rad/s; NaN where the force repels.
+    """Angular rate sqrt(U'/r) of the circular orbit, rad/s (Thomson 4.15-1); NaN where the force
+    repels.
 
-    Arguments as in `effective_potential` (Thomson 4.15-1)."""
+    **Arguments**
+
+    - `potential`, `r`: as in `effective_potential`."""
     r = jnp.asarray(r)
     return jnp.sqrt(_slope(potential, r) / r)
 
@@ -129,8 +132,12 @@ def circular_rate(potential: Potential, r: Scalar) -> Scalar:
 def radial_frequency_squared(potential: Potential, r: Scalar) -> Scalar:
     """w_r^2 = U'' + 3 U'/r, 1/s^2, of small radial oscillations about the circular orbit.
 
-    Negative where the circle is unstable: for a force k / r^n it is (3 - n) k / r^(n+1). Arguments
-    as in `effective_potential` (Thomson 4.15-3)."""
+    Negative where the circle is unstable: for a force k / r^n it is (3 - n) k / r^(n+1). (Thomson
+    4.15-3).
+
+    **Arguments**
+
+    - `potential`, `r`: as in `effective_potential`."""
     r = jnp.asarray(r)
     first = _slope(potential, r)
     return _slope(lambda z: _slope(potential, z), r) + 3.0 * first / r

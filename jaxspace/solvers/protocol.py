@@ -249,7 +249,12 @@ def bind(
 
 
 def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
-    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
+    """The solver with more steps, by this factor, if it is a fixed-step method, else itself.
+
+    **Arguments**
+
+    - `solver`: of this package or of diffrax.
+    - `factor`: a whole number."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, refine(solver.solver, factor))
     return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver

@@ -177,7 +177,12 @@ class _Above(eqx.Module):
 
 @event("m/s", direction=-1, needs=("velocity",))
 def apogee(t: Scalar, y: BodyState) -> Scalar:
-    """v_z, m/s: it falls through zero at the apogee over flat ground."""
+    """v_z, m/s: it falls through zero at the apogee over flat ground.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a velocity."""
     del t
     return y.velocity[2]
 
