@@ -217,8 +217,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def warning(self, ts: Array, states: State, undisturbed: bool) -> str:
-        """A sentence about what a finished run shows and its author hardly means, such as a path
-        through the ground; empty, the default, where there is nothing to say.
+        """A sentence about a finished run that is probably a mistake, such as a path through the
+        ground; empty, the default, where there is nothing to say.
 
         Asked after a run outside of `jit`, of known numbers.
 

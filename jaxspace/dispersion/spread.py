@@ -120,7 +120,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
     **Returns** a `Convergence`.
 
-    **Raises** `InputError` for a share outside (0, 1), and for too few runs."""
+    **Raises** `InputError` for a share outside (0, 1), and for values of which none is finite."""
     x = np.asarray(x, float)
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)

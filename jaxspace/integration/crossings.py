@@ -51,8 +51,8 @@ STEPS_TO_ZERO = 256
 class Crossings(eqx.Module):
     """Every zero of the condition of an event along a run, or a batch of runs.
 
-    - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. There is
-      room for as many as `Event.capacity` says.
+    - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. Their
+      number is limited by `Event.capacity`.
     - `states`: the states there: a position is (3, zeros, *runs).
     - `rising`: whether the condition rises along the run.
     - `count`: how many zeros are given, (*runs,).
@@ -185,7 +185,7 @@ def _numbers(count: int, runs: Array) -> Array:
 
 
 def _search(along: ConditionOnRun, samples: Samples) -> _Found:
-    """All zeros of each run, as far as there is room for them and one more."""
+    """All zeros of each run, up to one more than the capacity."""
     event, runs = along.event, samples.times.shape[1:]
     room = event.capacity + 1
     intervals = samples.candidate.shape[0]

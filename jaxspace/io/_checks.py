@@ -1,4 +1,4 @@
-"""What has to fit together in a file whose every entry is right by itself."""
+"""Checks of a file as a whole, whose entries are right one by one."""
 
 import dataclasses
 import functools
@@ -22,7 +22,7 @@ CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATI
 # Compared and hashed by identity, because campaigns hold it as a static field.
 @dataclasses.dataclass(frozen=True, eq=False)
 class Parsed:
-    """A file whose entries are right by themselves: its kind, values, and ways to make objects."""
+    """A file whose entries are right one by one: its kind, values, and makers of objects."""
 
     # One of `_form.KINDS`.
     kind: str
@@ -40,7 +40,7 @@ class Parsed:
         return Building(self.values, self.makers, Runs())
 
     def phases(self) -> list[Values]:
-        """The phases; of a scene the one that it is."""
+        """The phases; a scene is a single one."""
         if self.kind == "mission":
             return self.values["phase"]
         return [{"name": "scene", "effects": list(self.active_effects())}]
@@ -62,7 +62,7 @@ class Parsed:
 
     def parts(self) -> set[str]:
         """The parts of the state that the file gives."""
-        # Behind its rail a rocket is a point under its parachutes, without an attitude.
+        # After its rail a rocket becomes a point under its parachutes, without an attitude.
         if self.kind == "flight":
             return set(TRANSLATION)
         initial = self.values["initial"]
@@ -74,25 +74,25 @@ class Parsed:
 
 
 def check_parsed(file: Parsed) -> list[str]:
-    """What does not fit together in the file, one sentence each."""
-    # Objects can be built only when what they share is there.
+    """Errors of the file as a whole, one sentence each."""
+    # Objects can be built only if the entries that they share are there.
     errors = shared_errors(file) or object_errors(file)
     if file.kind == "flight":
         return errors
     if not errors:
         errors = initial_errors(file) if "initial" not in file.makers else []
     times = file.values.get("times")
-    # A run backwards is allowed; only one of no length has no meaning.
+    # A run backwards is allowed, a run of no length is not.
     if times is not None and times["end"] == times["start"]:
         errors.append(wrong("times.end", times["end"], "another time than times.start"))
     if file.kind == "system" or errors:
         return errors
     for number, phase in enumerate(file.phases()):
-        # Asked phase by phase: an effect may need another one that acts in some phases only.
+        # Phase by phase, because an effect may need another one that acts in some phases only.
         errors += effect_errors(phase["effects"], file)
         if file.kind == "mission":
             errors += phase_errors(number, phase, file)
-    # An effect of several phases reports the same thing in each of them.
+    # Without repetitions, because an effect of several phases has the same error in each.
     return list(dict.fromkeys(errors))
 
 
@@ -107,7 +107,7 @@ def who(path: str) -> str:
 
 
 def shared_errors(file: Parsed) -> list[str]:
-    """What declarations take from other tables of the file, and is not there."""
+    """Errors for absent entries that declarations take from other tables of the file."""
     found = []
     for path, maker in file.makers.items():
         own = at(file.values, path)
@@ -131,13 +131,13 @@ def object_errors(file: Parsed) -> list[str]:
         except InputError as error:
             sentence = str(error)
             owner, dot, rest = sentence.partition(".")
-            # The author knows the path in the file, and not the class behind it.
+            # With the path in the file, because its author does not know the class.
             if owner == maker.name.partition(".")[0] and dot:
                 rest = rest[rest.index(" ") :] if maker.bare else "." + rest
                 sentence = path + rest
             else:
                 sentence = f"{path}: {sentence}"
-            # An outer object reports what an inner one has reported already.
+            # An outer object repeats the error of an inner one.
             if not any(f.startswith(f"{path}.") for f in found):
                 found.append(sentence)
     return found
@@ -151,7 +151,7 @@ def _checks_itself(maker: Maker) -> bool:
 
 
 def initial_errors(file: Parsed) -> list[str]:
-    """What does not fit together in the parts of the initial state."""
+    """Errors of the parts of the initial state together."""
     found, parts = [], file.parts()
     for key, maker in file.makers.items():
         if not key.startswith("initial."):
@@ -200,14 +200,14 @@ def _no_inertia(file: Parsed) -> str:
 
 
 def effect_errors(active: list[str], file: Parsed) -> list[str]:
-    """What effects that act together need and the file does not have."""
+    """Errors for what effects that act together need and the file does not have."""
     found, whole = [], []
     for name in active:
         others = {n: c for n, c in file.catalog.effects.items() if n != name}
         needs = f"the effect {name} needs another effect"
         errors = reference_errors(file.makers[f"effects.{name}"], needs, others, active)
         found += errors
-        # Without what it refers to an effect cannot be made, nor be asked what it reads.
+        # Without its references an effect cannot be made, and the parts that it reads stay unknown.
         whole += [] if errors else [name]
     building = file.building()
     effects, body = building.effects(whole), building.make("body")
@@ -221,12 +221,12 @@ def effect_errors(active: list[str], file: Parsed) -> list[str]:
 
 
 def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> list[str]:
-    """What an effect reads or changes, and the file does not have."""
+    """Errors for parts that an effect reads or changes, and the file does not have."""
     found = []
     turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
     if turns and not body.has_inertia():
         found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
-    # Gravity alone needs no mass, so that it is asked for only where it enters.
+    # Gravity alone needs no mass, so that the mass is required only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in reading.adds or "mass" in reading.needs) and massless:
         entries = file.makers["body"].entries
@@ -244,7 +244,7 @@ def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> lis
 def reference_errors(
     maker: Maker, needs: str, effects: Mapping[str, type], active: list[str]
 ) -> list[str]:
-    """What an object refers to, and none of the effects that act beside it has."""
+    """Errors for references of an object that none of the effects acting with it offers."""
     found = []
     for attribute in maker.references.values():
         offers = [name for name, cls in effects.items() if hasattr(cls, attribute)]
@@ -261,12 +261,12 @@ def _absent_part(part: str, whose: str) -> str:
 
 
 def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
-    """What does not fit together in a phase."""
+    """Errors of a phase as a whole."""
     key = f"phase.{number}"
     found = []
     phases = file.values["phase"]
     parts, until = file.parts(), phase["until"]
-    # Names of phases stand for places in outputs, so that they must tell them apart.
+    # Outputs refer to phases by name, so that the names must differ.
     if [p["name"] for p in phases].index(phase["name"]) < number:
         found.append(
             wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")

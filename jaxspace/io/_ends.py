@@ -1,4 +1,4 @@
-"""What may end a phase: the name of a time or of an event, or a table of an event that has
+"""The end of a phase: the name of a time or of an event, or a table of an event that has
 parameters, by its name.
 
     until = "apoapsis"                          until = { at_altitude = { altitude = "100 km" } }

@@ -87,7 +87,7 @@ def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, Bod
 
 
 def flight_errors(file: Parsed) -> list[str]:
-    """What does not fit together in a flight, one sentence each."""
+    """Errors of the tables of a flight together, one sentence each."""
     found = []
     building = file.building()
     top = float(building.make("vehicle").ceiling)

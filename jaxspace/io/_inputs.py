@@ -1,5 +1,5 @@
-"""Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
-own numbers, and what is given in Python beside it."""
+"""The dispersed numbers of a file and their distributions: [dispersion.inputs], whose keys are
+paths of numbers of the file, and those that are given in Python."""
 
 import csv
 import io
@@ -20,14 +20,14 @@ from ._value_kinds import ListOf, Measure, Number
 from .units import expected, in_unit, read_number, split
 
 DEFAULT = "normal"
-# One refused run in a thousand does not move a statistic; more deserve a word.
+# One refused run in a thousand changes no statistic; more are worth a warning.
 RARE = 1e-3
 FILE_KEYS = ("file", "column", "unit")
 
 
 class Input(NamedTuple):
-    """How a number of the file scatters: its nominal value, the name of the distribution, and the
-    numbers of that one in SI."""
+    """A dispersed number of the file: its nominal value, the name of its distribution, and the
+    numbers of the distribution in SI."""
 
     nominal: Measure
     name: str
@@ -39,13 +39,13 @@ class Input(NamedTuple):
         return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
 
     def warnings(self, path: str) -> list[str]:
-        """What is allowed but hardly meant: a range without the nominal value, draws that the
-        class of the number refuses."""
+        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
+        draws that the class of the number refuses."""
         quantity, found = self.nominal.quantity, []
         made = self.distribution()
         low, high = self.numbers.get("low"), self.numbers.get("high")
         if low is not None and high is not None and not low <= self.nominal <= high:
-            # As its author wrote it: radians beside a file of degrees are read as degrees.
+            # In the unit of the file, because radians would be taken for its degrees.
             unit = self.nominal.unit or quantity.unit
             low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
             found.append(
@@ -62,7 +62,7 @@ class Input(NamedTuple):
 
 
 def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
-    """For every input how it scatters; or what is wrong. `files`: those of values."""
+    """The inputs and their distributions, or errors. `files`: those of values."""
     numbers = _numbers(file)
     found: dict[str, Input | MadeInput] = {}
     errors = []
@@ -75,14 +75,14 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
             found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
         except ValueError as error:
             errors.append(str(error))
-    # After the single inputs, from which a correlation takes its distributions.
+    # After the single inputs, whose distributions a correlation uses.
     for table, read in (("correlated", read_correlated), ("direction", read_direction)):
         for k, entry in enumerate(file.values["dispersion"][table]):
             try:
                 found |= read(f"dispersion.{table}.{k}", entry, numbers, found)
             except ValueError as error:
                 errors.append(str(error))
-    # A campaign without any input would run the nominal run again and again.
+    # A campaign without inputs would repeat the nominal run.
     if not found and not errors:
         errors.append(
             missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
@@ -98,8 +98,8 @@ def with_given(
 ) -> dict[str, Input | MadeInput]:
     """The inputs of the file and those `given` in Python, which come in place of its own.
 
-    `given`: by path a distribution, in SI, or a table as [dispersion.inputs] has it; `files`: those
-    of values. Raises `InputError`, one line for each thing that is wrong."""
+    `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
+    values. Raises `InputError`, with one line for each error."""
     numbers, found = _numbers(file), dict(known)
     errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
     for path, entry in given.items():
@@ -127,7 +127,8 @@ def with_given(
 def _torn(
     path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, Any]
 ) -> Iterator[str]:
-    """What is wrong where one of the numbers that the file scatters together is replaced alone."""
+    """Errors for numbers that are replaced without the others with which the file disperses
+    them."""
     source = known[path].distribution().source
     others = [p for p in known if source and known[p].distribution().source == source]
     left = [p for p in others if p not in given]
@@ -138,7 +139,7 @@ def _torn(
 
 def _numbers(file: Parsed) -> dict[str, Measure]:
     """The numbers of the file that may scatter, by path."""
-    # The numbers of the distributions themselves do not.
+    # Without the numbers of the distributions.
     return {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
 
 
@@ -186,7 +187,7 @@ def _unknown_path(key: str, path: str, paths: list[str]) -> str:
 
 
 def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
-    """Raises `ValueError` with the whole sentence."""
+    """An input and its distribution. Raises `ValueError` with the whole sentence."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
     known = file.catalog.distributions
@@ -206,12 +207,12 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFi
     for field, declared in fields.items():
         if field in entry:
             numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
-        # The mean is what the file says elsewhere, so that nobody has to write it twice.
+        # The mean is the value of the file, which need not be written twice.
         elif declared.shared == NOMINAL:
             numbers[field] = float(nominal)
         else:
             raise ValueError(missing(f"{key}.{field}", _expected(nominal, declared)))
-    # Built once here, because the rule between its numbers is known to the class alone.
+    # Built once here, because only the class checks its numbers together.
     try:
         cls(**numbers)
     except InputError as error:
@@ -236,7 +237,7 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     for number, line in enumerate(lines, 2 if column else 1):
         if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
             try:
-                # With its unit behind it, to be read like a number of the scene file.
+                # Followed by its unit, as a number of the scene file is.
                 values.append(f"{float(text)!r} {unit}" if unit else float(text))
             except ValueError:
                 what = f"line {number} of {path} is {shown(text)}: it must be a number"
@@ -258,7 +259,7 @@ def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | l
 
 
 def _declared(entry: Entry) -> Quantity:
-    """What each number of a field of a distribution is."""
+    """The quantity of each number of a field of a distribution."""
     kind = entry.kind.kind if isinstance(entry.kind, ListOf) else entry.kind
     assert isinstance(kind, Number)
     return kind.quantity
@@ -272,7 +273,7 @@ def _expected(nominal: Measure, entry: Entry) -> str:
 
 def _own_quantity(nominal: Measure, declared: Quantity) -> Quantity:
     """The quantity of a number of a distribution: that of the nominal value, in its own range."""
-    # A pure number, such as a weight, has nothing to do with the unit of the input.
+    # A pure number, such as a weight, does not have the unit of the input.
     if declared.unit == "1":
         return declared._replace(unit="")
     return nominal.quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)

@@ -1,4 +1,4 @@
-"""What scene files may name, for people (a text) and for editors (a JSON schema)."""
+"""The names that scene files may use, for people (a text) and for editors (a JSON schema)."""
 
 import os
 import re
@@ -29,7 +29,7 @@ def schema(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]
 
     **Returns** the schema as a dict."""
     known = catalog(also, modules)
-    # One form for each system, because the name decides on all other keys.
+    # One form for each system, because its name determines all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
     body = [form_of(kind, known).schema() for kind in ("scene", "mission", "flight")]
     forms = [*systems, *body]
@@ -41,7 +41,8 @@ def listing(
     modules: Iterable[str | os.PathLike[str]] = (),
     word: str = "",
 ) -> str:
-    """What scene files may name: systems, effects, events and so on, with fields and units.
+    """The names that scene files may use: systems, effects, events and so on, with fields and
+    units.
 
     **Arguments**
 

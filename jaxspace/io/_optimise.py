@@ -1,4 +1,4 @@
-"""The search that [optimize] asks for."""
+"""The search of the table [optimize]."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ def optimise(
     start: Mapping[str, float] | None = None,
     steps: int | None = None,
 ) -> Optimum:
-    """The optimum that the `task` asks for; see `SceneFile.optimize`."""
+    """The optimum of the `task`; see `SceneFile.optimize`."""
     table = file.values["optimize"]
     each: int = table["steps"] if steps is None else steps
     given = {free.path: float(free.start) for free in task.free} if start is None else start

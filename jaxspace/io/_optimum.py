@@ -1,4 +1,4 @@
-"""What a search found: its numbers, why it ended, and whether a run at the accuracy of the file
+"""Result of a search: its numbers, why it ended, and whether a run at the accuracy of the file
 confirms it."""
 
 import dataclasses
@@ -20,27 +20,27 @@ from ._optimum_file import with_numbers
 from ._outputs import OutputSpec
 from ._search_task import criterion, failed_phase, values_of
 
-# Relative error of an output that the steps of the search may cause: far below what a design asks
-# of a first search, and far above that of good steps, of which 40 a phase reach 1e-5.
+# Allowed relative error of an output by the steps of the search: far below the needs of a first
+# design, and far above that of good steps, of which 40 in a phase reach 1e-5.
 MISS = 1e-3
-# Error of an output about zero, in tolerances of search and confirmation: that of each step adds up
-# over a run of many steps.
+# Allowed error of an output about zero, in tolerances of search and confirmation: the errors of the
+# steps accumulate over a run.
 TOLERANCES = 100.0
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Optimum:
-    """What `SceneFile.optimize` found.
+    """Result of `SceneFile.optimize`.
 
-    - `file`: the file; `task`: what its [optimize] asks for.
+    - `file`: the file; `task`: the content of its [optimize].
     - `minimum`: the result of `optimization.minimise`, whose `x` are the free numbers by path, SI;
       of an objective that is to be greatest, it is the minimum of the negative.
     - `objective`, `constraints`: the values of the outputs, SI, in the order of the file.
-    - `error`: what the steps estimate of their relative error; `steps`: of each phase.
+    - `error`: estimated relative error by the steps; `steps`: of each phase.
     - `happened`: whether each phase met its event.
-    - `warning`: what speaks against it beside the search, in words: that the run from the start
-      fails, or that the run that confirms it has other numbers."""
+    - `warning`: a sentence on a doubtful result: the run from the start fails, or the run that
+      should confirm the optimum has other numbers."""
 
     file: Any  # a `SceneFile`, whose module imports this one
     task: Task
@@ -54,7 +54,7 @@ class Optimum:
 
     @property
     def converged(self) -> bool:
-        """Whether the search met its tolerance, and nothing speaks against the optimum."""
+        """Whether the search met its tolerance, without a `warning`."""
         return bool(self.minimum.converged) and not self.warning
 
     @property
@@ -69,8 +69,8 @@ class Optimum:
         return int(self.minimum.reason) == StopReason.INFEASIBLE
 
     def sentence(self) -> str:
-        """Why the search ended; what each constraint that is not met has reached and what was
-        asked, in the units of the file; and what else speaks against the optimum."""
+        """Why the search ended; value and target of each constraint that is not met, in the units
+        of the file; and the `warning`."""
         own = self._own_sentence()
         return f"{own} {self.warning}" if self.warning else own
 
@@ -83,7 +83,7 @@ class Optimum:
             ]
             where = "at the start" if int(self.minimum.steps) == 0 else "where the search ended"
             return f"{', '.join(bad)} {where}." if bad else self.minimum.sentence()
-        # Equalities and the rest come back in the order of the file among their own kind.
+        # Equalities and inequalities are each in the order of the file.
         equal, above = (iter(flags) for flags in self.minimum.unmet)
         clauses = []
         for demand, value in zip(self.task.demands, self.constraints, strict=True):
@@ -200,7 +200,7 @@ class Optimum:
         if not clauses and not bad:
             return dataclasses.replace(self, warning="")
         what = f"has {', '.join(clauses)}" if clauses else "fails"
-        # A run that fails has its own reason, and says nothing of the steps.
+        # A run that fails has another reason than the steps.
         why = bad or (
             f"The {self.steps} steps of a phase are too coarse, with a relative error of "
             f"{self.error:.1e}."

@@ -1,5 +1,5 @@
-"""What a file asks for as outputs: names of declared functions, methods of effects and paths, with
-where along the run they are taken."""
+"""The outputs of a file: names of declared functions, methods of effects and paths, and the places
+along the run at which they are taken."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -18,12 +18,12 @@ from .units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
 ABOUT_A_CENTRE = ("inclination", "radial_speed")
-"""Outputs that say nothing of a flight over flat ground."""
+"""Outputs without a meaning for a flight over flat ground."""
 TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")
 
 
 def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, ...], list[str]]:
-    """The outputs that [dispersion] asks for; or what is wrong. `units`: those of the file."""
+    """The outputs of [dispersion], or their errors. `units`: those of the file."""
     specs, errors = [], []
     for number, entry in enumerate(file.values["dispersion"]["outputs"]):
         key = f"dispersion.outputs.{number}"
@@ -40,7 +40,7 @@ def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, .
 
 
 class _What(NamedTuple):
-    """What an entry names: a function of a state, a method of an effect, or a path."""
+    """The output of an entry: a function of a state, a method of an effect, or a path."""
 
     at: int
     si: str
@@ -50,7 +50,7 @@ class _What(NamedTuple):
 
 
 def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> OutputSpec:
-    """The output that an entry asks for. Raises `ValueError` with the whole sentence."""
+    """The output of an entry. Raises `ValueError` with the whole sentence."""
     name, take = entry["output"], entry.get("take", "")
     if take and take not in TAKES:
         raise ValueError(wrong(f"{key}.take", take, _one_of()))
@@ -80,7 +80,7 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
     catalog = file.catalog.outputs
     places = _places(file, take)
     head, dot, rest = name.partition(".")
-    # A path comes before a name, for no declared function has a dot in its name.
+    # A path is tried before a name, because no declared function has a dot in its name.
     if dot and head in places:
         path = tuple(rest.split("."))
         return _What(places[head], _unit_of_path(f"{key} = {name}", path, file), None, path)
@@ -197,7 +197,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
 
 
 def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
-    """What an output needs and the file does not have."""
+    """Errors for what an output needs and the file does not have."""
     parts = given_parts(file)
     shared = function.output.shared
     found = []
@@ -215,10 +215,10 @@ def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
 
 
 def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, ...]:
-    """Every output that the file has all for, of the end of the run alone."""
+    """All outputs at the end of the run whose arguments the file has."""
     found = []
     for name, function in file.catalog.outputs.items():
-        # For the nominal run itself a comparison with the nominal run is zero, and says nothing.
+        # A comparison of the nominal run with itself is zero.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         # Over flat ground the origin is no centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()

@@ -50,9 +50,9 @@ def values_of(
     ends: dict[int, Array],
 ) -> list[Array]:
     """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
-    # Outputs are written for runs on the last axis: this is a batch of one.
+    # Outputs take runs on the last axis, so that this is a batch of one run.
     batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
-    # By number, for an objective may be constrained too.
+    # By number, because the objective may be constrained as well.
     named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
     found = Outputs(file, named, values, None).numbers(batch, times, {})
     return [found[spec.name][0] for spec in named]
@@ -68,5 +68,5 @@ def failed_phase(run: MissionTrajectory) -> str:
 
 
 def _margin(value: Array, demand: Demand) -> Array:
-    """What is left of an inequality, negative where it is violated."""
+    """Margin of an inequality, negative where it is violated."""
     return value - demand.target if demand.limit == "at_least" else demand.target - value

@@ -21,7 +21,7 @@ TRUTHS = Path(__file__).parent / "truths.json"
 class Case:
     """One place at which a formula is easily wrong.
 
-    - `name`: "room: what is hard".
+    - `name`: "package: what is hard".
     - `function`: from the inputs, (inputs,), to the outputs, (outputs,). Cases of one function
       share one compiled program.
     - `inputs`: numbers that double precision holds exactly as they are meant.
