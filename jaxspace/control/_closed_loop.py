@@ -6,7 +6,7 @@
     symbol     meaning                                            unit
     t_k, T     samples, period                                    s
     z_k, u_k   what is measured, the command, at the sample k     any
-    K          controller, with a memory of its own
+    K          controller, which may have a memory
 
 Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6.3 (holds), 10
 (quantisation).
@@ -53,17 +53,17 @@ class ClosedLoop(AbstractRunnable):
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
     - `controller`: an `AbstractController`, or a function `(measured) -> command` or
       `(t, measured) -> command`, such as an `equinox` network.
-    - `sensors`: by name; the controller is given their readings by name. Without any it is given
-      the state.
+    - `sensors`: by name; the controller gets their readings by name. Without sensors it gets the
+      state.
     - `period`: between two samples, s; the first one is at the start of the run.
-    - `hold`: "zero" keeps a command until the next one, "first" goes on along the line through the
+    - `hold`: "zero" holds a command until the next one, "first" extrapolates the line through the
       last two.
     - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
     - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
     - `actuate`: a function (system, command) -> system, in place of the fields `command`.
     - `steps`: fixed steps between two samples.
-    - `key`: of the noise, where the run is given none; in a mission of many runs one of each.
-    - `longest`: how long the loop may take as a phase whose duration is traced, s.
+    - `key`: of the noise, for runs without a key; in a mission of many runs one for each.
+    - `longest`: the longest duration of the loop as a phase whose duration is traced, s.
 
     As the `system` of a `Phase` a loop runs in a mission, and so in a campaign.
 
@@ -138,7 +138,7 @@ class ClosedLoop(AbstractRunnable):
         y0 = broadcast_state(self.system, t0, y0)
         dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
         start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
-        # If the end of the phase is known, nothing has to be cut.
+        # With a known end of the phase, the nodes end there already.
         end = (
             None
             if is_concrete(duration) and jnp.ndim(duration) == 0
@@ -174,15 +174,15 @@ class ClosedLoop(AbstractRunnable):
         - `y0`: the initial state. `ts`: save times, s, known and ascending; the first is that of
           `y0`, and of the first sample.
         - `key`: of the noise.
-        - `accuracy`: the relative tolerance of what lies between two samples, or an `Accuracy`;
+        - `accuracy`: the relative tolerance of the motion between two samples, or an `Accuracy`;
           1e-9 by default. Its method takes fixed steps.
-        - `steps`: how many of them between two samples, in place of those of the loop. Outside of
-          `jit` a run that misses the tolerance is repeated with more.
+        - `steps`: their number between two samples, in place of that of the loop. Outside of `jit`
+          a run that misses the tolerance is repeated with more.
         - `events`: the run stops at the first zero of one of these; one with `within` has to
           happen.
         - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
           can go on where an event has ended another one.
-        - `memory`: of the controller, as an earlier run has left it.
+        - `memory`: of the controller, as at the end of an earlier run.
         - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
@@ -207,9 +207,8 @@ class ClosedLoop(AbstractRunnable):
         """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
         system, the controller or a sensor declares them.
 
-        Arguments, results and errors as of `simulate`, where a run that fails marks its own row
-        unless `throw`; `start` is a number, or (runs,). Each run
-        draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
-        alone."""
+        Arguments, results and errors as of `simulate`; unless `throw`, a failed run only has the
+        status of its failure. `start` is a number, or (runs,). The noise of run j has the key
+        `jax.random.split(key, runs)[j]`, which repeats it alone."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
         return run_loop(self, y0s, ts, options, 1, throw=throw)

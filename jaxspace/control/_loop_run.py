@@ -1,5 +1,5 @@
-"""From a loop and a state to a run: what is refused, what is known before, and the program once
-more with finer steps where they proved too few."""
+"""Runs of a closed loop: checks of the arguments, the program, and its repetition with finer
+steps."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -75,8 +75,8 @@ class LoopRun(AbstractRun):
 
     @property
     def commands(self) -> PyTree:
-        """The commands in force behind each of the times, with the shapes of the states: components
-        lead, then times, then runs. The last is that in force at the end."""
+        """The commands in force after each of the times: components lead, then times, then runs.
+        The last one is that at the end."""
         return self._control["commands"]
 
     @property
@@ -114,9 +114,10 @@ class LoopRun(AbstractRun):
         return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
 
     def error(self) -> State:
-        """An estimate of the error of the final state: the change by half the steps' length.
+        """Estimate of the error of the final state: its change with steps of half the length.
 
-        Of the same noise; commands in quanta may switch, and then it shows that."""
+        The noise is the same; a command that is rounded to quanta may switch, which then adds to
+        the change."""
         loop, y0, ts, options, run_axes = self.asked
         finer = options._replace(steps=2 * self.steps)
         again = run_loop(loop, y0, ts, finer, run_axes, throw=False)

@@ -51,7 +51,7 @@ class Known(NamedTuple):
 
 
 class Static(NamedTuple):
-    """What a program is compiled for: save times, s, clocks, and how a command acts."""
+    """The static part of a program: save times, s, clocks, and how a command acts."""
 
     ts: tuple[float, ...]
     period: float
@@ -100,7 +100,7 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
         return _run(known, config, static)
     given = (known.y0, known.start, known.memory)
     batched, shared, runs = split_batch(known.parts, given, 0.0, None, 0)
-    # Before the runs are cut: what a run draws must not depend on the size of the blocks.
+    # Before the runs are cut into blocks, so that the noise of a run does not depend on their size.
     keys = None if known.key is None else jax.random.split(known.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
@@ -130,19 +130,19 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
     periods = tuple(s.period or period for s in (sensors or {}).values())
     waiting = int(np.floor(static.delay / period + SLACK))
     late = max(static.delay - waiting * period, 0.0)
-    # A delay of whole periods needs no second clock, but for a rounding of its quotient.
+    # A delay of whole periods needs no second clock; its quotient may be off by a rounding.
     late = 0.0 if late < SLACK * period else late
     clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
     breaks = breaks_of(system)
     if breaks is not None:
-        # Of a phase every run may start at another time.
+        # In a phase every run may start at another time.
         breaks = with_rank(breaks, start.ndim) - start
     nodes = nodes_of(ts, clocks, breaks)
     if end is not None:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
     method = config.solver
-    # One run is over before a larger program is compiled.
+    # A single run takes less time than the compilation of a larger program.
     if run_axes == 0 or _operations(system, start, y0) >= LARGE:
         method = small_program(method)
     assert isinstance(method, FixedSteps)
@@ -166,7 +166,7 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
     times = start + jnp.asarray(ts - ts[0], start.dtype).reshape(-1, *(1,) * start.ndim)
     if end is not None:
         times = jnp.minimum(times, start + end)
-        # Of a phase that outlasts its samples the rest was not run.
+        # A phase longer than its samples was not run to its end.
         over = end > (ts[-1] - ts[0]) * (1.0 + SLACK)
         sampled = sampled._replace(status=jnp.where(over, Status.MAX_STEPS, sampled.status))
     passes = len(nodes.times) - 1
@@ -193,7 +193,8 @@ def _result(
 ) -> RunResult:
     """The rows of a run at the save times; NaN where it failed."""
     saved = jnp.asarray(nodes.saved)
-    # Commands and readings belong to the pass behind a node; the last node has that before it.
+    # Commands and readings belong to the pass after a node; the last node has those of the pass
+    # before.
     rows = saved.at[-1].add(-1)
     commands, readings = jax.tree.map(
         lambda x: times_behind_components(x, run_axes),
@@ -202,13 +203,13 @@ def _result(
     states = times_behind_components(at_nodes(sampled.states, saved), run_axes)
     status, number = sampled.status, sampled.stop.number
     times = times.reshape(times.shape[0], *(times.shape[1:] or (1,) * run_axes))
-    # Blocks of runs are joined along the runs: each has its own times, though they agree.
+    # Blocks are joined along the runs, so that each run has the times, although they agree.
     times = jnp.broadcast_to(times, (times.shape[0], *status.shape))
     if events:
         times = jnp.where(number >= 0, jnp.minimum(times, sampled.stop.t), times)
     kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
     result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
-    # A factor, and no selection: the derivative of a failed run must be NaN as well.
+    # As a factor, and not a selection, so that the derivative of a failed run is NaN, too.
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
     control = {"commands": commands, "readings": readings, "memory": sampled.memory}

@@ -1,5 +1,4 @@
-"""How a loop is integrated between two samples, and once more with finer steps where they proved
-too few."""
+"""Configuration of the integration between two samples, and repetition with finer steps."""
 
 from collections.abc import Callable
 from typing import Any
@@ -38,7 +37,8 @@ def repeated(
 def config_of(
     loop: Any, y0: PyTree, accuracy: Accuracy, steps: int | None = None
 ) -> IntegrationConfig:
-    """How a loop is integrated between two samples. Raises `InputError` for other methods."""
+    """Configuration of the integration between two samples. Raises `InputError` for a method that a
+    loop cannot take."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
     rough = 1e-9

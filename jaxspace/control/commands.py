@@ -1,4 +1,4 @@
-"""How a command reaches a system: by the fields `command` of its parts, or by a function."""
+"""Systems under a command: by the fields `command` of their parts, or by a function."""
 
 __all__ = ["with_command"]
 
@@ -53,9 +53,9 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
 
 @final
 class Held(AbstractSystem):
-    """A system between two samples: under a command that is constant, or a line in time.
+    """A system between two samples, under a command that is constant or linear in time.
 
-    `limit` bounds what the line extrapolates."""
+    `limit` bounds the linear command."""
 
     system: AbstractSystem
     actuate: Actuate = eqx.field(static=True)
@@ -91,8 +91,10 @@ def clipped(command: PyTree, limit: Any) -> PyTree:
 
 
 def rounded(command: PyTree, quantum: Any) -> PyTree:
-    """The command in whole quanta; `None` leaves it. Its derivative is that of the command, because
-    that of a stair is zero wherever there is one."""
+    """The command rounded to whole quanta; `None` leaves it.
+
+    Its derivative is that of the command, because the derivative of the rounding is zero or does
+    not exist."""
     if quantum is None:
         return command
 

@@ -1,4 +1,5 @@
-"""Laws that move the surfaces and engines of vehicles: to an apogee, about the axes, to the ground.
+"""Control laws of the surfaces and engines of vehicles: to an apogee, about the axes, to the
+ground.
 
     h_a = z + ln(1 + b v^2/g)/(2 b),      s = k (h_a - h) + s_0                 air brake
     d   = -q (k e + c (omega - n) + i int(e dt)),   q = min(1, (v_r/|v|)^2)     fins
@@ -168,7 +169,7 @@ class LandingControl(AbstractController):
         upwards = dot(wanted, up)
         aside = wanted - upwards * up
         upwards = jnp.maximum(upwards, self.least_thrust)
-        # Positive, so that the quotient has no hole where the thrust is upright.
+        # Positive, so that the quotient is defined where the thrust is upright.
         most = upwards * jnp.tan(self.tilt_limit)
         size = norm(aside)
         return upwards * up + most / jnp.maximum(size, most) * aside
