@@ -107,6 +107,7 @@ class LoopRun(AbstractRun):
         loop, y0, ts, options, _ = self.asked
         key = as_key(loop.key if options.key is None else options.key)
         if key is not None:
+            # As the batch has split it, so that the run repeats its noise.
             key = jax.random.split(key, self.status.shape[-1])[i]
         loop = run_of(dataclasses.replace(loop, key=None), i)
         y0, start, memory = run_of((y0, options.start, options.memory), i, 1)
@@ -154,6 +155,7 @@ def run_loop(
     run = LoopRun(trajectory, steps_of(config), asked)
     if not throw:
         return run
+    # A known status raises here; a traced one when the compiled program runs.
     if is_concrete(run.status) and not is_traced(run.trajectory):
         raise_on_failure(run.status)
         return run
@@ -167,6 +169,7 @@ def _check(loop: Loop, y0: State, run_axes: int) -> None:
             f"ClosedLoop.controller is of type {type(loop.controller).__name__}: it must be a "
             f"controller or a function of what is measured."
         )
+    # A state that is not finite fails only its own run of a batch.
     if run_axes:
         state_dtype(y0)
         return

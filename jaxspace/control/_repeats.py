@@ -28,6 +28,7 @@ def repeated(
     for _ in range(REPEATS + 1):
         result = program(known, config, static)
         error = _too_few(result)
+        # Traced numbers have no known error that could decide.
         if error == 0.0 or is_traced(known):
             break
         config = config.with_more_steps(error)
@@ -41,12 +42,14 @@ def config_of(
     loop cannot take."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
+    # For a traced tolerance, from which no method can be chosen.
     rough = 1e-9
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
         rough = float(np.max(np.asarray(rtol)))
     method = as_fixed(accuracy.method, rough, loop.steps if steps is None else steps)
     rtol = jnp.asarray(rtol, dtype)
+    # As in a run of a system (`Accuracy`).
     atol = 1e-3 * rtol if accuracy.atol is None else jnp.asarray(accuracy.atol, dtype)
     return IntegrationConfig(rtol, atol, method, None, accuracy.max_steps, None)
 

@@ -140,7 +140,9 @@ class Sensor(AbstractSensor):
             z = z + _meeting(self.noise, z) * draw(0, z)
         if self.walk is not None:
             z = z + drift
+            # The variance of a random walk grows with the time, its deviation with the root.
             drift = drift + _meeting(self.walk, z) * elapsed**0.5 * draw(1, z)
+        # The electronics limit and round what the sensor has measured, errors included.
         return rounded(clipped(z, self.limit), self.quantum), drift
 
 
@@ -177,6 +179,7 @@ class StarTracker(AbstractSensor):
         turn = self.noise * draw(0, like)
         if self.bias is not None:
             turn = turn + with_rank(self.bias, like.ndim - 1)
+        # After the attitude: the error is about the axes of the body.
         return y.attitude.then(Quaternion.from_rotation_vector(turn)), drift
 
 
@@ -202,6 +205,7 @@ def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: s
             raise InputError(f"The sensor {name} is noisy: give key=jax.random.key(...).")
 
         def one(key: Keys) -> Array:
+            # Two streams for each sensor, noise and drift, and a number for each reading.
             for fold in (2 * number + purpose, count):
                 key = jax.random.fold_in(key, fold)
             components = like.shape[: like.ndim - run_axes]

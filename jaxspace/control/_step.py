@@ -82,10 +82,12 @@ def plan_step(
     held = system if control is None else actuate(system, control)
     methods = [FixedSteps(solver, count) for solver in solvers for count in counts]
     ts = jnp.stack([jnp.asarray(t, float), jnp.asarray(t + dt, float)])
+    # A reference far more accurate than any candidate of a few steps.
     table = accuracy_cost(
         held, y, ts, tolerances=(1e-12,), methods=methods, precisions=("float64",)
     )
     row = table.cheapest_row(error, "float64")
     method = table.methods[row.method]
     assert isinstance(method, FixedSteps)
+    # An error below that of the reference is not known.
     return StepPlan(method, max(row.error, table.reference_error), table)

@@ -36,6 +36,7 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
 
     **Returns** the system with that command. **Raises** `InputError` where the system has no such
     part, or another number of them than there are commands."""
+    # Counted, so that a command of one part may itself be a tuple.
     found = len(_commands(system))
     given = list(command) if found > 1 and isinstance(command, tuple | list) else [command]
     if found == 0:
@@ -70,6 +71,7 @@ class Held(AbstractSystem):
             return self.actuate(self.system, self.command)
         passed = t - self.since
         line = jax.tree.map(lambda u, s: u + s * passed, self.command, self.slope)
+        # The line may leave the limits between two samples.
         return self.actuate(self.system, clipped(line, self.limit))
 
     def vector_field(self, t: Scalar, y: State) -> State:
@@ -78,6 +80,7 @@ class Held(AbstractSystem):
     def breaks(self) -> Array | None:
         return self.system.breaks()
 
+    # A command does work: what the system conserves alone need not stay.
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
         del t, y
         return {}
