@@ -94,7 +94,8 @@ def turning_circles(
     - `start`: a place on the way, seen from the same vertical, or None.
     """
     half_slope = N * g - e
-    a2, a1 = 2.0 * b - e - N * N, 2.0 * b * half_slope
+    a2 = 2.0 * b - e - N * N
+    a1 = 2.0 * b * half_slope
     # Behind a barrier, because every form below reads it.
     d = barrier(_largest_root(a2, a1, (b * g) ** 2))
     # Of each pair of forms the one that adds numbers that are not negative. Those divided by d

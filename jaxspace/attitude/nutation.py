@@ -164,7 +164,8 @@ class Nutation(eqx.Module):
 
     def _roots(self) -> TurningCircles:
         """The solution of the cubic, measured from the vertical at which the weight is highest."""
-        stands, start = self.beta >= 0.0, self.start
+        stands = self.beta >= 0.0
+        start = self.start
         if start is not None:
             # Seen from the other vertical up and down change places, and u its sign.
             up, down = (jnp.where(stands, *pair) for pair in (start[:2], start[1::-1]))
@@ -176,7 +177,8 @@ class Nutation(eqx.Module):
         """Sum of the square roots of y3 - beta u1 and y3 - beta u2, 1/s, square root of their
         product, 1/s^2, and whether it is zero: then the motion takes for ever, and the means are
         1."""
-        b, d = self._sign() * self.beta, roots.d
+        b = self._sign() * self.beta
+        d = roots.d
         q, r = 2.0 * b * roots.sum_up, 4.0 * b * b * roots.product_up
         squared = d * d + q * d + r
         ever = squared <= 0.0
@@ -190,7 +192,8 @@ class Nutation(eqx.Module):
         total, product, ever = self._means(roots)
         (upper, _), (lower, _) = roots.half_angles
         d = jnp.where(ever, 1.0, roots.d)
-        share, most = safe_divide(upper, lower), d + 2.0 * b * lower
+        share = safe_divide(upper, lower)
+        most = d + 2.0 * b * lower
         whole = (share * most > d) & (d < NEAR * 2.0 * b * lower)
         pole = jnp.where(whole, share * most, d)
         # A pole at zero has the factor g = 0 before it: any other value keeps the product zero.

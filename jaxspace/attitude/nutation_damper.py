@@ -102,7 +102,8 @@ class NutationDamper(AbstractEffect):
     def energy(self, y: BodyState, body: AbstractBody) -> Scalar:
         """Energy, J, (*runs,), of the rotation of all about the mass centre, of the motion of the
         damper and of its spring."""
-        load, mu = self.load(0.0, y, body), self.reduced_mass(_mass_of(y, body))
+        load = self.load(0.0, y, body)
+        mu = self.reduced_mass(_mass_of(y, body))
         z, p = (y.part(self.part)[name] for name in ("displacement", "momentum"))
         spin = body.inertia(y.mass).times(y.omega) + _times(load.inertia_B, y.omega)
         # 2 T = omega . J* omega + p^2/mu, for H = J* omega + b p/mu and mu z' = p - b . omega.
@@ -180,7 +181,9 @@ class NutationDamper(AbstractEffect):
         """J'(z) omega, kg m^2/s per m."""
         r0, u, _ = self._lines(y.omega.ndim - 1)
         z = y.part(self.part)["displacement"]
-        w, along, out = y.omega, dot(u, y.omega), dot(r0, y.omega)
+        w = y.omega
+        along = dot(u, y.omega)
+        out = dot(r0, y.omega)
         first = 2.0 * dot(r0, u) * w - along * r0 - out * u
         mu = self.reduced_mass(_mass_of(y, body))
         return scale(self.mass, first) + scale(2.0 * mu * z, w - along * u)

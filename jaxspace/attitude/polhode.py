@@ -78,8 +78,10 @@ class Polhode(eqx.Module):
         below, above, middle = _differences((a, b, c), energies)
         p, q = (b - c) * below, (a - b) * above
         # p - q = (a - c) middle, whose sign has no rounding beside the separatrix.
-        most, about_least = jnp.maximum(p, q), middle > 0.0
-        two_t, h = dot(moments * omega, omega), norm(moments * omega)
+        most = jnp.maximum(p, q)
+        about_least = middle > 0.0
+        two_t = dot(moments * omega, omega)
+        h = norm(moments * omega)
         ends = _vertices((a, b, c), (below, above, middle), about_least)
         # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.
         near, far = (safe_divide(norm(cross(v, jnp.stack([a, b, c]) * v)), h) for v in ends)

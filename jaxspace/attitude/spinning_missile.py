@@ -68,7 +68,9 @@ def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
     small tilt."""
     # Its components across z by those of the tensor: an eigenvector has absolute errors only.
     # With moments that are all but equal there is no more to gain.
-    a, b, c = tensor[0, 0] - moment, tensor[0, 1], tensor[1, 1] - moment
+    a = tensor[0, 0] - moment
+    b = tensor[0, 1]
+    c = tensor[1, 1] - moment
     d, e = tensor[0, 2], tensor[1, 2]
     whole = a * c - b * b
     use = jnp.abs(whole) > 1e-8 * moment * moment
@@ -234,7 +236,9 @@ def _mean_ramp(x: Scalar, y: Scalar) -> Complex:
     far = jnp.stack([apart[1], -apart[0]]) / jnp.where(near, 1.0, great)
     a, b = jnp.where(near, great, 0.0), jnp.where(near, small, 0.0)
     # The sum of i^k h_k/(k + 2)!, of the homogeneous polynomials h_k = a h_(k-1) + b^k.
-    h, power, total = jnp.ones_like(a), jnp.ones_like(a), [0.5 * jnp.ones_like(a), 0.0 * a]
+    h = jnp.ones_like(a)
+    power = jnp.ones_like(a)
+    total = [0.5 * jnp.ones_like(a), 0.0 * a]
     for k in range(1, _TERMS):
         power = power * b
         h = a * h + power

@@ -84,7 +84,9 @@ class TopMotion(AbstractClosedForm):
         across = 2.0 * (product(conjugate(a), b_rate) - product(b, conjugate(a_rate)))
         half = start.alpha * duration
         a, b, across = barrier((a, b, across))
-        across, a, b = turned(-2.0 * half, across), turned(half, a), turned(-half, b)
+        across = turned(-2.0 * half, across)
+        a = turned(half, a)
+        b = turned(-half, b)
         q = jnp.stack([a[0], b[0], b[1], a[1]])
         q = jnp.where(hangs, lowered(q), q)
         # Unit length to rounding; what the start lacked of it stays.

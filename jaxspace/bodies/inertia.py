@@ -220,7 +220,8 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
 
     **Raises** `InputError` for a rod and a point of its axis, about which it has no moment either.
     """
-    tensor, shift = inertia.matrix(), particle_inertia(mass, offset)
+    tensor = inertia.matrix()
+    shift = particle_inertia(mass, offset)
     rank = max(tensor.ndim, shift.ndim) - 2
     return InertiaTensor(with_rank(tensor, rank, axes=2) + with_rank(shift, rank, axes=2))
 

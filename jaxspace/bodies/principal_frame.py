@@ -158,7 +158,9 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
     vector, later = turns.wxyz[1:, 0], ends[:, 0]
     real = turns.wxyz[:1, 0]
     for k in range(3):
-        back, one, none = _half_right(k, between[k]), 2 * k + 1, 2 * k + 2
+        back = _half_right(k, between[k])
+        one = 2 * k + 1
+        none = 2 * k + 2
         # The difference to the same axes without a split: its value cancels, its derivative stays.
         change = turns.wxyz[:, one] - turns.wxyz[:, none]
         real = real + jnp.where(equal[k], change[:1], 0.0)
@@ -188,7 +190,8 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
         between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
         theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, apart))
         turn = Quaternion(jnp.concatenate([jnp.ones_like(theta[:1]), 0.5 * theta])).normalised()
-        local, frame = _transformed(local, turn.matrix()), frame.then(turn)
+        local = _transformed(local, turn.matrix())
+        frame = frame.then(turn)
     return local, frame, equal
 
 

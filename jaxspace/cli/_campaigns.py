@@ -92,7 +92,8 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
 def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     """Compute what a store lacks, and report on the whole."""
     kept = _opened_quietly(store)
-    file, there = _scene(store, kept, modules), {**kept.attributes, "seed": kept.seed}
+    file = _scene(store, kept, modules)
+    there = {**kept.attributes, "seed": kept.seed}
     # From the store and from no option: another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
     own["times"] = there.get("times")

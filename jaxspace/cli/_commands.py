@@ -183,7 +183,8 @@ def budget(
     judged = parts[0] if output is None else output
     if judged in parts:
         # The difference of two attitudes is an angle.
-        si, factor = quantities(BodyState)[judged].unit or "rad", 1.0
+        si = quantities(BodyState)[judged].unit or "rad"
+        factor = 1.0
     else:
         try:
             judged, si, factor = file.final_output(judged)

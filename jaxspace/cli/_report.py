@@ -80,8 +80,10 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     site = None
     title = name
     if file is not None:
-        run, site = file.nominal_mission(), file.site
-        title, nominal = file.title, file.nominal_outputs(run)
+        run = file.nominal_mission()
+        site = file.site
+        title = file.title
+        nominal = file.nominal_outputs(run)
         some = np.arange(min(FLIGHTS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))

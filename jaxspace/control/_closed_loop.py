@@ -136,7 +136,8 @@ class ClosedLoop(AbstractRunnable):
             longest = self.longest
         ts = np.linspace(0.0, longest, num_saved)
         y0 = broadcast_state(self.system, t0, y0)
-        dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
+        dtype = state_dtype(y0)
+        runs = runs_of(y0, run_axes)
         start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
         # With a known end of the phase, the nodes end there already.
         end = (

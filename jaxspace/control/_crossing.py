@@ -147,6 +147,7 @@ def _share(
         a, ga = jnp.where(across, b, a), jnp.where(across, gb, 0.5 * ga)
         return a, ga, x, g, jnp.abs(x - b), k + 1
 
-    zero, one = jnp.zeros_like(before), jnp.ones_like(before)
+    zero = jnp.zeros_like(before)
+    one = jnp.ones_like(before)
     found = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
     return jax.lax.stop_gradient(found[2])

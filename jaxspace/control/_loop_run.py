@@ -143,7 +143,8 @@ def run_loop(
     y0 = as_state(y0)
     _check(loop, y0, run_axes)
     asked = Asked(loop, y0, ts, options, run_axes)
-    times, events = known_times(ts), as_events(options.events)
+    times = known_times(ts)
+    events = as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
     config = config_of(loop, y0, accuracy, options.steps)
     start = times[0] if options.start is None else options.start

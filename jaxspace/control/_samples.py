@@ -229,7 +229,9 @@ def _sensed(
     always: tuple[bool, ...],
     keys: Keys | None,
 ) -> Passing:
-    readings, drifts, counts = dict(p.readings), dict(p.drifts), dict(p.counts)
+    readings = dict(p.readings)
+    drifts = dict(p.drifts)
+    counts = dict(p.counts)
     for number, name in enumerate(setting.sensors or {}):
         tick = ticks[2 + number]
         new = _read(setting, name, number, t, p.y, p.drifts, p.counts, keys)

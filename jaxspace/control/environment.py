@@ -122,7 +122,8 @@ class AbstractEnvironment(AbstractParameters):
         def again(_: None) -> tuple[State, Array, Array]:
             # In the precision of the episode, whatever the default is.
             fresh = jax.tree.map(lambda a, x: a.astype(x.dtype), self.start(key, time.shape), y)
-            new, begun = select(done, fresh, y), jnp.where(done, 0.0, time)
+            new = select(done, fresh, y)
+            begun = jnp.where(done, 0.0, time)
             return new, begun, self.observe(new, begun)
 
         # Drawn only where an episode has ended: random numbers cost more than a step.

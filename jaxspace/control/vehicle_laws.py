@@ -119,7 +119,8 @@ class FinControl(AbstractController):
             angles = angles - with_rank(self.integral, rank) * memory.total
         if self.full_speed is None:
             return angles, memory
-        v, full = measurement(measured, "velocity"), self.full_speed
+        v = measurement(measured, "velocity")
+        full = self.full_speed
         # The moment of a fin grows with the square of the speed: the gain falls with it.
         return full * full / jnp.maximum(dot(v, v), full * full) * angles, memory
 
@@ -170,7 +171,8 @@ class LandingControl(AbstractController):
         # The gains grow without bound as the time to go ends.
         left = jnp.maximum(self.arrival - t, self.least_time)
         a = 12.0 / (left * left) * (r - x) - 6.0 / left * (vf + v) + af
-        wanted, up = mass * (a - g), -unit(g) + 0.0 * x
+        wanted = mass * (a - g)
+        up = -unit(g) + 0.0 * x
         upwards = dot(wanted, up)
         aside = wanted - upwards * up
         # A vehicle that is too high would turn over to push itself down.

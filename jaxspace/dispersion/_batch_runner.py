@@ -40,7 +40,8 @@ from ._program import Drawn, draw_inputs, program
 from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
-CALL, ACCELERATOR_CALL = 512, 2**14
+CALL = 512
+ACCELERATOR_CALL = 2**14
 # Runs in one call with adaptive steps, of which there are few.
 ADAPTIVE_CALL = 8
 

@@ -37,7 +37,9 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     # Compiled, because each operation that builds a mission would be a program of its own.
     mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
     first = float(campaign.start)
-    found, ends, last = [], [], {}
+    found = []
+    ends = []
+    last = {}
     for leg in legs_of(mission)[0]:
         before = _Left(left, first, True) if leg.after is None else ends[leg.after]
         chosen, after = _chosen_in(leg.phase, before, campaign.along)
@@ -84,7 +86,8 @@ def _chosen_in(
     duration = float(phase.until)
     if not duration:
         return None, before
-    places, rounding = (left - start) / duration, ROUNDING * (1.0 + abs(start / duration))
+    places = (left - start) / duration
+    rounding = ROUNDING * (1.0 + abs(start / duration))
     here = (places >= -rounding) & (places <= 1.0 + rounding)
     chosen = _saved(np.clip(places[here], 0.0, 1.0), along) if here.any() else None
     return chosen, _Left(left[~here], start + duration, known)
@@ -134,7 +137,8 @@ def _check_left(
 
 
 def _saved(places: np.ndarray, along: int) -> ChosenTimes:
-    places, even = np.unique(places), np.linspace(0.0, 1.0, along)
+    places = np.unique(places)
+    even = np.linspace(0.0, 1.0, along)
     fractions = np.union1d(places, even)
     outputs, kept = (jnp.asarray(np.searchsorted(fractions, x)) for x in (even, places))
     return ChosenTimes(jnp.asarray(fractions), outputs, kept)

@@ -27,7 +27,8 @@ class Column(NamedTuple):
     @classmethod
     def of(cls, head: Mapping[str, Any]) -> "Column":
         """The array with these metadata of Zarr."""
-        dtype, dims = np.dtype(head["data_type"]).str, tuple(head["dimension_names"])
+        dtype = np.dtype(head["data_type"]).str
+        dims = tuple(head["dimension_names"])
         return cls(dtype, dims, tuple(head["shape"][1:]), head["attributes"])
 
     @property

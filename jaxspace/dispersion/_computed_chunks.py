@@ -36,7 +36,8 @@ def in_memory(
     firsts = range(0, total, chunk)
     extents = [Extent(k, first, min(chunk, total - first)) for k, first in enumerate(firsts)]
     ending = None if until is None else Ending(until, len(extents))
-    chunks, enough = {}, None
+    chunks = {}
+    enough = None
     with contextlib.closing(_computed(runner, engine, extents, total, progress)) as computed:
         for k, found in computed:
             chunks[k] = found
@@ -97,7 +98,8 @@ def stored(
 
 def _written(writer: StoreWriter, computed: Computed, ending: Ending | None) -> float:
     """Write the computed chunks, up to where the rule is met; returns the time for it, s."""
-    last, storing = time.perf_counter(), 0.0
+    last = time.perf_counter()
+    storing = 0.0
     # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(computed):
         for chunk, (results, cpu) in computed:

@@ -47,8 +47,10 @@ class DaskCluster(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload, waiting = payload_of(runner.planned), list(extents)
-        started, finished = set(), queue.SimpleQueue()
+        payload = payload_of(runner.planned)
+        waiting = list(extents)
+        started = set()
+        finished = queue.SimpleQueue()
         with self._client() as client:
             while waiting or started:
                 # Queried each time, because workers come and go; at least one, to wait for the

@@ -19,7 +19,8 @@ EACH, GROWTH = 8, 8
 
 def checkpoints(chunks: int) -> list[int]:
     """Numbers of finished chunks, all below `chunks`, at which the rule is checked."""
-    found, count = [], 1
+    found = []
+    count = 1
     while count < chunks:
         found.append(count)
         count += 1 if count < EACH else count // GROWTH

@@ -161,7 +161,8 @@ def disperse(
     started = time.perf_counter()
     accuracy = _resolved(campaign.accuracy_for(accuracy))
     kept_states = _kept_states(campaign, samples, times, store)
-    using, local = as_engine(engine), _devices(devices)
+    using = as_engine(engine)
+    local = _devices(devices)
     if isinstance(using, MultiHost) and store is None:
         raise InputError("store is missing: several hosts meet in it.")
     with contextlib.ExitStack() as stack:

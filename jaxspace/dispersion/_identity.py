@@ -63,7 +63,8 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
     """The likely cause of different results with the same settings."""
     # Versions first, which are the more likely cause.
     for kind in ("versions", "machine"):
-        old, new = there.get(kind, {}), here[kind]
+        old = there.get(kind, {})
+        new = here[kind]
         changed = [key for key in new if old.get(key) != new[key]]
         if changed:
             causes = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)

@@ -33,12 +33,14 @@ class Lock:
         """Take the lock. Raises `StoreError`, which names the owner, if another process holds
         it."""
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
-        free, owner = _lock(handle), _owner(handle)
+        free = _lock(handle)
+        owner = _owner(handle)
         end = time.monotonic() + PATIENCE
         # The owner writes its name after taking the lock, and removes it before releasing it.
         while not free and not owner and time.monotonic() < end:
             time.sleep(0.01)
-            free, owner = _lock(handle), _owner(handle)
+            free = _lock(handle)
+            owner = _owner(handle)
         host = socket.gethostname()
         # Not every network file system passes locks between machines: then the name decides.
         if not free or (owner and owner["host"] != host):

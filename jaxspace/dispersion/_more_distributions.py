@@ -72,7 +72,9 @@ class Triangular(AbstractDistribution):
         return jnp.where(rising, self.low + jnp.sqrt(left), self.high - jnp.sqrt(right))
 
     def outside(self, low: float, high: float) -> float:
-        a, b, c = float(self.low), float(self.high), float(self.mode)
+        a = float(self.low)
+        b = float(self.high)
+        c = float(self.mode)
 
         def rising(x: float) -> float:
             """The share from a to x, which is below c."""

@@ -49,7 +49,8 @@ class ProcessPool(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
+        payload = payload_of(runner.planned)
+        losses = dict.fromkeys(extents, 0)
         hopeless = []
         while losses:
             started: dict[Future[Done], Extent] = {}

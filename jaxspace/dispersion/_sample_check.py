@@ -45,7 +45,8 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
         same = max(abs(mean - own), std) <= grain
         return "" if same else f"{found}: nothing scatters."
-    off, more = (mean - own) / spread, std / spread - 1.0
+    off = (mean - own) / spread
+    more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)
     sound = sound and abs(more) <= max(SIGNIFICANT * error_of_std, MATTERS)
@@ -57,7 +58,8 @@ def standard_errors(x: np.ndarray) -> tuple[float, float]:
 
     They are 1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k: 3 for a normal distribution.
     Both are NaN for fewer than two values and for equal values."""
-    n, spread = x.size, float(np.std(x)) if x.size else 0.0
+    n = x.size
+    spread = float(np.std(x)) if x.size else 0.0
     if n < 2 or spread == 0.0:
         return math.nan, math.nan
     kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))

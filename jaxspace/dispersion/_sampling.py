@@ -60,7 +60,8 @@ class LatinHypercube(AbstractDesign):
     ) -> Float[Array, "runs dimensions"]:
         # Each time through the layers is another permutation.
         numbers = numbers.astype(jnp.uint32)
-        again, places = numbers // self.runs, numbers % self.runs
+        again = numbers // self.runs
+        places = numbers % self.runs
 
         def one(number: Array, again: Array, place: Array) -> Array:
             seeds = jax.random.bits(jax.random.fold_in(key, again), (dimensions,), jnp.uint32)
@@ -138,7 +139,8 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
     mask = 1
     while mask < count - 1:
         mask = 2 * mask + 1
-    w, p = jnp.uint32(mask), seed
+    w = jnp.uint32(mask)
+    p = seed
 
     def mixed(i: Array) -> Array:
         # Kensler's steps, each of which can be undone within the bits of w.
@@ -204,7 +206,8 @@ def draw(
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.
     def one(number: Array) -> dict[str, Array]:
-        own, found = jax.random.fold_in(key, number), {}
+        own = jax.random.fold_in(key, number)
+        found = {}
         for names in _alike(inputs):
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.

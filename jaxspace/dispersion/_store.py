@@ -164,7 +164,8 @@ class Store:
         """An array over the runs of these finished chunks, runs first.
 
         **Raises** `StoreError`, naming the chunk, where it is damaged."""
-        column, parts = self.columns[name], []
+        column = self.columns[name]
+        parts = []
         for chunk in chunks:
             data, damage = self._checked(chunk, name)
             if damage:

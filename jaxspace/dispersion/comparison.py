@@ -62,7 +62,8 @@ def compare_methods(
         x = reference.values(row.name)[reference.good].astype(float)
         table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
         for m in found:
-            mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
+            mean = float(m.mean[m.names.index(row.name)])
+            std = m.std(row.name)
             off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
             ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
             warning = warning_of(mean, std, x)

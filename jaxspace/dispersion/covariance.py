@@ -238,7 +238,8 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     h, (above, below) = np.asarray(hessian), np.asarray(beside)
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
-    expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
+    expected = 2.0 * NEARBY * h.sum(axis=1)
+    found = above - below
     missing = np.abs(found - expected).max()
     # A fourth derivative lets a little lack, rounding a little of the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())

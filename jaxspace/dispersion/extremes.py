@@ -112,7 +112,10 @@ def _slopes(q: Float[Array, " times *runs"]) -> Float[Array, " times *runs"]:
 def _of_phase(t: Float[Array, " times *runs"], q: Float[Array, " times *runs"]) -> Extreme:
     """The greatest value among the cubics between the states."""
     s = _slopes(q)
-    q_0, q_1, b, s_1 = q[:-1], q[1:], s[:-1], s[1:]
+    q_0 = q[:-1]
+    q_1 = q[1:]
+    b = s[:-1]
+    s_1 = s[1:]
     c, d = 3.0 * (q_1 - q_0) - 2.0 * b - s_1, 2.0 * (q_0 - q_1) + b + s_1
     square = c * c - 3.0 * b * d
     real = square > 0.0

@@ -189,6 +189,7 @@ class StopRule(NamedTuple):
 
     def more(self, x: ArrayLike) -> int:
         """Estimate, from these runs, of the total number needed; 0 where that is not known."""
-        error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
+        error = self.error(x)
+        runs = int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0

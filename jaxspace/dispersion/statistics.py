@@ -304,7 +304,8 @@ class Dispersion(eqx.Module):
         for name in self.inputs:
             x, y = self.values(name), self.values(output)
             some = self.good & ~(np.isnan(x) | np.isnan(y))
-            x, y = x[some].astype(float), y[some].astype(float)
+            x = x[some].astype(float)
+            y = y[some].astype(float)
             if x.size >= 5 and np.ptp(x) > 0.0:
                 found[name] = rank_correlation(x, y)
         order = sorted(found.items(), key=lambda pair: -abs(pair[1].value))

@@ -205,7 +205,8 @@ def _predict_unscented(
         # What the noise adds to a state that is known.
         exact = MeanCovariance(known.mean, jnp.zeros_like(P))
         added, status_of_noise = _predict_extended(system, exact, t0, t1, process, accuracy)
-        P, status = P + added.covariance, jnp.maximum(status, status_of_noise)
+        P = P + added.covariance
+        status = jnp.maximum(status, status_of_noise)
     return MeanCovariance(about.moved(mean), P), status
 
 
@@ -308,5 +309,6 @@ def _inverse(S: Array) -> Array:
 def _normalised(e: Array, P: Array) -> Array:
     """e^T P^-1 e, of errors (n, times, *runs)."""
     shape = e.shape[1:]
-    rows, matrices = e.reshape(e.shape[0], -1), P.reshape(*P.shape[:2], -1)
+    rows = e.reshape(e.shape[0], -1)
+    matrices = P.reshape(*P.shape[:2], -1)
     return jax.vmap(lambda e, P: e @ _inverse(P) @ e, in_axes=-1)(rows, matrices).reshape(shape)

@@ -197,7 +197,8 @@ class _Task(NamedTuple):
                 f"{jax.tree.map(jnp.shape, data)}."
             )
         beforehand = _prior_of(prior, coordinates)
-        count, least = sum(z.size for z in jax.tree.leaves(data)), coordinates.count
+        count = sum(z.size for z in jax.tree.leaves(data))
+        least = coordinates.count
         if count + (least if beforehand is not None else 0) < least:
             raise InputError(
                 f"There are {count} readings for {least} parameters: there must be at least as "

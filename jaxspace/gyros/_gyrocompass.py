@@ -172,8 +172,10 @@ class Gyrocompass(AbstractSystem):
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the slow oscillation about the meridian and of the
         nutation, both without damping (Thomson 6.5-11)."""
-        H, inertias = self.spin_momentum, self.tilt_inertia * self.azimuth_inertia
-        a, b = H * self.frame_rate[1], self._stiffness()
+        H = self.spin_momentum
+        inertias = self.tilt_inertia * self.azimuth_inertia
+        a = H * self.frame_rate[1]
+        b = self._stiffness()
         total = (H * H + a * self.tilt_inertia + b * self.azimuth_inertia) / inertias
         product = a * b / inertias
         fast = 0.5 * (total + jnp.sqrt(total * total - 4.0 * product))
@@ -227,7 +229,8 @@ class Gyrocompass(AbstractSystem):
         of the bail; those of the inertias are less by the earth's rate over the spin, 1e-7."""
         east, north, up = self.frame_rate
         level = jnp.sqrt(east * east + north * north)
-        H, across = self.spin_momentum, 0.0 * level
+        H = self.spin_momentum
+        across = 0.0 * level
         # Without damping the first step is exact, with it each one divides the error by 1e5.
         for _ in range(REST_STEPS):
             along = jnp.sqrt((level - across) * (level + across))

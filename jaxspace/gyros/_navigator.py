@@ -102,7 +102,8 @@ class InertialNavigator(AbstractSystem):
     gimballed: bool = eqx.field(static=True, default=False)
 
     def vector_field(self, t: Scalar, y: NavigatorState) -> NavigatorState:
-        earth, felt = self.earth, self.felt(t)
+        earth = self.earth
+        felt = self.felt(t)
         force, turn = self._measured(felt, y.attitude)
         # What all runs share meets what each has of its own.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
@@ -132,7 +133,8 @@ class InertialNavigator(AbstractSystem):
         self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
     ) -> NavigatorState:
         """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
-        felt, earth = self.felt(0.0), self.earth
+        felt = self.felt(0.0)
+        earth = self.earth
         east, north, up = as_float(position)
         place = felt.place
         along, across = earth.curvature_radii(place.latitude)

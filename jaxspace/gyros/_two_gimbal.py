@@ -313,7 +313,9 @@ class TwoGimbalGyro(AbstractSystem):
     ) -> tuple[Scalar, Scalar]:
         """What turns the inner gimbal, and what turns the outer one from rest, less the friction,
         N m."""
-        s, c, H = jnp.sin(y.theta), jnp.cos(y.theta), self.spin_momentum(y)
+        s = jnp.sin(y.theta)
+        c = jnp.cos(y.theta)
+        H = self.spin_momentum(y)
         # One product, because both terms vanish together where psi' does.
         inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
         outer = self.moment_outer + H * s * y.theta_rate

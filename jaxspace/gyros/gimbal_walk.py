@@ -108,7 +108,8 @@ class GimbalWalk(eqx.Module):
     def drift(self) -> Scalar:
         """Mean rate of the outer gimbal, rad/s, exactly."""
         chi, deviation, theta, slope = self._nodes()
-        s0, bend = jnp.sin(self.theta), self._bend(deviation)
+        s0 = jnp.sin(self.theta)
+        bend = self._bend(deviation)
         # psi' / X' = theta_0' sin(chi) J / (H v), v = sin(theta) - bend. Of it 1/v_0 has the mean
         # zero: it is taken off, because the drift of a small nutation is of second order.
         inverse = (bend - self._rise(deviation)) / ((jnp.sin(theta) - bend) * s0)
@@ -120,7 +121,8 @@ class GimbalWalk(eqx.Module):
     def offset(self) -> Scalar:
         """Mean of theta - theta_0, rad, exactly."""
         _, d, theta, slope = self._nodes()
-        s0, inertia = jnp.sin(self.theta), self.outer_inertia(self.theta)
+        s0 = jnp.sin(self.theta)
+        inertia = self.outer_inertia(self.theta)
         # d / X' less X / X_0'^2 = share rest / X': what is taken off has the mean zero, because X =
         # theta_0' sin(chi). The offset is of second order, and so is every term of the rest.
         growth = self._difference() * jnp.sin(2.0 * self.theta + d) * jnp.sin(d)

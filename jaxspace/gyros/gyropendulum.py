@@ -110,7 +110,9 @@ class Gyropendulum(AbstractSystem):
 
     def _matrices(self) -> tuple[Array, Array]:
         H, A, k = self.spin_momentum, self.transverse_inertia, self.erection_rate
-        w, e, h = self.weight_moment / A, H * k / A, H / A
+        w = self.weight_moment / A
+        e = H * k / A
+        h = H / A
         one, two = self.acceleration_theta / self.gravity, self.acceleration_phi / self.gravity
         matrix = rows(
             (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0), (-w, -e, 0.0, -h), (e, -w, h, 0.0)

@@ -200,15 +200,20 @@ def gimbal_axes(angles: Gimbals) -> Float[Array, "3 gimbals *#runs"]:
     - `angles`: from the outermost gimbal inwards, rad, (3, *runs) or (4, *runs).
 
     **Returns** E, (3, gimbals, *runs): the platform's rate relative to the vehicle is E Phi'."""
-    one, zero = jnp.ones_like(angles[0]), jnp.zeros_like(angles[0])
+    one = jnp.ones_like(angles[0])
+    zero = jnp.zeros_like(angles[0])
     s, c = jnp.sin(angles[-1]), jnp.cos(angles[-1])
     sz, cz = jnp.sin(angles[-2]), jnp.cos(angles[-2])
-    roll, yaw, pitch = (c * cz, -sz, s * cz), (-s, zero, c), (zero, one, zero)
+    roll = (c * cz, -sz, s * cz)
+    yaw = (-s, zero, c)
+    pitch = (zero, one, zero)
     columns = [roll, yaw, pitch]
     if angles.shape[0] == 4:
         # The vehicle's z axis, turned by roll, then by yaw, then by pitch.
         sx, cx = jnp.sin(angles[1]), jnp.cos(angles[1])
-        x, y, z = sx * sz, sx * cz, cx
+        x = sx * sz
+        y = sx * cz
+        z = cx
         columns = [(x * c - z * s, y, z * c + x * s), *columns]
     return jnp.stack([jnp.stack(column) for column in columns], axis=1)
 

@@ -300,7 +300,8 @@ def _first_zero(
     if event.at_start:
         now = at_zero & (event.direction * slopes[0] >= 0.0)
         when = jnp.where(now, nodes[0], when)
-        hit, unresolved = hit | now, unresolved & ~now
+        hit = hit | now
+        unresolved = unresolved & ~now
     time = along.segment.time(when)
     after = jnp.abs(time - start)
     resolved = APART * eps * jnp.maximum(jnp.abs(start), jnp.abs(time))
@@ -323,7 +324,10 @@ def shortened(
     """The location after the steps that hold the events were repeated with their `length`, up to
     `s1` in shared time, where the states are `y1`."""
     none = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
-    value, slope, first, first_slope = none, none, none, none
+    value = none
+    slope = none
+    first = none
+    first_slope = none
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
         # At both ends of the step, by one copy of the condition in the program.

@@ -92,7 +92,8 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
             return _by_jax(one, [*args, *last], [*arg_dims, *last_dims])
 
         def block(parts: Parts, last: Leaves) -> list[Array]:
-            inner, args = Problem(parts), arguments_of(parts)
+            inner = Problem(parts)
+            args = arguments_of(parts)
             _, record = inner.split_record(record_p.bind(*args, problem=inner))
             return primitive.bind(
                 *args, *record, *last, problem=inner, moving=moving, columns=columns

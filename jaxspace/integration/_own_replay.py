@@ -32,7 +32,8 @@ class OwnReplay(Replay):
         """The state after step number `n` of every run, from `y`."""
         field = eqx.combine(moving, self.fixed)
         form = form_of(field, y.z)
-        h, done = self.record.step(n)[0], self._landed(n)
+        h = self.record.step(n)[0]
+        done = self._landed(n)
         segment = Segment.of(field, self.settings, y.segment)
         z = attempt(form, *segment, y.z, h).z
         y = OwnState(jnp.where(h != 0.0, z, y.z), y.segment)

@@ -49,7 +49,8 @@ class Packing(eqx.Module):
 
     def state(self, v: Float[Array, "components *#rest"]) -> State:
         """The state of a vector; further axes stay behind the components."""
-        leaves, first = [], 0
+        leaves = []
+        first = 0
         for shape, size in zip(self.shapes, self.sizes, strict=True):
             leaf = jax.lax.slice_in_dim(v, first, first + size)
             leaves.append(leaf.reshape(*shape, *v.shape[1:]))

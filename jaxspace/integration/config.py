@@ -119,7 +119,8 @@ def resolve(
     decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
     if decoupled is not None:
         starts = _starts_of_rest(decoupled, starts)
-        system, y0 = decoupled.rest, decoupled.rest_of(y0)
+        system = decoupled.rest
+        y0 = decoupled.rest_of(y0)
     if method == "auto":
         # The rules have checked the needs of the method already.
         method = select_method(system, y0, known_rtol, starts=starts)

@@ -236,7 +236,11 @@ def _advance(
 ) -> LoopState:
     """The loop after one more step, accepted or rejected; if every run waits at its event, after
     one more repetition of the steps that hold the events."""
-    t0, t1, y0, made_jump, going = loop.t, loop.t_next, loop.y, loop.made_jump, None
+    t0 = loop.t
+    t1 = loop.t_next
+    y0 = loop.y
+    made_jump = loop.made_jump
+    going = None
     location = loop.location
     if location is not None:
         going = _going_on(settings, loop)

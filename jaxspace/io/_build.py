@@ -57,7 +57,8 @@ def build_mission(
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
         return _one_phase(file, building, scene, seeds), initial
-    phases, start = [], 0.0
+    phases = []
+    start = 0.0
     for number, phase in enumerate(values["phase"]):
         active = {name: effects[name] for name in phase["effects"]}
         until = _until(file, number, active, start, building)
@@ -161,7 +162,8 @@ def _until(
     """The duration of the phase of this number, s, or the event that ends it; `start` is its
     time, s."""
     phase, events = building.values["phase"][number], file.catalog.events
-    until, name = phase["until"], condition_of(phase["until"])
+    until = phase["until"]
+    name = condition_of(phase["until"])
     if until is None:
         return phase["duration"]
     if name is not None:

@@ -238,7 +238,8 @@ def _add(
         if not (isinstance(thing, type) and issubclass(thing, base)):
             continue
         if getattr(thing, "__final__", False):
-            kind, key = object_kind(thing), snake_case(thing.__name__)
+            kind = object_kind(thing)
+            key = snake_case(thing.__name__)
             if kind is not None:
                 _name(named[group], key, thing, new)
                 kinds[thing] = kind

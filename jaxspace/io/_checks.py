@@ -152,7 +152,8 @@ def _checks_itself(maker: Maker) -> bool:
 
 def initial_errors(file: Parsed) -> list[str]:
     """Errors of the parts of the initial state together."""
-    found, parts = [], file.parts()
+    found = []
+    parts = file.parts()
     for key, maker in file.makers.items():
         if not key.startswith("initial."):
             continue
@@ -210,7 +211,8 @@ def effect_errors(active: list[str], file: Parsed) -> list[str]:
         # Without its references an effect cannot be made, and the parts that it reads stay unknown.
         whole += [] if errors else [name]
     building = file.building()
-    effects, body = building.effects(whole), building.make("body")
+    effects = building.effects(whole)
+    body = building.make("body")
     try:
         readings = read_effects(effects.values(), body).effects
     except InputError as error:
@@ -265,7 +267,8 @@ def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
     key = f"phase.{number}"
     found = []
     phases = file.values["phase"]
-    parts, until = file.parts(), phase["until"]
+    parts = file.parts()
+    until = phase["until"]
     # Outputs refer to phases by name, so that the names must differ.
     if [p["name"] for p in phases].index(phase["name"]) < number:
         found.append(
@@ -284,7 +287,8 @@ def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
             found.append(_absent_part(part, f"the event {name}"))
         maker = file.makers.get(f"{key}.until.{name}")
         if maker is not None:
-            needs, effects = f"the event {name} needs an effect", file.catalog.effects
+            needs = f"the event {name} needs an effect"
+            effects = file.catalog.effects
             found += reference_errors(maker, needs, effects, phase["effects"])
     elif until is not None:
         if not any(until in file.catalog.known_times(name) for name in phase["effects"]):

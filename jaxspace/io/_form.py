@@ -85,7 +85,8 @@ def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]
     kind = kind_of(data)
     if kind != "system":
         return form_of(kind, catalog), []
-    system, names = data["system"], tuple(catalog.systems)
+    system = data["system"]
+    names = tuple(catalog.systems)
     if not isinstance(system, Mapping):
         return Table({}), [wrong("system", system, "a table")]
     if "name" not in system:

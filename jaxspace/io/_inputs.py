@@ -41,7 +41,8 @@ class Input(NamedTuple):
     def warnings(self, path: str) -> list[str]:
         """Sentences on what is allowed but probably a mistake: a range without the nominal value,
         draws that the class of the number refuses."""
-        quantity, found = self.nominal.quantity, []
+        quantity = self.nominal.quantity
+        found = []
         made = self.distribution()
         low, high = self.numbers.get("low"), self.numbers.get("high")
         if low is not None and high is not None and not low <= self.nominal <= high:
@@ -100,7 +101,8 @@ def with_given(
 
     `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
     values. Raises `InputError`, with one line for each error."""
-    numbers, found = _numbers(file), dict(known)
+    numbers = _numbers(file)
+    found = dict(known)
     errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
     for path, entry in given.items():
         key = f"inputs.{path}"
@@ -225,7 +227,8 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     """The entry with the values of its file: a number a line, or a named column of a CSV file."""
     if "values" in entry or not isinstance(entry["file"], str):
         raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
-    path, column = files.path(entry["file"]), entry.get("column")
+    path = files.path(entry["file"])
+    column = entry.get("column")
     try:
         source = io.StringIO(files.text(entry["file"]), newline="")
     except ValueError as error:

@@ -43,7 +43,8 @@ def missing_module(data: Mapping[str, Any], given: Iterable[NamedFile]) -> str:
     """The sentence for the first module that a file needs and that was not given; empty for none.
 
     `given`: the modules that the caller allows to run."""
-    names, needed = [module.path.name for module in given], data.get("modules")
+    names = [module.path.name for module in given]
+    needed = data.get("modules")
     # A value that is no list of texts is reported when it is read.
     for k, name in enumerate(needed if isinstance(needed, list) else []):
         if isinstance(name, str) and Path(name).name not in names:

@@ -134,7 +134,8 @@ def _named_ways(cls: type) -> Iterable[Maker]:
 def _field_entries(cls: type) -> dict[str, Entry | None]:
     """The entry of each field that a file can give; `None` for one that it cannot give and must."""
     found: dict[str, Entry | None] = {}
-    declared, referred = quantities(cls), references(cls)
+    declared = quantities(cls)
+    referred = references(cls)
     for field in dataclasses.fields(cls):
         if field.name in referred or not field.init and field.name not in declared:
             continue
@@ -214,7 +215,8 @@ class Building(NamedTuple):
             source = path if maker.bare else f"{path}.{key}"
             # The table of the object comes first, so that one effect may differ from the planet.
             if value is None and entry.shared:
-                value, source = at(self.values, entry.shared), entry.shared
+                value = at(self.values, entry.shared)
+                source = entry.shared
             # Omitted, and not passed as `None`, so that the default of the class holds.
             if value is not None and key in maker.arguments:
                 arguments[maker.arguments[key]] = self._value(entry.kind, value, source)

@@ -114,12 +114,14 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
 
 def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]]:
     """What the table asks for; or what is wrong with it."""
-    table, errors = file.values["optimize"], []
+    table = file.values["optimize"]
+    errors = []
     goals = [goal for goal in GOALS if table[goal] is not None]
     if len(goals) != 1:
         return None, ["optimize must have one of minimise and maximise."]
     # Errors are collected, so that one check of a file names every mistake.
-    objective, demands = None, []
+    objective = None
+    demands = []
     try:
         objective = _output(f"optimize.{goals[0]}", table[goals[0]], file, units)
     except ValueError as error:

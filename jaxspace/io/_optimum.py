@@ -88,7 +88,8 @@ class Optimum:
         clauses = []
         for demand, value in zip(self.task.demands, self.constraints, strict=True):
             if next(equal if demand.limit == "equal" else above):
-                spec, limit = demand.spec, demand.limit.replace("_", " ")
+                spec = demand.spec
+                limit = demand.limit.replace("_", " ")
                 best, target = (f"{spec.factor * x:.6g}" for x in (value, demand.target))
                 unit = f" {spec.unit}" if spec.unit else ""
                 name = spec.name.replace("_", " ")
@@ -117,9 +118,11 @@ class Optimum:
         a = 0
         for demand in self.task.demands:
             if demand.limit == "equal":
-                slope, e = -equal[e], e + 1
+                slope = -equal[e]
+                e = e + 1
             else:
-                slope, a = (above[a] if demand.limit == "at_least" else -above[a]), a + 1
+                slope = above[a] if demand.limit == "at_least" else -above[a]
+                a = a + 1
             found.append(self.task.sign * float(slope))
         return tuple(found)
 
@@ -131,7 +134,8 @@ class Optimum:
         if self.infeasible:
             return found
         for free in self.task.free:
-            x, span = self.values[free.path], free.high - free.low
+            x = self.values[free.path]
+            span = free.high - free.low
             near = min(x - free.low, free.high - x) <= 1e-6 * (span if span < np.inf else abs(x))
             if near:
                 slope = float(self.minimum.bound_multipliers[free.path])
@@ -179,7 +183,8 @@ class Optimum:
         than a thousandth, or about zero by more than a hundred tolerances."""
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
             return self
-        table, weight = self.file.values["optimize"], np.asarray(self.minimum.search.weight)
+        table = self.file.values["optimize"]
+        weight = np.asarray(self.minimum.search.weight)
         # In the order of the search: the objective, equalities, inequalities.
         equal = [d.limit == "equal" for d in self.task.demands]
         order = [0, *(1 + k for k in np.argsort(~np.array(equal, bool), kind="stable"))]

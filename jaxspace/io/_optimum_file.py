@@ -30,7 +30,8 @@ def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:
 
 def _written(value: float, free: Free, factor: float) -> str | float:
     """A number as the file writes it: with its unit where it had one."""
-    value, written = min(max(value, free.low), free.high), 0.0
+    value = min(max(value, free.low), free.high)
+    written = 0.0
     # More digits than the accuracy of a search, and fewer than the rounding by a change of unit.
     # All digits at a bound, beyond which the file could not be read again.
     for digits in (12, 15, 16, 17):

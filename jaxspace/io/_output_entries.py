@@ -51,7 +51,8 @@ class _What(NamedTuple):
 
 def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> OutputSpec:
     """The output of an entry. Raises `ValueError` with the whole sentence."""
-    name, take = entry["output"], entry.get("take", "")
+    name = entry["output"]
+    take = entry.get("take", "")
     if take and take not in TAKES:
         raise ValueError(wrong(f"{key}.take", take, _one_of()))
     what = _what(key, entry, file, take)
@@ -179,7 +180,8 @@ def given_parts(file: Parsed) -> set[str]:
 
 
 def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
-    declared, parts = part_quantities(state_of(file)), given_parts(file)
+    declared = part_quantities(state_of(file))
+    parts = given_parts(file)
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]

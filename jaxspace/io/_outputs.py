@@ -165,7 +165,8 @@ class Outputs(eqx.Module):
         """The output of the state `y` at the time `t`."""
         if spec.function is None:
             return at_path(y, spec.path)
-        arguments, shared = {}, dict(spec.shared)
+        arguments = {}
+        shared = dict(spec.shared)
         for name in spec.arguments():
             if name in shared:
                 arguments[name] = at(self.file.replaced(self.values, samples), shared[name])
@@ -202,7 +203,8 @@ class MoreOutputs(eqx.Module):
         return self.given if self.own.to_check is None else self
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        own, given = self.own(result, samples), self.given(result, samples)
+        own = self.own(result, samples)
+        given = self.given(result, samples)
         if not isinstance(given, Mapping):
             raise InputError(
                 f"outputs gives an object of the class {type(given).__name__}: it must give a dict "

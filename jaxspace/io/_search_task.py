@@ -33,7 +33,8 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     ]
     happened = jnp.stack([p.happened for p in run.phases])
     # A phase that misses its event ends anywhere: the search turns back.
-    reported, objective = objective, jnp.where(jnp.all(happened), objective, jnp.nan)
+    reported = objective
+    objective = jnp.where(jnp.all(happened), objective, jnp.nan)
     return Criterion(
         task.sign * objective,
         jnp.stack(equal) if equal else None,

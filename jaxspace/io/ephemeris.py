@@ -90,7 +90,8 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
             # A segment has no keyword at its end: the metadata of the next one closes it.
             if line == "META_START" and rows:
                 found.append(_segment(path, meta, rows))
-                meta, rows = {}, []
+                meta = {}
+                rows = []
             # Both keywords that close a block lead back to the states.
             part = {"META_START": "meta", "COVARIANCE_START": "covariance"}.get(line, "data")
         elif part == "meta":

@@ -93,7 +93,8 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     is_text = isinstance(source, str) and "\n" in source
     text = str(source) if is_text else read_text(source)
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
-    found, name = [], ""
+    found = []
+    name = ""
     for k, line in enumerate(lines):
         if line.startswith("1 ") and len(line) >= 68:
             second = lines[k + 1] if k + 1 < len(lines) else ""

@@ -200,7 +200,8 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
 
 def sensitivity_report(found: Optimum, count: int = 12) -> str:
     """The numbers of the file that move the best objective most, by one percent of each."""
-    goal, numbers = found.task.objective, dict(measures(found.file.values))
+    goal = found.task.objective
+    numbers = dict(measures(found.file.values))
     slopes = found.sensitivities()
     moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
     order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]

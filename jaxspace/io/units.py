@@ -122,7 +122,8 @@ def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
     number, unit = split(text, what)
     if not unit:
         return read_number(number, quantity)
-    found, si = parse_unit(unit, what), quantity.unit or "dimensionless"
+    found = parse_unit(unit, what)
+    si = quantity.unit or "dimensionless"
     # Cycles per second have the dimension of radians per second, and differ by 2 pi.
     cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(found))
     if cycles or not found.is_compatible_with(si):

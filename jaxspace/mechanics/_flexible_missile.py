@@ -162,7 +162,8 @@ class FlexibleMissile(AbstractSystem):
         """Mass m_e, mass centre z_e, moment I_h about the hinge, and the ratios `shift` C_1, m, and
         `turn` C_2, and the moment J that is left to a free missile, kg m^2."""
         mass = self.mass * self.engine_length / self.length
-        centre, moment = 0.5 * self.engine_length, mass * self.engine_length**2 / 3.0
+        centre = 0.5 * self.engine_length
+        moment = mass * self.engine_length**2 / 3.0
         coupled = moment + mass * self.lever * centre
         shift, turn = mass * centre / self.mass, coupled / self.inertia
         free = moment - shift * mass * centre - turn * coupled
@@ -205,7 +206,8 @@ class FlexibleMissile(AbstractSystem):
         n = self.modes
         m: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
         k: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
-        turning, w = engine["turn"] * F, self.frequencies
+        turning = engine["turn"] * F
+        w = self.frequencies
         m[0][0] = engine["free_moment"]
         stiff = self.hinge_stiffness + self.actuator_stiffness
         k[0][0] = stiff - turning * (self.lever + engine["shift"])

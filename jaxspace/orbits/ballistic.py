@@ -83,7 +83,8 @@ def ballistic_flight(
     # The range alone stays finite beyond the escape speed: NaN here serves all three results.
     lam = jnp.where(closed, lam, jnp.nan)
     p = lam * c * c
-    cosine, sine = 1.0 - p, lam * s * c
+    cosine = 1.0 - p
+    sine = lam * s * c
     half = safe_atan2(sine, cosine)
     e = safe_sqrt(cosine * cosine + sine * sine)
     # (r_a - r) / r = (e - cosine) / (1 - e), of which neither difference is formed where the flight

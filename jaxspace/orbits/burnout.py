@@ -102,7 +102,8 @@ def elements_from_burnout(
     lam = r * speed * speed / mu
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     # As components, because their angle is right in every quadrant.
-    cosine, sine = lam * c * c - 1.0, lam * s * c
+    cosine = lam * c * c - 1.0
+    sine = lam * s * c
     f = safe_atan2(sine, cosine)
     zero = 0.0 * f
     return ClassicalElements(

@@ -259,7 +259,8 @@ def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
     size = jax.lax.stop_gradient(jnp.maximum(jnp.abs(h[0]), jnp.abs(h[1])))
     flat = size == 0.0
     per = 1.0 / jnp.where(flat, 1.0, size)
-    x, y = jnp.where(flat, 1.0, -per * h[1]), per * h[0]
+    x = jnp.where(flat, 1.0, -per * h[1])
+    y = per * h[0]
     root = jnp.sqrt(x * x + y * y)
     c, s = x / root, y / root
     across = jnp.where(flat, 0.0, size * root)
@@ -283,7 +284,8 @@ def _state(x: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
     angles = (x.node, x.inclination, x.argument_of_periapsis, x.true_anomaly)
     # Behind barriers: fused with the components, each of the six would compute all this again.
     (sn, cn), (si, ci), (sw, cw), (sf, cf) = barrier(tuple(map(sincos, map(as_float, angles))))
-    r, speed = p / (1.0 + e * cf), jnp.sqrt(mu / p)
+    r = p / (1.0 + e * cf)
+    speed = jnp.sqrt(mu / p)
     # From the node, and a right angle ahead of it in the plane of the orbit.
     cu, su = cf * cw - sf * sw, sf * cw + cf * sw
     plane = barrier(((r * cu, r * su), (-speed * (su + e * sw), speed * (cu + e * cw))))

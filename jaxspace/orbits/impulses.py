@@ -64,7 +64,8 @@ def tangential_impulse(
     w = gain * (2.0 + gain)
     C, S = e * cosine, e * sine
     speed2 = 1.0 + 2.0 * C + e * e
-    new_C, new_S = C + (1.0 + C) * w, S * (1.0 + w)
+    new_C = C + (1.0 + C) * w
+    new_S = S * (1.0 + w)
     new_e = safe_sqrt(new_C * new_C + new_S * new_S)
     # By the difference of the squares, which is exact for a small impulse; a circle that stays one
     # has no sum to divide by.
@@ -89,7 +90,8 @@ def small_tangential_impulse(
     - `semi_latus_rectum`, `eccentricity`, `true_anomaly`, `gain`: as in `tangential_impulse`.
 
     **Returns** an `OrbitChange`, as `tangential_impulse` does."""
-    e, f = as_float(eccentricity), true_anomaly
+    e = as_float(eccentricity)
+    f = true_anomaly
     per_a = (1.0 - e) * (1.0 + e)
     speed2 = 1.0 + 2.0 * e * jnp.cos(f) + e * e
     return OrbitChange(
@@ -117,7 +119,9 @@ def apse_line_impulse(
 
     **Returns** the increments outwards and across the radius, along the motion, m/s, (*runs,).
     """
-    p, e, e2 = as_float(semi_latus_rectum), as_float(eccentricity), as_float(new_eccentricity)
+    p = as_float(semi_latus_rectum)
+    e = as_float(eccentricity)
+    e2 = as_float(new_eccentricity)
     c, s = jnp.cos(true_anomaly), jnp.sin(true_anomaly)
     near, near2 = 1.0 + e * c, 1.0 + e2 * c
     unit_speed = jnp.sqrt(mu * near / p)

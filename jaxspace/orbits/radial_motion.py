@@ -158,7 +158,8 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     """
     inner, outer = jnp.broadcast_arrays(jnp.asarray(inner), jnp.asarray(outer))
     # Relative to the inner radius, so that no power of the distance leaves the range of float32.
-    x_1, x_2 = jnp.zeros_like(inner), jnp.log(outer / inner)
+    x_1 = jnp.zeros_like(inner)
+    x_2 = jnp.log(outer / inner)
 
     def u(x):
         return potential(inner * jnp.exp(x))

@@ -66,7 +66,9 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
 
     **Returns** the increment along the velocity, m/s, (*runs,).
     """
-    r, s, s2 = as_float(radius), as_float(before), as_float(after)
+    r = as_float(radius)
+    s = as_float(before)
+    s2 = as_float(after)
     speeds = _apsis_speed(r, s, mu) + _apsis_speed(r, s2, mu)
     # (s2 - s) / ((r + s2) (r + s)), of which one may be infinite.
     open_s, open_s2 = jnp.isinf(s), jnp.isinf(s2)

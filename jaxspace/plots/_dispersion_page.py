@@ -156,7 +156,8 @@ def _cells(cells: list[str], tag: str = "td", text: int = 2, heads: Sequence[str
 
 def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
-    required, violations = dispersion.requirements, dispersion.violations()
+    required = dispersion.requirements
+    violations = dispersion.violations()
     heads = ["output", "nominal", "mean", "deviation", "middle 99 %", "limit of 99.5 %"]
     heads += ["least, greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
@@ -197,14 +198,16 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
 
 def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     """The sections with plots, each with its pickers."""
-    names, outputs = data["names"], list(dispersion.outputs)
+    names = data["names"]
+    outputs = list(dispersion.outputs)
     pickers = _picker("across", "across", names, data["pair"][0])
     pickers += _picker("up", "up", names, data["pair"][1])
 
     def chosen(name: str, words: str = "output") -> str:
         return f'<div class="pickers">{_picker(name, words, outputs, outputs[0])}</div>'
 
-    shown, good = len(data["numbers"]), int(np.count_nonzero(dispersion.good))
+    shown = len(data["numbers"])
+    good = int(np.count_nonzero(dispersion.good))
     thinned = f" The first {shown} of {good} runs are shown." if shown < good else ""
     parts = [
         _section(

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from ..core import State
     from ..simulation import Trajectory
 
-MISSED, TURN = 0.25, 0.5 * math.pi
+MISSED = 0.25
+TURN = 0.5 * math.pi
 CONSTANT, KINKS, TINY = 1e-6, 2, 1e-300
 # So much of a radian between two points makes a smooth line.
 SMOOTH = 0.3
@@ -129,7 +130,8 @@ def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
     intervals = {}
     for name, _, leaf in state_leaves(phase.states):
-        f, attitude = derivatives.get(name), isinstance(leaf, Quaternion)
+        f = derivatives.get(name)
+        attitude = isinstance(leaf, Quaternion)
         if f is None:
             continue
         y, f = (np.asarray(x.wxyz if isinstance(x, Quaternion) else x) for x in (leaf, f))

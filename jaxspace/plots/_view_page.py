@@ -265,7 +265,8 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
             size = np.max(np.linalg.norm(vectors, axis=1))
             # The vectors of a body at rest have no size to divide by.
             traces[name] = _listed((LENGTHS[name] / (size or 1.0) * vectors).T)
-    faces, wheels = _faces(phase), _wheels(phase.system, drawn, times, pick)
+    faces = _faces(phase)
+    wheels = _wheels(phase.system, drawn, times, pick)
     corners = [point for face in faces for point in face["points"]]
     for k, wheel in enumerate(wheels):
         along = np.asarray(wheel["axis"])

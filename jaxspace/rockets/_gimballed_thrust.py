@@ -236,5 +236,6 @@ class GimballedThrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # As those of the point's motor, whose law may have corners, too.
-        own, law = self.motor().breaks(), self.gimbal.steering.breaks()
+        own = self.motor().breaks()
+        law = self.gimbal.steering.breaks()
         return own if law is None else joined_breaks(own, law)

@@ -45,7 +45,8 @@ class PitchKick(AbstractJump):
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         """The state after the kick."""
         del t
-        plane, rank = FlightPlane() if self.plane is None else self.plane, y.position.ndim - 1
+        plane = FlightPlane() if self.plane is None else self.plane
+        rank = y.position.ndim - 1
         up = unit(y.position if plane.up is None else with_rank(plane.up, rank))
         normal = with_rank(plane.normal, rank)
         # Orthogonal to up, so that the turn stays in the plane of the flight.

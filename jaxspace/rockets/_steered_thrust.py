@@ -180,7 +180,8 @@ class SteeredThrust(AbstractEffect):
         return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
-        own, law = self._motor().breaks(), self.steering.breaks()
+        own = self._motor().breaks()
+        law = self.steering.breaks()
         return own if law is None else joined_breaks(own, law)
 
     def _motor(self) -> Thrust:

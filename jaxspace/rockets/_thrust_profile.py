@@ -88,7 +88,9 @@ class ThrustProfile(AbstractParameters):
         xp = jnp
         if is_concrete(t) and is_concrete(f):
             # In NumPy, because `jax.numpy` traces what is known, too, within `jit`.
-            xp, t, f = np, np.asarray(times, float), np.asarray(thrusts, float)
+            xp = np
+            t = np.asarray(times, float)
+            f = np.asarray(thrusts, float)
             check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
             check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         # By trapezoids, which are exact for the polygon that `at` evaluates.

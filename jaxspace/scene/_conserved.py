@@ -37,7 +37,9 @@ def conserved(scene: AbstractScene, t: Scalar, y: BodyState) -> dict[str, Array]
 
     **Returns** the quantities by name, with the runs of the state.
     """
-    effects, body, mass = scene.effects, scene.body, scene.mass(y)
+    effects = scene.effects
+    body = scene.body
+    mass = scene.mass(y)
     pairs = [(e, reading.adds) for e, reading in zip(effects, scene.readings, strict=True)]
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(added for _, added in pairs))

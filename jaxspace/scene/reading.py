@@ -178,11 +178,13 @@ def _together(
     """What the effects do in the smallest state that serves all of them, and the parts of it.
 
     Arguments as of `_alone`."""
-    parts, own = _in_pairs(present), {}
+    parts = _in_pairs(present)
+    own = {}
     last: dict[int, _Trace] = {}
     while True:
         before = (parts, frozenset(own))
-        traces, failure = [], None
+        traces = []
+        failure = None
         for k, effect in enumerate(effects):
             trace = last.get(k)
             if trace is not None and trace.held == (parts, frozenset(own)):

@@ -130,8 +130,10 @@ def _phase(
             return v, (v, wrong)
 
         v, (vs, wrongs) = lax.scan(advance, v0, (ts[:-1], ts[1:]))
-        times, happened = ts, jnp.asarray(True)
-        t, y = t1, unravel(v)
+        times = ts
+        happened = jnp.asarray(True)
+        t = t1
+        y = unravel(v)
     else:
         found = _until_event(event, step, unravel, ts, v0)
         (t, v, happened), (times, vs, wrongs) = found
@@ -214,7 +216,8 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         # A step that is not taken has no error to count.
         return new, (new.t, new.v, keep(wrong, 0.0 * wrong))
 
-    zero, one = jnp.zeros_like(ts[0]), jnp.ones_like(ts[0])
+    zero = jnp.zeros_like(ts[0])
+    one = jnp.ones_like(ts[0])
     start = _Search(
         ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
         zero, zero, one, one, zero,

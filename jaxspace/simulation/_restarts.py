@@ -93,7 +93,8 @@ def restarts_between(
         hit = (found.which >= 0) & good
         here = (numbers == found.which) & hit & (run.counts < room)
         goes_on = jnp.any(here, axis=0)
-        after, rising = y, jnp.zeros(runs, bool)
+        after = y
+        rising = jnp.zeros(runs, bool)
         for number, event in enumerate(events):
             # Before the jump, which may reverse the sign of the slope.
             slope = event.slope(system, t, y)[1]

@@ -141,7 +141,8 @@ def run_system(
     if events:
         result, crossings = _with_crossings(system, y0, ts, events, config, run_axes, dense)
     else:
-        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        crossings = ()
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((len(events), *runs), bool)
     left = (result.states, result.status, which, happened, result.stats, result.dense, None)
@@ -200,7 +201,8 @@ def _to_event(
             for each in crossings
         )
     else:
-        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        crossings = ()
     last = state_at(result.states, -1, run_axes)
     t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
     stopped = (which >= 0) & (sign * asked >= sign * when)

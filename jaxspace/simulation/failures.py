@@ -88,7 +88,8 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
     text = "It got to"
     if status == Status.TOLERANCE_MISSED and last > 0:
         # The shortest step marks the place that the run could not pass.
-        last, text = int(np.argmin(np.abs(np.diff(ts[: last + 1])))), "Its shortest step is at"
+        last = int(np.argmin(np.abs(np.diff(ts[: last + 1]))))
+        text = "Its shortest step is at"
     state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
     return f"{text} t = {ts[last]:.6g} s, with {state}."
 

@@ -93,7 +93,8 @@ def finish(
 
     # Integrated again, because only a failed run needs its steps.
     def where() -> str:
-        steps, status = _steps_of(run, config), int(trajectory.status)
+        steps = _steps_of(run, config)
+        status = int(trajectory.status)
         t0, t1 = float(trajectory.ts[0]), float(trajectory.ts[-1])
         place = place_of_failure(status, steps, t0, trajectory.initial)
         if status != Status.MAX_STEPS or steps is None:

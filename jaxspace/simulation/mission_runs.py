@@ -200,7 +200,9 @@ def run_mission(
     for number, (leg, config) in enumerate(zip(legs, configs, strict=True)):
         phase = leg.phase
         if leg.after is None:
-            y, t, status = y0 if leg.start is None else leg.start(t0, y0), t0, None
+            y = y0 if leg.start is None else leg.start(t0, y0)
+            t = t0
+            status = None
         else:
             y, t, status = ends[leg.after]
             if leg.parted:

@@ -146,7 +146,8 @@ class Trajectory(eqx.Module):
         if self.dense is None:
             return good
         # A run whose steps ran out is valid up to its last step.
-        sign, steps = self._sign(), self.dense.ts
+        sign = self._sign()
+        steps = self.dense.ts
         last = jnp.max(jnp.where(jnp.isfinite(steps), sign * steps, -jnp.inf), axis=0)
         return good | ((self.status == Status.MAX_STEPS) & (sign * t <= last))
 

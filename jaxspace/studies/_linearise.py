@@ -70,7 +70,8 @@ class Blocks(NamedTuple):
 
     def moved(self, x: Array) -> State:
         """The state at the local coordinates `x`, (n, *runs)."""
-        found, at = [], 0
+        found = []
+        at = 0
         for block, shape in zip(self.blocks, self.shapes, strict=True):
             count = int(np.prod(shape, dtype=int))
             local = x[at : at + count].reshape(*shape, *self.runs)
@@ -92,7 +93,8 @@ class Blocks(NamedTuple):
     def rate(self, x: Array, moved: State, rate: State) -> Array:
         """The rates of the local coordinates, (n, *runs), at `x`, from the state there and its
         rate."""
-        found, at = [], 0
+        found = []
+        at = 0
         states = jax.tree.leaves(moved, is_leaf=on_group)
         rates = jax.tree.leaves(rate, is_leaf=on_group)
         for block, shape, k in zip(states, self.shapes, rates, strict=True):

@@ -227,7 +227,8 @@ def modes(
 
     a = jacobian(lambda x: field(x, drive), zero)
     b = jacobian(lambda u: field(zero, u), drive) if input_names else a[:, :0]
-    c, output_names = a[:0], ()
+    c = a[:0]
+    output_names = ()
     if outputs:
         c = jacobian(lambda x: measured(tuple(outputs), blocks.moved(x), blocks.runs), zero)
         output_names = tuple(

@@ -84,7 +84,8 @@ class Coordinates(NamedTuple):
 
     def moved(self, x: Array) -> PyTree:
         """The tree at the coordinates `x`, (n,) or (n, ...) with the axes behind the blocks."""
-        found, at = [], 0
+        found = []
+        at = 0
         for block, shape, behind in zip(self.blocks, self.shapes, self.trailing, strict=True):
             size = int(np.prod(shape, dtype=int))
             part = x[at : at + size]

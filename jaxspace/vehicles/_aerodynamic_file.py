@@ -71,7 +71,10 @@ NAMES = {
     "cllp": ("roll_damping", 1.0),
     "rad?": ("per_radian", 1.0),
 }
-TIME, CLIMB, HEIGHT, THRUST = "time (s)", "vertical velocity", "altitude", "thrust"
+TIME = "time (s)"
+CLIMB = "vertical velocity"
+HEIGHT = "altitude"
+THRUST = "thrust"
 # Of the Mach numbers of a flight: what lies closer is one point.
 APART = 0.01
 
@@ -182,7 +185,9 @@ def _of_flight(
 
     mach = column("mach number")
     coefficient = column("axial drag coefficient", "drag coefficient")
-    thrust, climb, height = column(THRUST), column(CLIMB), column(HEIGHT)
+    thrust = column(THRUST)
+    climb = column(CLIMB)
+    height = column(HEIGHT)
     if mach is None or coefficient is None or thrust is None or (climb is None and height is None):
         raise InputError(
             f"{path} is a flight of OpenRocket without one of its columns: it must have Mach "

@@ -53,7 +53,8 @@ def _grid(
     check(columns["mach"] >= 0.0, f"{name}: mach", columns["mach"], "zero or positive")
     columns, given = _folded(columns, name)
     axes = {key: np.zeros(1) for key in AXES}
-    place, shape = np.zeros(columns["mach"].size, int), []
+    place = np.zeros(columns["mach"].size, int)
+    shape = []
     for key in AXES:
         if key in given:
             axes[key], number = np.unique(columns[key], return_inverse=True)
@@ -178,7 +179,8 @@ def _over_sine(angle: np.ndarray, x: np.ndarray, ahead: np.ndarray | None = None
 def _slopes(axes: dict[str, np.ndarray], key: str, values: np.ndarray, name: str) -> np.ndarray:
     """The slopes of all numbers along one axis."""
     along = AXES.index(key)
-    x, y = axes[key], np.moveaxis(values, along, 0)
+    x = axes[key]
+    y = np.moveaxis(values, along, 0)
     if key == "reynolds":
         x = np.log(x)
     low = high = 0
@@ -191,10 +193,16 @@ def _slopes(axes: dict[str, np.ndarray], key: str, values: np.ndarray, name: str
             "a period behind the first one, with the same coefficients",
         )
         x = np.concatenate([[x[-2] - period], x, [x[1] + period]])
-        y, low, high = np.concatenate([y[-2:-1], y, y[1:2]]), 1, 1
+        y = np.concatenate([y[-2:-1], y, y[1:2]])
+        low = 1
+        high = 1
     if key == "angle" and x[0] == 0.0:
-        x, y, low = np.concatenate([[-x[1]], x]), np.concatenate([y[1:2], y]), 1
+        x = np.concatenate([[-x[1]], x])
+        y = np.concatenate([y[1:2], y])
+        low = 1
     if key == "angle" and x[-1] == np.pi:
-        x, y, high = np.append(x, 2.0 * np.pi - x[-2]), np.concatenate([y, y[-2:-1]]), 1
+        x = np.append(x, 2.0 * np.pi - x[-2])
+        y = np.concatenate([y, y[-2:-1]])
+        high = 1
     d = np.asarray(monotone_slopes(x, y))
     return np.moveaxis(d[low : d.shape[0] - high], 0, along)

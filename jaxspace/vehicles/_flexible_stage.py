@@ -81,7 +81,8 @@ class FlexibleStage(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        part, rank = y.part(self.part), y.omega.ndim - 1
+        part = y.part(self.part)
+        rank = y.omega.ndim - 1
         spin = y.omega[2]
         # Rates in the body, which rolls.
         rates = {

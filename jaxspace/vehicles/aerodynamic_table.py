@@ -143,7 +143,8 @@ class AerodynamicTable(AbstractParameters):
             least = jnp.exp(nodes["reynolds"][0])
             point["reynolds"] = jnp.log(jnp.where(reynolds > least, reynolds, least))
         if "roll" in active:
-            first, period = nodes["roll"][0], nodes["roll"][-1] - nodes["roll"][0]
+            first = nodes["roll"][0]
+            period = nodes["roll"][-1] - nodes["roll"][0]
             point["roll"] = roll - period * jnp.floor((roll - first) / period)
         place = [point[key] for key in active]
         found = product([nodes[key] for key in active], self.data, place)

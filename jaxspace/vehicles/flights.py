@@ -257,7 +257,8 @@ def sounding_flight(
             name=next(names),
         ),
     ]
-    flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
+    flying = scene(*gliding, carry=("mass",))
+    last = len(recovery) - 1
     for number, chute in enumerate(recovery):
         drag = Parachute(chute.drag_area, air=air)
         hanging = scene(drag, carry=("mass",))
@@ -284,7 +285,8 @@ def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
 
 def _at_rest(vehicle: Vehicle, site: LaunchSite) -> BodyState:
     """The state on the rail, with the runs of the vehicle and the site."""
-    mass, attitude = vehicle.body.loaded_mass(), site.attitude
+    mass = vehicle.body.loaded_mass()
+    attitude = site.attitude
     assert mass is not None
     wxyz = attitude.wxyz
     runs = jnp.broadcast_shapes(jnp.shape(mass), wxyz.shape[1:])
