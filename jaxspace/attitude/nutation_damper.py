@@ -163,8 +163,8 @@ class NutationDamper(AbstractEffect):
         omega = spin * axis(2, spin)
         at = jnp.stack([*omega, 0.0 * spin, dot(b, omega)])
         # Of the equations that are integrated, so that the modes cannot disagree with the motion.
-        found = jnp.linalg.eigvals(jax.jacfwd(field)(at))
-        return jnp.real(found), jnp.imag(found)
+        result = jnp.linalg.eigvals(jax.jacfwd(field)(at))
+        return jnp.real(result), jnp.imag(result)
 
     def _lines(self, rank: int) -> tuple[Vector, Vector, Vector]:
         """r0, u and b, with `rank` axes of times and runs."""

@@ -150,23 +150,23 @@ class SpinningMissile(AbstractParameters):
         **Returns** Th, rad, (2, *runs)."""
         n, fast = self.spin_rate, self.precession_rate
         mean = t * _mean_phase(fast * t)
-        found = _of_rank(angle, t) + _product(_of_rank(start, t), mean)
+        result = _of_rank(angle, t) + _product(_of_rank(start, t), mean)
         if callable(moment):
 
             def response(tau: Scalar) -> Complex:
                 left = t - tau
                 return left * _product(_phase(n * tau), _mean_phase(fast * left))
 
-            found = found + self._integral(moment, response, t, panels)
+            result = result + self._integral(moment, response, t, panels)
         else:
             forced = t * t * _mean_ramp((n + frequency) * t, fast * t)
-            found = found + _product(_of_rank(moment, t), forced) / self.transverse_inertia
+            result = result + _product(_of_rank(moment, t), forced) / self.transverse_inertia
         if tilt is not None:
             turned = _phase(n * t)
             # 1 - e^(i n t) + i n t E((n + lam) t)
             wobble = jnp.stack([1.0 - turned[0] - n * mean[1], n * mean[0] - turned[1]])
-            found = found + _product(_of_rank(tilt, t), wobble)
-        return found
+            result = result + _product(_of_rank(tilt, t), wobble)
+        return result
 
     def circles(self, moment: Complex) -> tuple[Complex, Scalar, Scalar]:
         """The two circles on which the axis moves under a constant moment from rest (Thomson 7.4,

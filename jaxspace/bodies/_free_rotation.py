@@ -101,7 +101,7 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
     of_duration, of_moments, of_omega = (
         None if isinstance(x, SymbolicZero) else x for x in tangents
     )
-    found = _rotated(duration, moments, omega)
+    result = _rotated(duration, moments, omega)
     slopes = []
     if of_duration is not None or of_omega is not None:
         moved = tuple(
@@ -117,7 +117,7 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
             lambda i: _formula(duration, i, omega, moments_stay=False), (moments,), (of_moments,)
         )
         slopes.append(slope)
-    return found, jax.tree.map(lambda *parts: sum(parts), *slopes)
+    return result, jax.tree.map(lambda *parts: sum(parts), *slopes)
 
 
 # Symbolic zeros, so that slopes nobody asks for cost nothing.

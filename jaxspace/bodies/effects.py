@@ -144,16 +144,16 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
     - `effects`, `body`: of the scene.
 
     **Raises** `InputError` where two effects integrate a part of the same name."""
-    found: dict[str, State] = {}
+    result: dict[str, State] = {}
     for effect in effects:
         for name, part in (effect.start(y, body) or {}).items():
-            if name in found:
+            if name in result:
                 raise InputError(
                     f"{type(effect).__name__}.part is {name!r}: it must be another name, "
                     "for another effect of the scene integrates that part."
                 )
-            found[name] = part
-    if not found:
+            result[name] = part
+    if not result:
         return y
     # What the state holds wins: a phase goes on with the parts of the one before.
-    return dataclasses.replace(y, parts={**found, **(y.parts or {})})
+    return dataclasses.replace(y, parts={**result, **(y.parts or {})})

@@ -74,7 +74,7 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
     moments, omega = with_rank(moments, rank), with_rank(omega, rank)
     rod = jnp.any(moments == 0.0, axis=0)
     # The general formula divides by each moment: in the branch not taken the body is a sphere.
-    found = free_rotation(duration, jnp.where(rod, 1.0, moments), omega)
+    result = free_rotation(duration, jnp.where(rod, 1.0, moments), omega)
 
     def of_rods() -> tuple[Quaternion, Vector]:
         e = jnp.where(moments == 0.0, 1.0, 0.0).astype(moments.dtype)
@@ -84,12 +84,12 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
         second = Quaternion.from_rotation_vector(duration * (1.0 - share) * spin)
         first = Quaternion.from_rotation_vector(duration * (rest + share * spin))
         later = second.rotate_back(rest) + spin
-        return Quaternion(jnp.where(rod, first.then(second).wxyz, found[0].wxyz)), jnp.where(
-            rod, later, found[1]
+        return Quaternion(jnp.where(rod, first.then(second).wxyz, result[0].wxyz)), jnp.where(
+            rod, later, result[1]
         )
 
     # Other bodies shall not pay for the sines.
-    return jax.lax.cond(jnp.any(rod), of_rods, lambda: found)
+    return jax.lax.cond(jnp.any(rod), of_rods, lambda: result)
 
 
 @jax.custom_jvp

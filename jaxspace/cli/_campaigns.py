@@ -78,8 +78,8 @@ def _without_runs(file: SceneFile, method: str) -> int:
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with warnings_as_lines():
-        found = moments(campaign, method, accuracy=file.accuracy)
-    print(moments_report(file.title, found, campaign.units, file.nominal_outputs(nominal)))
+        result = moments(campaign, method, accuracy=file.accuracy)
+    print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
 
 
@@ -173,10 +173,10 @@ def _head_of(store: str) -> tuple[int, int] | None:
     """What tells one head of a store from the next; `None` where there is none."""
     try:
         # Each is a new file, put in place of the last one.
-        found = os.stat(os.path.join(store, "zarr.json"))
+        result = os.stat(os.path.join(store, "zarr.json"))
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns
+    return result.st_ino, result.st_mtime_ns
 
 
 def _left(store: str, untouched: bool) -> str:
@@ -218,15 +218,15 @@ def replay(
     file = _scene(store, kept, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    found = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
+    result = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
         run, seed=kept.seed, accuracy=file.accuracy, num_saved=samples
     )
-    print(replay_report(file, found, kept))
-    for name, phase in found.trajectory.items():
+    print(replay_report(file, result, kept))
+    for name, phase in result.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
-        show_page(file, found.trajectory, path_of(file, folder, f"_run_{run}.html"))
-    return 0 if found.status.good else 1
+        show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
+    return 0 if result.status.good else 1
 
 
 def failures(store: str, every: bool, modules: Sequence[str] = ()) -> int:

@@ -68,29 +68,29 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
             bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        found, numbers, run = _confirmed(file, file.optimize(progress=show), best)
-        most = MOST_REPEATED * found.steps
+        result, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        most = MOST_REPEATED * result.steps
         # Both claim an end by the search's own run, and not that of an interruption.
-        while found.warning and found.steps < most:
-            if not (found.minimum.converged or found.infeasible):
+        while result.warning and result.steps < most:
+            if not (result.minimum.converged or result.infeasible):
                 break
-            sentence = f"{found.warning} The search goes on with {2 * found.steps}."
+            sentence = f"{result.warning} The search goes on with {2 * result.steps}."
             bar.write(sentence, file=sys.stderr)
-            again = file.optimize(progress=show, start=found.values, steps=2 * found.steps)
-            found, numbers, run = _confirmed(file, again, best)
-    print(optimum_report(found, numbers, run))
+            again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
+            result, numbers, run = _confirmed(file, again, best)
+    print(optimum_report(result, numbers, run))
     # The sentence of the report has said that there is no optimum.
-    if sensitivities and not found.infeasible:
-        print(f"\n{sensitivity_report(found)}")
+    if sensitivities and not result.infeasible:
+        print(f"\n{sensitivity_report(result)}")
     print(f"file   {best}")
     for name, phase in run.items():
         draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
-    found.minimum.plot(file.title).savefig(figure)
+    result.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
     print_next(file, f"run {best}")
     # The file is written in any case: the code tells a script whether it is an optimum.
-    return 0 if found.converged else 1
+    return 0 if result.converged else 1
 
 
 def _confirmed(

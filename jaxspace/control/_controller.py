@@ -104,5 +104,5 @@ def measurement(measured: Any, name: str) -> Any:
             )
         return measured[name]
     # A whole state: its own parts, and what effects integrate beside them.
-    found = getattr(measured, name, None)
-    return measured.part(name) if found is None else found
+    result = getattr(measured, name, None)
+    return measured.part(name) if result is None else result

@@ -36,8 +36,8 @@ class Stop(NamedTuple):
 def values_of(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Array:
     """The conditions, (events, *runs)."""
     dtype = jnp.result_type(*jax.tree.leaves(y))
-    found = [jnp.broadcast_to(event.condition(t, y), runs.shape) for event in events]
-    return jnp.stack(found).astype(dtype) if found else jnp.zeros((0, *runs.shape), dtype)
+    result = [jnp.broadcast_to(event.condition(t, y), runs.shape) for event in events]
+    return jnp.stack(result).astype(dtype) if result else jnp.zeros((0, *runs.shape), dtype)
 
 
 def not_stopped(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Stop:
@@ -149,5 +149,5 @@ def _share(
 
     zero = jnp.zeros_like(before)
     one = jnp.ones_like(before)
-    found = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
-    return jax.lax.stop_gradient(found[2])
+    result = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
+    return jax.lax.stop_gradient(result[2])

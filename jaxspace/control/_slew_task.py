@@ -54,8 +54,8 @@ class SlewTask(AbstractEnvironment):
 
     @property
     def _wheels(self) -> ReactionWheels:
-        found = [e for e in self.scene.effects if isinstance(e, ReactionWheels)]
-        return found[0]
+        result = [e for e in self.scene.effects if isinstance(e, ReactionWheels)]
+        return result[0]
 
     @property
     def action_space(self) -> Box:

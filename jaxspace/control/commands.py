@@ -37,17 +37,17 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
     **Returns** the system with that command. **Raises** `InputError` where the system has no such
     part, or another number of them than there are commands."""
     # Counted, so that a command of one part may itself be a tuple.
-    found = len(_commands(system))
-    given = list(command) if found > 1 and isinstance(command, tuple | list) else [command]
-    if found == 0:
+    result = len(_commands(system))
+    given = list(command) if result > 1 and isinstance(command, tuple | list) else [command]
+    if result == 0:
         raise InputError(
             f"{type(system).__name__} has no part with a command: give it an effect such as "
             f"CommandedTorque, or say by actuate=... how a command reaches it."
         )
-    if found != len(given):
+    if result != len(given):
         raise InputError(
-            f"The controller gave {len(given)} command, and {found} parts of the system take one: "
-            f"it must be a tuple of {found}."
+            f"The controller gave {len(given)} command, and {result} parts of the system take one: "
+            f"it must be a tuple of {result}."
         )
     return eqx.tree_at(_commands, system, given)
 

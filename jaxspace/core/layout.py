@@ -69,11 +69,11 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
     leaves, structure = jax.tree.flatten(tree)
     arrays = tuple(_is_array(leaf) for leaf in leaves)
     try:
-        found = _component_axes(structure, arrays)
+        result = _component_axes(structure, arrays)
     except TypeError:
         # A static field that cannot be hashed: nothing can be kept from one call to the next.
-        found = _component_axes.__wrapped__(structure, arrays)
-    return jax.tree.unflatten(structure, found)
+        result = _component_axes.__wrapped__(structure, arrays)
+    return jax.tree.unflatten(structure, result)
 
 
 @functools.lru_cache(maxsize=256)
@@ -83,11 +83,11 @@ def _component_axes(
     """Once for each make of a tree: to read annotations takes longer than a short run."""
     tree = jax.tree.unflatten(structure, arrays)
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
-    found = []
+    result = []
     for path, is_array in zip(paths, arrays, strict=True):
         declared = _declared_axes(tree, path) if is_array else None
-        found.append(-1 if declared is None else declared)
-    return tuple(found)
+        result.append(-1 if declared is None else declared)
+    return tuple(result)
 
 
 def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]:

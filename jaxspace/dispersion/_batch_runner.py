@@ -113,9 +113,9 @@ class BatchRunner:
         with ThreadPoolExecutor(2) as pool:
             # An error of the compiler is raised again where the program is called.
             pool.submit(runner._compile, drawn, lowered)
-            found = pool.submit(plans_of_pilots)
+            result = pool.submit(plans_of_pilots)
         try:
-            pilots, coupled = found.result()
+            pilots, coupled = result.result()
         except StepsForTurns:
             exactly = dataclasses.replace(accuracy, decoupled=True)
             return cls.plan(campaign, exactly, seed, devices, samples)

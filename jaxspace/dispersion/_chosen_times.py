@@ -37,13 +37,13 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     # Compiled, because each operation that builds a mission would be a program of its own.
     mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
     first = float(campaign.start)
-    found = []
+    result = []
     ends = []
     last = {}
     for leg in legs_of(mission)[0]:
         before = _Left(left, first, True) if leg.after is None else ends[leg.after]
         chosen, after = _chosen_in(leg.phase, before, campaign.along)
-        found.append(chosen)
+        result.append(chosen)
         ends.append(after)
         last[leg.line] = after
     # A branch may run at a time at which the mission itself has ended.
@@ -51,7 +51,7 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     known = all(end.known for end in last.values())
     start = (max if known else min)(end.start for end in last.values() if end.known == known)
     _check_left(left, first, start, [leg.phase for leg in legs_of(mission)[0]], known)
-    return tuple(found)
+    return tuple(result)
 
 
 class _Left(NamedTuple):
@@ -108,9 +108,9 @@ def warn_of_unreached(
                 reached[t] = reached.get(t, False) or own
     if not all(reached.values()):
         runs = next(iter(trajectories.values())).shape[-1]
-        found = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
+        result = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
         warnings.warn(
-            f"times has {found} s, at which none of the first {runs} runs is under way: what the "
+            f"times has {result} s, at which none of the first {runs} runs is under way: what the "
             f"store keeps for it is NaN in each of them.",
             stacklevel=4,
         )

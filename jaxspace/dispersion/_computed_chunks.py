@@ -39,10 +39,10 @@ def in_memory(
     chunks = {}
     enough = None
     with contextlib.closing(_computed(runner, engine, extents, total, progress)) as computed:
-        for k, found in computed:
-            chunks[k] = found
+        for k, result in computed:
+            chunks[k] = result
             if ending is not None:
-                ending.add(k, found[0])
+                ending.add(k, result[0])
                 enough = ending.enough()
             if enough is not None:
                 break
@@ -144,11 +144,11 @@ def _computed(
     own = {extent.chunk: extent.runs for extent in extents}
     # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(engine.compute(runner, extents)) as computed:
-        for found in computed:
+        for result in computed:
             # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
             # that progress that a user has seen survives an interruption.
-            yield found.chunk, (ordered(found.results, runner.planned.campaign), found.cpu)
-            done += own[found.chunk]
+            yield result.chunk, (ordered(result.results, runner.planned.campaign), result.cpu)
+            done += own[result.chunk]
             if progress is not None:
                 progress(done, total)
 

@@ -19,12 +19,12 @@ EACH, GROWTH = 8, 8
 
 def checkpoints(chunks: int) -> list[int]:
     """Numbers of finished chunks, all below `chunks`, at which the rule is checked."""
-    found = []
+    result = []
     count = 1
     while count < chunks:
-        found.append(count)
+        result.append(count)
         count += 1 if count < EACH else count // GROWTH
-    return found
+    return result
 
 
 def check_rule(rule: StopRule, outputs: Iterable[str]) -> None:

@@ -23,14 +23,14 @@ from ..simulation.runnable import AbstractRunnable
 def _turns(campaign: Any) -> list[Array]:
     """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
-    found = []
+    result = []
     for leg in legs_of(mission)[0]:
         phase: Any = leg.phase
         loop = isinstance(phase.system, AbstractRunnable)
         decoupled = None if loop else phase.system.decoupled()
         if decoupled is not None:
-            found.append(jnp.max(decoupled.turns(longest(phase.until), y0)))
-    return found
+            result.append(jnp.max(decoupled.turns(longest(phase.until), y0)))
+    return result
 
 
 # The compiler leaves out of the mission what the turns do not depend on.

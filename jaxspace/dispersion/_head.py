@@ -57,11 +57,11 @@ def read_head(folder: Path) -> tuple[bytes, str]:
 def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
     """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
     theirs."""
-    found = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
-    if found:
+    result = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
+    if result:
         # A campaign that ends writes the head first, and these a moment later.
         time.sleep(PATIENCE)
-    return [name for name in found if _parsed(folder / name / HEAD) != arrays[name]]
+    return [name for name in result if _parsed(folder / name / HEAD) != arrays[name]]
 
 
 def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:

@@ -126,8 +126,8 @@ def pilot_plans(
     def simulating(used: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
         drawn = draw(np.pad(used, (0, runs - PILOTS)))
         roomy = dataclasses.replace(accuracy, max_steps=room * accuracy.max_steps)
-        found = _pilots(campaign, roomy, drawn.used, kept)
-        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
+        result = _pilots(campaign, roomy, drawn.used, kept)
+        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, result)
 
     for room in ROOM:
         taken, coupled, used = isolate(functools.partial(simulating, room=room), PILOTS)

@@ -17,14 +17,14 @@ LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray
 
 def versions() -> dict[str, str]:
     """The versions of Python and of the libraries on which the numbers depend."""
-    found = {"python": platform.python_version()}
+    result = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
-            found[name] = importlib.metadata.version(name)
+            result[name] = importlib.metadata.version(name)
         # A library that is not needed for this campaign may be absent.
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            result[name] = "not installed"
+    return result
 
 
 def machine() -> dict[str, str | int]:

@@ -49,12 +49,12 @@ def run_paths(
     - `seed`, `accuracy`: as of `disperse`.
     - `num_saved`: positions of each phase."""
     numbers = np.asarray(numbers, np.uint32)
-    found = _run(
+    result = _run(
         campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), numbers, num_saved
     )
-    if found is None:
+    if result is None:
         return None
-    times, positions, status = (np.asarray(x) for x in found)
+    times, positions, status = (np.asarray(x) for x in result)
     positions = np.where(status <= Status.EVENT, positions, np.nan)
     return RunPaths(np.concatenate([[-1], numbers.astype(int)]), times, positions)
 
@@ -89,9 +89,9 @@ def _run(
 
 def _apart(parts: list[Array], starts: list[bool], axis: int) -> list[Array]:
     """The parts with a time of NaN before each that `starts` a line."""
-    found = []
+    result = []
     for part, begins in zip(parts, starts, strict=True):
         if begins:
-            found.append(jnp.full_like(jnp.take(part, jnp.array([0]), axis), jnp.nan))
-        found.append(part)
-    return found
+            result.append(jnp.full_like(jnp.take(part, jnp.array([0]), axis), jnp.nan))
+        result.append(part)
+    return result

@@ -36,21 +36,21 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
         bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
         return f"{bad}, which these numbers leave out."
     own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
-    found = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
-    found += rounded(spread, spread)
+    result = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
+    result += rounded(spread, spread)
     # No numbers to compare: of second order an output that is not smooth has none.
     if not math.isfinite(mean + std):
-        return f"It is not smooth at the nominal run: {found}."
+        return f"It is not smooth at the nominal run: {result}."
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
         same = max(abs(mean - own), std) <= grain
-        return "" if same else f"{found}: nothing scatters."
+        return "" if same else f"{result}: nothing scatters."
     off = (mean - own) / spread
     more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)
     sound = sound and abs(more) <= max(SIGNIFICANT * error_of_std, MATTERS)
-    return "" if sound else f"{found}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
+    return "" if sound else f"{result}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
 
 
 def standard_errors(x: np.ndarray) -> tuple[float, float]:

@@ -55,11 +55,11 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
             warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
         else:
             chunks.append(chunk)
-    found = as_dispersion(store, chunks)
+    result = as_dispersion(store, chunks)
     # Statistics of a part look like those of the whole.
-    if found.missing_runs:
-        warnings.warn(f"{path}: {found.missing_runs}", stacklevel=2)
-    return found
+    if result.missing_runs:
+        warnings.warn(f"{path}: {result.missing_runs}", stacklevel=2)
+    return result
 
 
 def _computing(entries: list[dict[str, Any]]) -> float:

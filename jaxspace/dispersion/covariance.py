@@ -128,23 +128,23 @@ def moments(
     if 0 < check < FEWEST:
         raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
     accuracy = campaign.accuracy_for(accuracy)
-    found = (
+    result = (
         _unscented(campaign, accuracy)
         if method == "unscented"
         else _expanded(campaign, accuracy, method)
     )
     if check == 0:
-        return found
-    found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
+        return result
+    result = result._replace(warnings=_warnings(campaign, accuracy, result, check))
     # Outputs that are not finite have had a warning already.
-    unsure = [name for name in found.warnings if math.isfinite(found.std(name))]
+    unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
     if unsure:
         warnings.warn(
             f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs say otherwise, "
             f"and Moments.warnings what; Monte Carlo tells it.",
             stacklevel=2,
         )
-    return found
+    return result
 
 
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
@@ -215,8 +215,8 @@ def _derivatives(
     def outputs(u: Array) -> tuple[dict[str, Array], Array]:
         x = centre + scale * u
         samples = {name: x[k : k + 1] for k, name in enumerate(names)}
-        found, status = evaluate_traced(campaign, accuracy, samples)
-        return {name: y[0] for name, y in found.items()}, status[0]
+        result, status = evaluate_traced(campaign, accuracy, samples)
+        return {name: y[0] for name, y in result.items()}, status[0]
 
     zero = jnp.zeros_like(centre)
     values, status = outputs(zero)
@@ -239,11 +239,11 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
     expected = 2.0 * NEARBY * h.sum(axis=1)
-    found = above - below
-    missing = np.abs(found - expected).max()
+    result = above - below
+    missing = np.abs(result - expected).max()
     # A fourth derivative lets a little lack, rounding a little of the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
-    return bool(missing > 0.5 * np.abs(found).max() and missing > MISSING_SHARE * steepest)
+    return bool(missing > 0.5 * np.abs(result).max() and missing > MISSING_SHARE * steepest)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
@@ -257,16 +257,16 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     weights[0] = k / (n + k)
     points = map_normals(campaign.inputs, z)
     run = Evaluator(campaign, accuracy)
-    found = run(points)
+    result = run(points)
     # Once more, for the time without compiling.
     started = time.perf_counter()
-    found = run(points)
+    result = run(points)
     seconds = time.perf_counter() - started
     # A point of no weight may fail: it is the nominal run of a large problem.
-    for status in found.status[weights > 0.0]:
+    for status in result.status[weights > 0.0]:
         _check_good(int(status), "sigma point")
-    names = tuple(in_order(campaign, found.outputs))
-    y = np.stack([found.outputs[name].astype(float) for name in names])[:, weights > 0.0]
+    names = tuple(in_order(campaign, result.outputs))
+    y = np.stack([result.outputs[name].astype(float) for name in names])[:, weights > 0.0]
     weights = weights[weights > 0.0]
     mean = y @ weights
     away = y - mean[:, None]

@@ -52,9 +52,9 @@ def greatest(
     compete.
 
     **Raises** `InputError` for fewer states, and for times that do not fit the values."""
-    found = [_of_phase(t, q) for t, q in _phases(times, values)]
-    value, time = found[0]
-    for other in found[1:]:
+    result = [_of_phase(t, q) for t, q in _phases(times, values)]
+    value, time = result[0]
+    for other in result[1:]:
         # The first of equal values is taken.
         better = other.value > value
         value, time = jnp.where(better, other.value, value), jnp.where(better, other.time, time)
@@ -72,8 +72,8 @@ def least(
 
     **Returns** an `Extreme`, as `greatest` does."""
     pairs = _phases(times, values)
-    found = greatest([t for t, _ in pairs], [-q for _, q in pairs])
-    return Extreme(-found.value, found.time)
+    result = greatest([t for t, _ in pairs], [-q for _, q in pairs])
+    return Extreme(-result.value, result.time)
 
 
 def _phases(times: Any, values: Any) -> list[tuple[Array, Array]]:

@@ -163,12 +163,12 @@ class StopRule(NamedTuple):
         """Half of the confidence interval of the percentile, over its distance from the mean;
         infinite with too few runs and where the percentile is, zero where nothing scatters."""
         x = np.asarray(x, float)
-        found = percentile(x, self.share, self.confidence)
+        result = percentile(x, self.share, self.confidence)
         # However many runs there are, an infinite limit has no distance to be compared with.
-        if not np.isfinite([found.value, found.low, found.high]).all():
+        if not np.isfinite([result.value, result.low, result.high]).all():
             return np.inf
-        distance = abs(found.value - float(np.mean(x[np.isfinite(x)])))
-        half = 0.5 * (found.high - found.low)
+        distance = abs(result.value - float(np.mean(x[np.isfinite(x)])))
+        half = 0.5 * (result.high - result.low)
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
 
     def check(self) -> None:

@@ -102,8 +102,8 @@ class Dispersion(eqx.Module):
     def requirements(self) -> dict[str, tuple[float | None, float | None]]:
         """The least and the greatest value that is allowed of each output that has a requirement,
         `None` for no such limit."""
-        found = self.attributes.get("requirements", {})
-        return {name: (at[0], at[1]) for name, at in found.items() if name in self.outputs}
+        result = self.attributes.get("requirements", {})
+        return {name: (at[0], at[1]) for name, at in result.items() if name in self.outputs}
 
     @property
     def cores(self) -> int:
@@ -193,8 +193,8 @@ class Dispersion(eqx.Module):
         known = self._known_contributors
         if output not in known:
             known[output] = contributors(output, self.inputs, self.values(output), self.good)
-        found = known[output]
-        return found._replace(shares=dict(list(found.shares.items())[:count]))
+        result = known[output]
+        return result._replace(shares=dict(list(result.shares.items())[:count]))
 
     @functools.cached_property
     def _known_contributors(self) -> dict[str, Contributors]:
@@ -300,15 +300,15 @@ class Dispersion(eqx.Module):
 
     def rank_correlations(self, output: str, count: int = 5) -> dict[str, RankCorrelation]:
         """Spearman's rank correlation of an output with the inputs, the strongest first."""
-        found = {}
+        result = {}
         for name in self.inputs:
             x, y = self.values(name), self.values(output)
             some = self.good & ~(np.isnan(x) | np.isnan(y))
             x = x[some].astype(float)
             y = y[some].astype(float)
             if x.size >= 5 and np.ptp(x) > 0.0:
-                found[name] = rank_correlation(x, y)
-        order = sorted(found.items(), key=lambda pair: -abs(pair[1].value))
+                result[name] = rank_correlation(x, y)
+        order = sorted(result.items(), key=lambda pair: -abs(pair[1].value))
         return dict(order[:count])
 
     def to_csv(self, path: "str | os.PathLike[str]") -> None:

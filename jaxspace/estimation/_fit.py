@@ -128,11 +128,11 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
         leaves = leaves * len(coordinates.blocks)
     if len(leaves) != len(coordinates.blocks):
         raise InputError(f"prior must be one number or a tree like the parameters, {blocks}.")
-    found = [
+    result = [
         jnp.broadcast_to(jnp.asarray(s, coordinates.dtype), shape).reshape(-1)
         for s, shape in zip(leaves, coordinates.shapes, strict=True)
     ]
-    return jnp.concatenate(found)
+    return jnp.concatenate(result)
 
 
 @eqx.filter_jit
@@ -158,7 +158,7 @@ def _search(
     def scaled(u: Array, _: None) -> Array:
         return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
 
-    found = optimistix.least_squares(
+    result = optimistix.least_squares(
         scaled,
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
@@ -168,8 +168,10 @@ def _search(
         # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},
     )
-    solved = found.result == optimistix.RESULTS.successful
-    return _found(task, scale * found.value.astype(dtype), solved, found.stats["num_steps"], stated)
+    solved = result.result == optimistix.RESULTS.successful
+    return _found(
+        task, scale * result.value.astype(dtype), solved, result.stats["num_steps"], stated
+    )
 
 
 class _Task(NamedTuple):

@@ -166,9 +166,9 @@ class InertialNavigator(AbstractSystem):
         here = NavigatorState(*place[:3], felt.velocity, true)
         level, computed = (_level(p.latitude, p.longitude) for p in (here, y))
         # In inertial space: differences in level axes would mix in how both sets of axes differ.
-        found, known = self._inertial(y, computed), self._inertial(here, level)
-        rank = found[1].ndim - 1
-        r, v = (a - with_rank(b, rank) for a, b in zip(found, known, strict=True))
+        result, known = self._inertial(y, computed), self._inertial(here, level)
+        rank = result[1].ndim - 1
+        r, v = (a - with_rank(b, rank) for a, b in zip(result, known, strict=True))
         position = level.rotate_back(r)
         velocity = level.rotate_back(v) - cross(with_rank(felt.level_rate, rank), position)
         tilt = computed.then(y.attitude).then(level.then(true).inverse()).rotation_vector()

@@ -60,12 +60,12 @@ def allan_variance(
     """
     start = jnp.zeros_like(rates[:1])
     angle = jnp.concatenate([start, jnp.cumsum(rates * step, axis=0)])
-    found = []
+    result = []
     for m in factors:
         # Second differences of the angle: overlapping averages without a loop over them.
         second = angle[2 * m :] - 2.0 * angle[m:-m] + angle[: -2 * m]
-        found.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
-    return jnp.stack(found)
+        result.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
+    return jnp.stack(result)
 
 
 def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:

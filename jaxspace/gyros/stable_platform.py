@@ -114,13 +114,13 @@ class StablePlatform(AbstractSystem):
         forces = jnp.broadcast_to(forces, (forces.shape[0], *runs))
         # With pivots: towards the lock two axes fall together, and only the gimbals' own inertia
         # keeps the matrix regular.
-        found = jnp.linalg.solve(
+        result = jnp.linalg.solve(
             jnp.moveaxis(mass, front, back), jnp.moveaxis(forces, 0, -1)[..., None]
         )
         gyro = (h * w - c * theta_rate) / self.gyro_inertia
         return StablePlatformState(
             rates,
-            jnp.moveaxis(found[..., 0], -1, 0),
+            jnp.moveaxis(result[..., 0], -1, 0),
             theta_rate,
             gyro,
             theta,

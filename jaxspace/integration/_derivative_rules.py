@@ -139,8 +139,8 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed
             jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c
             for c, s in zip(cotangents, shapes(*map(aval, values), **params), strict=True)
         ]
-        found = primitive.bind(*args, *record, *cotangents, **params)
-        return [*[None] * (len(args) + len(record)), *found]
+        result = primitive.bind(*args, *record, *cotangents, **params)
+        return [*[None] * (len(args) + len(record)), *result]
 
     return rule
 

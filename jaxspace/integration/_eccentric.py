@@ -94,9 +94,9 @@ def _attraction_place(system: AbstractSystem) -> int | Literal["none", "computed
         k for k, x in enumerate(jax.tree.leaves(system)) if isinstance(x, jax.ShapeDtypeStruct)
     ]
     places = dict(zip(jaxpr.invars, arrays, strict=True))
-    (found,) = jaxpr.outvars
+    (result,) = jaxpr.outvars
     # A number that no array holds is a literal, which cannot be looked up.
-    return "computed" if isinstance(found, Constant) else places.get(found, "computed")
+    return "computed" if isinstance(result, Constant) else places.get(result, "computed")
 
 
 def _orbits(starts: InitialConditions, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:

@@ -121,14 +121,14 @@ def close_in(
         left=CLOSING_STEPS,
         finite=jnp.ones(jnp.shape(t), bool),
     )
-    found = jax.lax.while_loop(
+    result = jax.lax.while_loop(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
     )
-    met = ~found.dip
+    met = ~result.dip
     touch = within.event.touch
     if touch is not None:
-        met = met & (jnp.abs(within.condition(found.guess)) <= touch)
-    return found.guess, met, ~found.moving & found.finite
+        met = met & (jnp.abs(within.condition(result.guess)) <= touch)
+    return result.guess, met, ~result.moving & result.finite
 
 
 def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:

@@ -109,8 +109,8 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     def within(index: Array) -> WithinSpan:
         return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
 
-    found = first_in_intervals(within, samples.times, samples.g, samples.candidate)
-    when, hit, unresolved = found
+    result = first_in_intervals(within, samples.times, samples.g, samples.candidate)
+    when, hit, unresolved = result
     event = along.event
     at_zero = samples.at_zero
     if event.at_start:

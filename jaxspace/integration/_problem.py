@@ -229,9 +229,9 @@ class Problem:
         of_part, of_state = replay.vjp(part, y0, jax.tree.unflatten(structure, cotangents))
         state = jax.tree.leaves(of_state)
         of_field = [k for k in moving if k < self.num_field]
-        found = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
-        found |= {self.num_field + k: x for k, x in enumerate(state)}
-        return [found[k] for k in moving]
+        result = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
+        result |= {self.num_field + k: x for k, x in enumerate(state)}
+        return [result[k] for k in moving]
 
 
 def _arrays_of(recording: Recording | None, count: Array) -> list[Array]:

@@ -45,10 +45,10 @@ def without_slow_runs(
     def attempt(carry: _Attempt) -> _Attempt:
         # Built again here: to select it behind the loop would take a selection for every array.
         loop = run(restarted(carry.loop, carry.left_out))
-        found = slow(loop)
-        left_out = carry.left_out | found
+        result = slow(loop)
+        left_out = carry.left_out | result
         # If all remaining runs are slow, the loop stays as it ended.
-        return _Attempt(loop, left_out, jnp.any(found) & ~jnp.all(left_out))
+        return _Attempt(loop, left_out, jnp.any(result) & ~jnp.all(left_out))
 
     first = _Attempt(start, none, jnp.array(True))
     last = jax.lax.while_loop(lambda carry: carry.repeat, attempt, first)

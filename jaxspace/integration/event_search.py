@@ -38,9 +38,9 @@ def first_event(
     """The first event of each run between `t0` and `t1`, s. Not differentiable."""
     system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
     if locates_events(config, system, y0, t0):
-        found = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
-        assert found is not None
-        return found
+        result = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
+        assert result is not None
+        return result
     along = [ConditionOnRun(system, event, config, run_axes) for event in events]
     zeros = [first_zero(condition, y0, t0, t1) for condition in along]
     when = t1

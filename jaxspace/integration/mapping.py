@@ -120,8 +120,8 @@ def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
         return jax.ShapeDtypeStruct(tuple(shape), x.dtype)
 
     # `None` marks an axis that is not mapped, and must count as a leaf here.
-    found = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
-    system, y = found[0].system, found[1]
+    result = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
+    system, y = result[0].system, result[1]
     if isinstance(y, OwnState):
         y = eqx.filter_eval_shape(lambda s, z: s.regularised().from_regularised(z), system, y.z)
     return system, y

@@ -199,8 +199,8 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
     def projected(self, s: Scalar, y: State) -> State:
         """The state nearest to `y` on its groups that meets the constraints of the system."""
         y = project(y)
-        found = self.system.projected(self.time(s), y)
-        return y if found is None else jax.tree.map(lambda a, b: a.astype(b.dtype), found, y)
+        result = self.system.projected(self.time(s), y)
+        return y if result is None else jax.tree.map(lambda a, b: a.astype(b.dtype), result, y)
 
     def split(self) -> AbstractSplit:
         """Drift and kick of the system; only for a system that has them."""

@@ -122,7 +122,7 @@ class Catalog(NamedTuple):
 
     def shared(self, table: str) -> dict[str, Entry]:
         """The entries of a table such as "planet" from which declarations take values."""
-        found: dict[str, Entry] = {}
+        result: dict[str, Entry] = {}
         declared = [
             (entry.shared, entry)
             for kind in self.kinds.values()
@@ -141,8 +141,8 @@ class Catalog(NamedTuple):
             if room == table and "." not in key:
                 # Optional in the shared table: whether it is needed depends on the effects that
                 # are there.
-                found.setdefault(key, entry._replace(default=None, shared=""))
-        return found
+                result.setdefault(key, entry._replace(default=None, shared=""))
+        return result
 
 
 def output_methods(cls: type) -> dict[str, OutputFunction]:

@@ -57,8 +57,8 @@ class Parsed:
             return self.kind == "flight"
         building = self.building()
         effects = building.effects(self.active_effects()).values()
-        found = read_effects(effects, building.make("body")).effects
-        return any("mass_rate" in reading.adds for reading in found)
+        result = read_effects(effects, building.make("body")).effects
+        return any("mass_rate" in reading.adds for reading in result)
 
     def parts(self) -> set[str]:
         """The parts of the state that the file gives."""
@@ -67,10 +67,10 @@ class Parsed:
             return set(TRANSLATION)
         initial = self.values["initial"]
         given = {key for key, value in initial.items() if value is not None}
-        found = {key for key in given if f"initial.{key}" not in self.makers}
-        for key in given - found:
-            found |= set(self.makers[f"initial.{key}"].make.initial.gives)
-        return found
+        result = {key for key in given if f"initial.{key}" not in self.makers}
+        for key in given - result:
+            result |= set(self.makers[f"initial.{key}"].make.initial.gives)
+        return result
 
 
 def check_parsed(file: Parsed) -> list[str]:
@@ -108,20 +108,20 @@ def who(path: str) -> str:
 
 def shared_errors(file: Parsed) -> list[str]:
     """Errors for absent entries that declarations take from other tables of the file."""
-    found = []
+    result = []
     for path, maker in file.makers.items():
         own = at(file.values, path)
         for key, entry in maker.entries.items():
             absent = entry.shared and not maker.bare and own.get(key) is None
             if absent and entry.default is REQUIRED and at(file.values, entry.shared) is None:
                 line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
-                found.append(f"{line}; {who(path)} needs it.")
-    return found
+                result.append(f"{line}; {who(path)} needs it.")
+    return result
 
 
 def object_errors(file: Parsed) -> list[str]:
     """What a class or a named constructor does not accept although each number is in its range."""
-    found = []
+    result = []
     for path, maker in file.makers.items():
         # Ranges are checked already; only classes with a rule of their own can still refuse.
         if not _checks_itself(maker) or path.startswith(("initial", "method")):
@@ -138,9 +138,9 @@ def object_errors(file: Parsed) -> list[str]:
             else:
                 sentence = f"{path}: {sentence}"
             # An outer object repeats the error of an inner one.
-            if not any(f.startswith(f"{path}.") for f in found):
-                found.append(sentence)
-    return found
+            if not any(f.startswith(f"{path}.") for f in result):
+                result.append(sentence)
+    return result
 
 
 def _checks_itself(maker: Maker) -> bool:
@@ -152,7 +152,7 @@ def _checks_itself(maker: Maker) -> bool:
 
 def initial_errors(file: Parsed) -> list[str]:
     """Errors of the parts of the initial state together."""
-    found = []
+    result = []
     parts = file.parts()
     for key, maker in file.makers.items():
         if not key.startswith("initial."):
@@ -163,19 +163,21 @@ def initial_errors(file: Parsed) -> list[str]:
             if file.values["initial"].get(part) is not None and f"initial.{part}" != key
         ]
         if twice:
-            found.append(f"{key} and initial.{twice[0]} are both there: give one of them.")
+            result.append(f"{key} and initial.{twice[0]} are both there: give one of them.")
         for need in needed_parts(maker):
             if need not in parts:
-                found.append(f"initial has no {need}: {key} needs it.")
+                result.append(f"initial has no {need}: {key} needs it.")
     for pair in (TRANSLATION, ROTATION):
         if len(parts & pair) == 1:
             one, other = sorted(pair & parts)[0], sorted(pair - parts)[0]
-            found.append(f"initial has {one} and no {other}: it must have both, or neither.")
+            result.append(f"initial has {one} and no {other}: it must have both, or neither.")
     if not parts:
-        found.append(f"initial is empty: it must have some of {', '.join(file.values['initial'])}.")
-    if file.kind != "system" and not found and parts & ROTATION and not _body(file).has_inertia():
-        found.append(f"{_no_inertia(file)}; initial.attitude makes the body turn.")
-    return found
+        result.append(
+            f"initial is empty: it must have some of {', '.join(file.values['initial'])}."
+        )
+    if file.kind != "system" and not result and parts & ROTATION and not _body(file).has_inertia():
+        result.append(f"{_no_inertia(file)}; initial.attitude makes the body turn.")
+    return result
 
 
 def needed_parts(maker: Maker) -> list[str]:
@@ -202,12 +204,12 @@ def _no_inertia(file: Parsed) -> str:
 
 def effect_errors(active: list[str], file: Parsed) -> list[str]:
     """Errors for what effects that act together need and the file does not have."""
-    found, whole = [], []
+    result, whole = [], []
     for name in active:
         others = {n: c for n, c in file.catalog.effects.items() if n != name}
         needs = f"the effect {name} needs another effect"
         errors = reference_errors(file.makers[f"effects.{name}"], needs, others, active)
-        found += errors
+        result += errors
         # Without its references an effect cannot be made, and the parts that it reads stay unknown.
         whole += [] if errors else [name]
     building = file.building()
@@ -216,46 +218,46 @@ def effect_errors(active: list[str], file: Parsed) -> list[str]:
     try:
         readings = read_effects(effects.values(), body).effects
     except InputError as error:
-        return [*found, str(error)]
+        return [*result, str(error)]
     for name, reading in zip(effects, readings, strict=True):
-        found += _unmet(name, reading, body, file)
-    return found
+        result += _unmet(name, reading, body, file)
+    return result
 
 
 def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> list[str]:
     """Errors for parts that an effect reads or changes, and the file does not have."""
-    found = []
+    result = []
     turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
     if turns and not body.has_inertia():
-        found.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
+        result.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
     # Gravity alone needs no mass, so that the mass is required only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in reading.adds or "mass" in reading.needs) and massless:
         entries = file.makers["body"].entries
         key = "mass" if "mass" in entries else "propellant_mass"
         line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
-        found.append(f"{line}; the effect {name} needs the mass of the body.")
+        result.append(f"{line}; the effect {name} needs the mass of the body.")
     # What an effect adds has to be integrated, even where the effect does not read it.
     needed = reading.needs & (TRANSLATION | ROTATION)
     for added in reading.adds & set(CALLS_FOR):
         needed |= CALLS_FOR[added]
     absent = sorted(needed - file.parts())
-    return found + [_absent_part(part, f"the effect {name}") for part in absent]
+    return result + [_absent_part(part, f"the effect {name}") for part in absent]
 
 
 def reference_errors(
     maker: Maker, needs: str, effects: Mapping[str, type], active: list[str]
 ) -> list[str]:
     """Errors for references of an object that none of the effects acting with it offers."""
-    found = []
+    result = []
     for attribute in maker.references.values():
         offers = [name for name, cls in effects.items() if hasattr(cls, attribute)]
         if not set(offers) & set(active):
-            found.append(
+            result.append(
                 f"{needs} with a {attribute.replace('_', ' ')} that acts beside it: one of "
                 f"{', '.join(offers)}."
             )
-    return found
+    return result
 
 
 def _absent_part(part: str, whose: str) -> str:
@@ -265,42 +267,42 @@ def _absent_part(part: str, whose: str) -> str:
 def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
     """Errors of a phase as a whole."""
     key = f"phase.{number}"
-    found = []
+    result = []
     phases = file.values["phase"]
     parts = file.parts()
     until = phase["until"]
     # Outputs refer to phases by name, so that the names must differ.
     if [p["name"] for p in phases].index(phase["name"]) < number:
-        found.append(
+        result.append(
             wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
         )
     if (phase["duration"] is None) == (until is None):
         ends = end_kind(file.catalog).expected()
-        found.append(f"{key} must have either duration, a time, or until, {ends}.")
+        result.append(f"{key} must have either duration, a time, or until, {ends}.")
     elif is_event(until, file.catalog):
         if phase["within"] is None:
             what = "the longest time to wait for the event, in s or text with a unit of time"
-            found.append(missing(f"{key}.within", what))
+            result.append(missing(f"{key}.within", what))
         name = condition_of(until) or until
         # The mass is never given in `initial`: it is that of the body.
         for part in sorted(event_needs(until, file.catalog) - parts - {"mass"}):
-            found.append(_absent_part(part, f"the event {name}"))
+            result.append(_absent_part(part, f"the event {name}"))
         maker = file.makers.get(f"{key}.until.{name}")
         if maker is not None:
             needs = f"the event {name} needs an effect"
             effects = file.catalog.effects
-            found += reference_errors(maker, needs, effects, phase["effects"])
+            result += reference_errors(maker, needs, effects, phase["effects"])
     elif until is not None:
         if not any(until in file.catalog.known_times(name) for name in phase["effects"]):
             what = "another end: no effect of this phase has that time"
-            found.append(wrong(f"{key}.until", until, what))
+            result.append(wrong(f"{key}.until", until, what))
         if any(is_event(p["until"], file.catalog) for p in phases[:number]):
             what = "a duration: after a phase that ends at an event the time is not known"
-            found.append(wrong(f"{key}.until", until, what))
+            result.append(wrong(f"{key}.until", until, what))
     jumps = [name for name, table in phase["jump"].items() if table is not None]
     if len(jumps) > 1:
-        found.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
+        result.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
     for name in jumps:
         needs = file.catalog.jumps[name].needs - {"mass"}
-        found += [_absent_part(part, f"the jump {name}") for part in sorted(needs - parts)]
-    return found
+        result += [_absent_part(part, f"the jump {name}") for part in sorted(needs - parts)]
+    return result

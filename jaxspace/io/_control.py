@@ -72,17 +72,17 @@ def _sensor_kind(name: str) -> Object:
 
 def control_errors(file: Parsed) -> list[str]:
     """Errors of the tables of control together with the systems that they control."""
-    found = []
+    result = []
     for path, control in controls(file.values).items():
         if not _named(control["law"]):
             laws = ", ".join(file.catalog.controllers)
-            found.append(f"{path}.law is empty: it must have a table of {laws}.")
+            result.append(f"{path}.law is empty: it must have a table of {laws}.")
         phase = _phase_of(file.values, path)
         until = None if phase is None else phase["until"]
         if until is not None and not is_event(until, file.catalog):
             what = "an event; or give the phase a duration: its samples must be known"
-            found.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
-    return found
+            result.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
+    return result
 
 
 def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
@@ -100,10 +100,10 @@ def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
 
 def controls(values: Values) -> dict[str, Values]:
     """The tables of control by their paths: that of a scene, or those of phases."""
-    found = {"control": values.get("control")}
+    result = {"control": values.get("control")}
     for number, phase in enumerate(values.get("phase") or ()):
-        found[f"phase.{number}.control"] = phase["control"]
-    return {path: control for path, control in found.items() if control is not None}
+        result[f"phase.{number}.control"] = phase["control"]
+    return {path: control for path, control in result.items() if control is not None}
 
 
 def is_noisy(values: Values) -> bool:

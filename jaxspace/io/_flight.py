@@ -88,7 +88,7 @@ def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, Bod
 
 def flight_errors(file: Parsed) -> list[str]:
     """Errors of the tables of a flight together, one sentence each."""
-    found = []
+    result = []
     building = file.building()
     top = float(building.make("vehicle").ceiling)
     before = math.inf
@@ -97,14 +97,14 @@ def flight_errors(file: Parsed) -> list[str]:
         if chute.height is None:
             if number:
                 what = "the height of its opening, in m, for the apogee opens the first one alone"
-                found.append(missing(key, what))
+                result.append(missing(key, what))
             continue
         height = float(chute.height)
         if height >= top:
             what = f"below {top:.0f} m, which no flight without air would exceed: it never opens"
-            found.append(wrong(key, height, what))
+            result.append(wrong(key, height, what))
         elif height >= before:
             what = f"below {before:g} m, where the one before it opens: it never opens"
-            found.append(wrong(key, height, what))
+            result.append(wrong(key, height, what))
         before = min(before, height)
-    return found
+    return result

@@ -185,14 +185,14 @@ def initial_kind(catalog: Catalog, system: type[AbstractSystem] | None) -> Kind:
 
 def initial_ways(catalog: Catalog, cls: type) -> dict[str, list[Maker]]:
     """The makers of parts of a state of the class, by the key of their table."""
-    found: dict[str, list[Maker]] = {}
+    result: dict[str, list[Maker]] = {}
     parts = set(inspect.signature(cls).parameters)
     for function in catalog.initials.values():
         declared = function.initial
         # Makers of parts that this state does not have are left out.
         if set(declared.gives) <= parts:
-            found.setdefault(declared.key, []).append(function_way(function, declared.arguments))
-    return found
+            result.setdefault(declared.key, []).append(function_way(function, declared.arguments))
+    return result
 
 
 def method_kind(catalog: Catalog) -> Object:

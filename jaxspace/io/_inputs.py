@@ -42,30 +42,30 @@ class Input(NamedTuple):
         """Sentences on what is allowed but probably a mistake: a range without the nominal value,
         draws that the class of the number refuses."""
         quantity = self.nominal.quantity
-        found = []
+        result = []
         made = self.distribution()
         low, high = self.numbers.get("low"), self.numbers.get("high")
         if low is not None and high is not None and not low <= self.nominal <= high:
             # In the unit of the file, because radians would be taken for its degrees.
             unit = self.nominal.unit or quantity.unit
             low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
-            found.append(
+            result.append(
                 f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {unit}".rstrip()
                 + f", without the nominal value {here:.6g}."
             )
         share = made.outside(quantity.low, quantity.high)
         if share > RARE:
-            found.append(
+            result.append(
                 f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be refused, for "
                 f"{path} must be {quantity.allowed()}."
             )
-        return found
+        return result
 
 
 def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
     """The inputs and their distributions, or errors. `files`: those of values."""
     numbers = _numbers(file)
-    found: dict[str, Input | MadeInput] = {}
+    result: dict[str, Input | MadeInput] = {}
     errors = []
     keys = {"distribution", *FILE_KEYS, *_fields(file)}
     for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
@@ -73,22 +73,22 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
             errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
             continue
         try:
-            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
+            result[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
         except ValueError as error:
             errors.append(str(error))
     # After the single inputs, whose distributions a correlation uses.
     for table, read in (("correlated", read_correlated), ("direction", read_direction)):
         for k, entry in enumerate(file.values["dispersion"][table]):
             try:
-                found |= read(f"dispersion.{table}.{k}", entry, numbers, found)
+                result |= read(f"dispersion.{table}.{k}", entry, numbers, result)
             except ValueError as error:
                 errors.append(str(error))
     # A campaign without inputs would repeat the nominal run.
-    if not found and not errors:
+    if not result and not errors:
         errors.append(
             missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
         )
-    return found, errors
+    return result, errors
 
 
 def with_given(
@@ -102,17 +102,17 @@ def with_given(
     `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
     values. Raises `InputError`, with one line for each error."""
     numbers = _numbers(file)
-    found = dict(known)
+    result = dict(known)
     errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
     for path, entry in given.items():
         key = f"inputs.{path}"
         if path not in numbers:
             errors.append(_unknown_path(key, path, list(numbers)))
         elif isinstance(entry, AbstractDistribution):
-            found[path] = MadeInput(numbers[path], entry)
+            result[path] = MadeInput(numbers[path], entry)
         elif isinstance(entry, Mapping):
             try:
-                found[path] = _read(key, entry, numbers[path], file, files)
+                result[path] = _read(key, entry, numbers[path], file, files)
             except ValueError as error:
                 errors.append(str(error))
         else:
@@ -123,7 +123,7 @@ def with_given(
     errors += [line for path in given if path in known for line in _torn(path, known, given)]
     if errors:
         raise InputError("\n".join(errors))
-    return found
+    return result
 
 
 def _torn(

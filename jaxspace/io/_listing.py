@@ -78,12 +78,12 @@ def _with_word(groups: list[Group], word: str) -> list[Group]:
     entries = [(group, entry) for group, lines in groups for entry in _entries(lines)]
     # By all of its lines only then: fields of thrust are named in half of the entries.
     for part in (slice(1), slice(None)):
-        found: dict[str, list[str]] = {}
+        result: dict[str, list[str]] = {}
         for group, entry in entries:
             if word.lower() in "\n".join(entry[part]).lower():
-                found.setdefault(group, []).extend(entry)
-        if found:
-            return list(found.items())
+                result.setdefault(group, []).extend(entry)
+        if result:
+            return list(result.items())
     names = [*(name for name, _ in groups), *(_name(entry) for _, entry in entries)]
     raise InputError(
         f"{word} is in no entry: it must be a part of a name or of a description."
@@ -98,13 +98,13 @@ def _name(entry: list[str]) -> str:
 
 def _entries(lines: list[str]) -> list[list[str]]:
     """The lines of each entry: its own, and those of its fields, which are indented further."""
-    found: list[list[str]] = []
+    result: list[list[str]] = []
     for line in lines:
-        if line.startswith("   ") and found:
-            found[-1].append(line)
+        if line.startswith("   ") and result:
+            result[-1].append(line)
         else:
-            found.append([line])
-    return found
+            result.append([line])
+    return result
 
 
 def method_names(known: Catalog) -> list[str]:

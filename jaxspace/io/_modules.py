@@ -17,16 +17,16 @@ from ._named_files import NamedFile
 
 def read_modules(paths: Iterable[str | os.PathLike[str]]) -> tuple[NamedFile, ...]:
     """The modules at these paths. Raises `InputError` for one that cannot be read."""
-    found: dict[str, NamedFile] = {}
+    result: dict[str, NamedFile] = {}
     for path in paths:
         try:
             module = NamedFile(Path(os.fspath(path)), read_text(path))
         except OSError as error:
             raise InputError(f"{path} cannot be read: {error.strerror}.") from None
         # A store has them by name, so that the names must differ.
-        if found.setdefault(module.path.name, module) != module:
+        if result.setdefault(module.path.name, module) != module:
             raise InputError(f"{path} has the name of another module: it must be another name.")
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 def defined_in(module: NamedFile) -> list[object]:

@@ -133,7 +133,7 @@ def _named_ways(cls: type) -> Iterable[Maker]:
 
 def _field_entries(cls: type) -> dict[str, Entry | None]:
     """The entry of each field that a file can give; `None` for one that it cannot give and must."""
-    found: dict[str, Entry | None] = {}
+    result: dict[str, Entry | None] = {}
     declared = quantities(cls)
     referred = references(cls)
     for field in dataclasses.fields(cls):
@@ -145,12 +145,12 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
             shared = declared[field.name].shared if field.name in declared else ""
             doc = field.metadata.get("doc", "")
             doc = declared[field.name].doc if field.name in declared else doc
-            found[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)
+            result[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)
         elif field.name in declared:
-            found[field.name] = entry_of(declared[field.name])
+            result[field.name] = entry_of(declared[field.name])
         elif default is REQUIRED and field.default_factory is REQUIRED:
-            found[field.name] = None
-    return found
+            result[field.name] = None
+    return result
 
 
 def _nested(annotation: object) -> Object | None:

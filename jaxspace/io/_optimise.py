@@ -29,7 +29,7 @@ def optimise(
         {free.path: jnp.asarray(free.low) for free in task.free},
         {free.path: jnp.asarray(free.high) for free in task.free},
     )
-    found = minimise(
+    result = minimise(
         lambda x: criterion(file, task, x, each),
         x0,
         bounds=bounds,
@@ -39,11 +39,11 @@ def optimise(
         scale={free.path: jnp.asarray(_size(free)) for free in task.free},
         progress=progress,
     )
-    objective, constraints, error, happened = found.criterion.report
+    objective, constraints, error, happened = result.criterion.report
     numbers = tuple(float(x) for x in constraints)
     met = tuple(bool(x) for x in happened)
-    made = Optimum(file, task, found, float(objective), numbers, float(error), each, met)
-    if int(found.reason) == StopReason.NOT_FINITE:
+    made = Optimum(file, task, result, float(objective), numbers, float(error), each, met)
+    if int(result.reason) == StopReason.NOT_FINITE:
         return dataclasses.replace(made, warning=_failed_start(made))
     return made
 

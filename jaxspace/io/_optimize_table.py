@@ -153,15 +153,15 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
 
 def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[Demand]:
     spec = _output(key, entry, file, units)
-    found = []
+    result = []
     for limit in LIMITS:
         if limit in entry:
             quantity = argument(unit_of(spec, file), doc="target")
             try:
-                found.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
+                result.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
             except ValueError as error:
                 raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
-    return found
+    return result
 
 
 def _free(
@@ -170,7 +170,7 @@ def _free(
     """The free numbers, or their errors; a `*` in a path stands for any of its steps."""
     # Settings of the search, or of a campaign, cannot be free.
     numbers = {p: m for p, m in measures(file.values) if p.split(".")[0] not in OWN_TABLES}
-    found: dict[str, Free] = {}
+    result: dict[str, Free] = {}
     errors = []
     for pattern, entry in entries.items():
         key = f"optimize.free.{pattern}"
@@ -187,13 +187,13 @@ def _free(
             ]
             for path in paths:
                 try:
-                    found[path] = _one_free(key, path, entry, numbers[path], units)
+                    result[path] = _one_free(key, path, entry, numbers[path], units)
                 except ValueError as error:
                     errors.append(str(error))
-    if not found and not errors:
+    if not result and not errors:
         errors.append(missing("optimize.free", "a table whose keys are paths of numbers"))
     # Once each: a pattern with a star gives the same sentence for many paths.
-    return tuple(found.values()), list(dict.fromkeys(errors))
+    return tuple(result.values()), list(dict.fromkeys(errors))
 
 
 def _one_free(

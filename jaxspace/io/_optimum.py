@@ -113,7 +113,7 @@ class Optimum:
         if self.infeasible:
             return (np.nan,) * len(self.task.demands)
         equal, above = _multipliers(self.minimum)
-        found = []
+        result = []
         e = 0
         a = 0
         for demand in self.task.demands:
@@ -123,24 +123,24 @@ class Optimum:
             else:
                 slope = above[a] if demand.limit == "at_least" else -above[a]
                 a = a + 1
-            found.append(self.task.sign * float(slope))
-        return tuple(found)
+            result.append(self.task.sign * float(slope))
+        return tuple(result)
 
     @property
     def bound_derivatives(self) -> dict[str, float]:
         """For each free number at a bound the derivative of the objective by that bound, SI; none
         for an infeasible problem."""
-        found = {}
+        result = {}
         if self.infeasible:
-            return found
+            return result
         for free in self.task.free:
             x = self.values[free.path]
             span = free.high - free.low
             near = min(x - free.low, free.high - x) <= 1e-6 * (span if span < np.inf else abs(x))
             if near:
                 slope = float(self.minimum.bound_multipliers[free.path])
-                found[free.path] = self.task.sign * slope
-        return found
+                result[free.path] = self.task.sign * slope
+        return result
 
     def sensitivities(self) -> dict[str, float]:
         """The derivative of the best objective by every other number of the file, SI, with the
@@ -157,12 +157,12 @@ class Optimum:
         dual = self.minimum.multipliers
 
         def lagrangian(numbers: dict[str, Array]) -> Array:
-            found = criterion(self.file, self.task, {**numbers, **self.minimum.x}, self.steps)
-            total = found.objective
-            if found.equal_zero is not None and dual.equal_zero is not None:
-                total = total + dual.equal_zero @ found.equal_zero
-            if found.non_negative is not None and dual.non_negative is not None:
-                total = total - dual.non_negative @ found.non_negative
+            result = criterion(self.file, self.task, {**numbers, **self.minimum.x}, self.steps)
+            total = result.objective
+            if result.equal_zero is not None and dual.equal_zero is not None:
+                total = total + dual.equal_zero @ result.equal_zero
+            if result.non_negative is not None and dual.non_negative is not None:
+                total = total - dual.non_negative @ result.non_negative
             return self.task.sign * total
 
         slopes = jax.jit(jax.grad(lagrangian))({p: jnp.asarray(x) for p, x in fixed.items()})

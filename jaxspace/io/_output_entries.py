@@ -202,23 +202,23 @@ def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
     """Errors for what an output needs and the file does not have."""
     parts = given_parts(file)
     shared = function.output.shared
-    found = []
+    result = []
     for argument in arguments_of(function):
         if argument in shared:
             if at(file.values, shared[argument]) is None:
-                found.append(f"{shared[argument]} is missing: the output {name} needs it.")
+                result.append(f"{shared[argument]} is missing: the output {name} needs it.")
         elif argument == "initial" and file.kind == "flight":
-            found.append(f"A flight has no [initial]: the output {name} needs one.")
+            result.append(f"A flight has no [initial]: the output {name} needs one.")
         elif argument == "body" and file.kind == "system":
-            found.append(f"A system has no body: the output {name} needs one.")
+            result.append(f"A system has no body: the output {name} needs one.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:
-            found.append(f"initial has no {argument}: the output {name} needs it.")
-    return found
+            result.append(f"initial has no {argument}: the output {name} needs it.")
+    return result
 
 
 def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, ...]:
     """All outputs at the end of the run whose arguments the file has."""
-    found = []
+    result = []
     for name, function in file.catalog.outputs.items():
         # A comparison of the nominal run with itself is zero.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
@@ -228,10 +228,10 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
             si = function.output.unit
             unit = units.of(name, si)
             shared = tuple(function.output.shared.items())
-            found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
+            result.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
     for name, function in _methods_of(SITE, file).items():
         si = function.output.unit
         unit = units.of(name, si)
         spec = OutputSpec(name, -1, unit, in_unit(si, unit), function, (), ())
-        found.append(spec._replace(effect=SITE))
-    return tuple(found)
+        result.append(spec._replace(effect=SITE))
+    return tuple(result)

@@ -125,7 +125,7 @@ class Outputs(eqx.Module):
         - `curves`: all states of the phases along which extremes are taken.
         - `began`: the states at the starts of the phases, for outputs that compare with them."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
-        found = {}
+        result = {}
         for spec in self.specs:
             if spec.take:
                 value = self._extreme(spec, curves or {}, samples, runs, began or {})
@@ -133,8 +133,8 @@ class Outputs(eqx.Module):
                 end = ends[spec.at]
                 value = self._value(spec, states[spec.at], end, samples, runs, began or {})
             # An output of shared numbers alone has no axis of runs, which the store needs.
-            found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
-        return found
+            result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
+        return result
 
     def _extreme(
         self,
@@ -150,8 +150,8 @@ class Outputs(eqx.Module):
         times = [curves[k][0] for k in spec.phases]
         # Mapped over the times, which are before the axis of runs.
         along = [jax.vmap(one, in_axes=(0, -2))(*curves[k]) for k in spec.phases]
-        found = (greatest if spec.take.endswith("greatest") else least)(times, along)
-        return found.time if spec.take.startswith("time") else found.value
+        result = (greatest if spec.take.endswith("greatest") else least)(times, along)
+        return result.time if spec.take.startswith("time") else result.value
 
     def _value(
         self,

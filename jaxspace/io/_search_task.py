@@ -55,8 +55,8 @@ def values_of(
     batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
     # By number, because the objective may be constrained as well.
     named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
-    found = Outputs(file, named, values, None).numbers(batch, times, {})
-    return [found[spec.name][0] for spec in named]
+    result = Outputs(file, named, values, None).numbers(batch, times, {})
+    return [result[spec.name][0] for spec in named]
 
 
 def failed_phase(run: MissionTrajectory) -> str:

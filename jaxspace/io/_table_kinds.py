@@ -87,11 +87,11 @@ class Object(Kind):
     ways: tuple[Maker, ...]
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        found = [self._attempt(way, value, path, reading.files) for way in self.ways]
+        result = [self._attempt(way, value, path, reading.files) for way in self.ways]
         # The first way without an error; otherwise the one with the fewest wrong keys, so that the
         # errors concern the intended way.
-        best = min(range(len(found)), key=lambda k: found[k][2])
-        values, trial, _ = found[best]
+        best = min(range(len(result)), key=lambda k: result[k][2])
+        values, trial, _ = result[best]
         if trial.errors:
             trial.errors = [self._with_other_ways(line, best) for line in trial.errors]
         else:

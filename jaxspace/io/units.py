@@ -122,22 +122,22 @@ def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
     number, unit = split(text, what)
     if not unit:
         return read_number(number, quantity)
-    found = parse_unit(unit, what)
+    result = parse_unit(unit, what)
     si = quantity.unit or "dimensionless"
     # Cycles per second have the dimension of radians per second, and differ by 2 pi.
-    cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(found))
-    if cycles or not found.is_compatible_with(si):
+    cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(result))
+    if cycles or not result.is_compatible_with(si):
         raise ValueError(what)
-    return float(units().Quantity(number, found).to(si).magnitude), unit
+    return float(units().Quantity(number, result).to(si).magnitude), unit
 
 
 def split(text: str, what: str) -> tuple[float, str]:
     """Number and unit of a text such as "400 mi". Raises `ValueError` with what is expected."""
-    found = NUMBER.fullmatch(text)
-    unit = "" if found is None else (found[2] or "").strip()
-    if found is None or (unit and not UNIT.fullmatch(unit)):
+    result = NUMBER.fullmatch(text)
+    unit = "" if result is None else (result[2] or "").strip()
+    if result is None or (unit and not UNIT.fullmatch(unit)):
         raise ValueError(what)
-    return float(found[1]), unit
+    return float(result[1]), unit
 
 
 def parse_unit(text: str, what: str) -> "pint.Unit":
@@ -191,10 +191,10 @@ def in_unit(si: str, unit: str) -> float:
     if unit == si:
         return 1.0
     what = f"a unit of {dimension(si).name}"
-    found = parse_unit(unit, what)
-    if not found.is_compatible_with(si or "dimensionless"):
+    result = parse_unit(unit, what)
+    if not result.is_compatible_with(si or "dimensionless"):
         raise ValueError(what)
-    return float(units().Quantity(1.0, si or "dimensionless").to(found).magnitude)
+    return float(units().Quantity(1.0, si or "dimensionless").to(result).magnitude)
 
 
 @functools.cache

@@ -90,11 +90,11 @@ def _slopes(arrays: Any, static: Any, t: Any, q: Any, v: Any) -> tuple[Array, Ar
             drag = jax.grad(lambda v: jnp.sum(system.dissipation(t, q, v)))(v)
             gains.append(jnp.sum(jnp.abs(drag)))
             each.append(drag[:, None])
-        found = constraints_of(system, t, q, jnp.zeros_like(v))
-        if found is not None:
+        result = constraints_of(system, t, q, jnp.zeros_like(v))
+        if result is not None:
             # Constraints at rest do no work; one that leaves a coordinate alone exerts no force.
-            gains.append(jnp.sum(jnp.abs(found.errors)))
-            each.append(found.matrix.T)
+            gains.append(jnp.sum(jnp.abs(result.errors)))
+            each.append(result.matrix.T)
         return jnp.stack(gains), jnp.concatenate(each, axis=1)
 
     return jax.vmap(one, in_axes=-1, out_axes=-1)(jnp.asarray(t), jnp.asarray(q), jnp.asarray(v))

@@ -183,18 +183,18 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
 
 
 def _matrix(system: AbstractDescription, t: Array, q: Array) -> Array | None:
-    found = constraints_of(system, t, q, jnp.zeros_like(q))
-    return None if found is None else found.matrix
+    result = constraints_of(system, t, q, jnp.zeros_like(q))
+    return None if result is None else result.matrix
 
 
 def _onto_constraints(system: AbstractDescription, t: Array, y: _Canonical) -> _Canonical:
     """The state with the nearest momenta whose rates meet the constraints."""
     v = _rates(system, t, y)
-    found = constraints_of(system, t, y.q, v)
-    if found is None:
+    result = constraints_of(system, t, y.q, v)
+    if result is None:
         return y
     m = mass_matrix(system.lagrangian, t, y.q, v)
-    transposed = jnp.swapaxes(found.matrix, 0, 1)
-    s = matmul(found.matrix, solve(m, transposed))
-    pull = matmul(transposed, solve(s, found.errors[:, None]))
+    transposed = jnp.swapaxes(result.matrix, 0, 1)
+    s = matmul(result.matrix, solve(m, transposed))
+    pull = matmul(transposed, solve(s, result.errors[:, None]))
     return _Canonical(y.q, y.p - pull[:, 0])

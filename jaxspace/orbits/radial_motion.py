@@ -249,7 +249,7 @@ def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
     """Where `f` first becomes negative on a grid of positive `steps`, (steps, *runs), zero if it
     is from the start; and whether it does."""
     negative = jax.lax.stop_gradient(f(steps)) <= 0.0
-    found = jnp.any(negative, axis=0)
+    result = jnp.any(negative, axis=0)
     first = jnp.argmax(negative, axis=0)
     high = jnp.take_along_axis(steps, first[None], axis=0)[0]
     low = jnp.take_along_axis(steps, jnp.maximum(first - 1, 0)[None], axis=0)[0]
@@ -264,7 +264,7 @@ def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
         a, b = jax.lax.fori_loop(0, _BISECTIONS, step, (low, high))
         return 0.5 * (a + b)
 
-    regular = found & (first > 0)
+    regular = result & (first > 0)
     root = jax.lax.custom_root(
         f,
         jax.lax.stop_gradient(high),
@@ -272,4 +272,4 @@ def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
         # Each run alone, so that the derivative of g is a number for each.
         lambda g, y: jnp.where(regular, safe_divide(y, g(jnp.ones_like(y))), 0.0),
     )
-    return jnp.where(regular, root, 0.0), found
+    return jnp.where(regular, root, 0.0), result

@@ -166,10 +166,10 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
         name = row.name.replace("_", " ") + (f" [{row.unit}]" if row.unit else "")
         cells = [name, *_numbers(dispersion, row, nominal), str(row.runs)]
         if required:
-            found = violations.get(row.name)
+            result = violations.get(row.name)
             words = (
-                [f"{100.0 * x:.3g}\u00a0%" for x in (found.value, found.high)]
-                if found
+                [f"{100.0 * x:.3g}\u00a0%" for x in (result.value, result.high)]
+                if result
                 else ["", ""]
             )
             # No sign stands at the end of a line.
@@ -245,10 +245,10 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
 
 def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     """The section of the footprint, with the rose of the wind beside it."""
-    found = dispersion.footprint()
-    if found is None:
+    result = dispersion.footprint()
+    if result is None:
         return []
-    head, *rows = found.words
+    head, *rows = result.words
     table = [_cells(list(head), "th", 1), *(_cells(list(row), text=1) for row in rows)]
     beside = "" if data["rose"] is None else _plot("rose")
     place = " Pointing at a run shows its latitude and longitude." * bool(

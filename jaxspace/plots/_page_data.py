@@ -68,8 +68,8 @@ def page_data(
 
 def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
     """The ellipses of the landings and what stands about them; the points are among the others."""
-    found = dispersion.footprint()
-    if found is None:
+    result = dispersion.footprint()
+    if result is None:
         return None
     return {
         "ellipses": [
@@ -79,7 +79,7 @@ def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
                 "name": f"ellipse of {100.0 * ellipse.probability:.3g} % "
                 f"({100.0 * ellipse.inside:.3g} % of the runs)",
             }
-            for ellipse in found.ellipses
+            for ellipse in result.ellipses
         ],
         "radius": required_radius(dispersion),
         "degrees": degrees_by_length(dispersion),
@@ -225,35 +225,35 @@ def _finite(value: float) -> float | None:
 
 
 def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, Any]:
-    found = contributors_or_none(dispersion, name, count)
-    if found is None:
+    result = contributors_or_none(dispersion, name, count)
+    if result is None:
         return {"inputs": [], "shares": [], "words": "Too few runs, or nothing scatters."}
     return {
-        "inputs": list(found.shares),
-        "shares": [float(s) for s in found.shares.values()],
-        "words": explained(found),
+        "inputs": list(result.shares),
+        "shares": [float(s) for s in result.shares.values()],
+        "words": explained(result),
     }
 
 
 def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, Any] | None:
     if row.runs < 2:
         return None
-    found = dispersion.convergence(name)
+    result = dispersion.convergence(name)
     # An interval without an end is none: the band begins where there are enough runs.
-    known = np.isfinite(found.low) & np.isfinite(found.high)
-    low, high = (np.where(known, x, found.limit) for x in (found.low, found.high))
+    known = np.isfinite(result.low) & np.isfinite(result.high)
+    low, high = (np.where(known, x, result.limit) for x in (result.low, result.high))
     words = "too few runs for an interval"
     # Among infinite runs an end that is infinite is what the runs say.
     if known[-1] or row.above or row.below:
-        ends = (row.shown(x) for x in (found.limit[-1], found.low[-1], found.high[-1]))
+        ends = (row.shown(x) for x in (result.limit[-1], result.low[-1], result.high[-1]))
         words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)
     return {
-        "runs": found.runs.tolist(),
+        "runs": result.runs.tolist(),
         **{
             name: [_finite(x) for x in values]
             for name, values in (
-                ("mean", found.mean),
-                ("limit", found.limit),
+                ("mean", result.mean),
+                ("limit", result.limit),
                 ("low", low),
                 ("high", high),
             )

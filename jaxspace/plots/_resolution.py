@@ -78,12 +78,12 @@ def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[s
         members = [(str(k), "", value) for k, value in enumerate(state)]
     else:
         return [(name or "state", unit, state)]
-    found = []
+    result = []
     for key, unit, value in members:
         # "parts" only collects what effects add: its members have names of their own.
         path = " ".join(word for word in (name, key) if word and word != "parts")
-        found += state_leaves(value, path, unit)
-    return found
+        result += state_leaves(value, path, unit)
+    return result
 
 
 def _knows_between(phase: Any) -> bool:
@@ -109,12 +109,12 @@ def _derivatives(phase: "Trajectory") -> "State":
 @eqx.filter_jit
 def _of_motion(states: Any) -> dict[str, Any]:
     """The derivatives that a state itself holds: of a position, and of an attitude."""
-    found = {}
+    result = {}
     if getattr(states, "velocity", None) is not None:
-        found["position"] = states.velocity
+        result["position"] = states.velocity
     if getattr(states, "omega", None) is not None and isinstance(states.attitude, Quaternion):
-        found["attitude"] = states.attitude.rate(states.omega)
-    return found
+        result["attitude"] = states.attitude.rate(states.omega)
+    return result
 
 
 def _coarse(phase: Any) -> tuple[frozenset[str], float]:

@@ -126,6 +126,6 @@ class ThrustProfile(AbstractParameters):
 
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
-        found = polygon(x, self.fraction, self.level)
+        result = polygon(x, self.fraction, self.level)
         # Beyond its ends a polygon goes on, and a motor does not.
-        return jnp.where((x >= 0.0) & (x <= 1.0), found, 0.0)
+        return jnp.where((x >= 0.0) & (x <= 1.0), result, 0.0)

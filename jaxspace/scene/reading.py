@@ -124,8 +124,8 @@ def _traced(
         # What turns a body without inertia is told by the scene, by name: here it may turn.
         if not body.has_inertia():
             body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
-        found, held = _together(effects, t, y, body, present)
-        traces.extend(found)
+        result, held = _together(effects, t, y, body, present)
+        traces.extend(result)
         parts.update(held)
         return [trace.results for trace in traces]
 

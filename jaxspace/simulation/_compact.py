@@ -135,8 +135,8 @@ def _phase(
         t = t1
         y = unravel(v)
     else:
-        found = _until_event(event, step, unravel, ts, v0)
-        (t, v, happened), (times, vs, wrongs) = found
+        result = _until_event(event, step, unravel, ts, v0)
+        (t, v, happened), (times, vs, wrongs) = result
         times = jnp.concatenate([t0[None], times])
         t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))

@@ -290,21 +290,21 @@ def _with_restarts(
     run_axes: int,
 ) -> RunResult:
     """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
-    found = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
+    result = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
-    stopped = (found.stopped_by >= 0) & (sign * asked >= sign * found.end)
-    ts = jnp.where(stopped, found.end, asked)
-    states, status, stats = states_between(system, y0, ts, found, config, run_axes)
-    states = _where_stopped(stopped, found.final, states, run_axes)
+    stopped = (result.stopped_by >= 0) & (sign * asked >= sign * result.end)
+    ts = jnp.where(stopped, result.end, asked)
+    states, status, stats = states_between(system, y0, ts, result, config, run_axes)
+    states = _where_stopped(stopped, result.final, states, run_axes)
     # A run that failed may have had further events after its last restart.
-    known = (found.status <= Status.EVENT) | (sign * asked <= sign * found.end)
+    known = (result.status <= Status.EVENT) | (sign * asked <= sign * result.end)
     states = scaled(states, nan_unless(known))
-    hit = (found.stopped_by >= 0) & (status == Status.COMPLETED)
+    hit = (result.stopped_by >= 0) & (status == Status.COMPLETED)
     status = jnp.where(hit, Status.EVENT, status)
-    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * found.end.ndim)
-    happened = numbers == found.stopped_by
-    event = found.stopped_by.astype(jnp.int32)
-    crossings = collected(found, events, run_axes)
+    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * result.end.ndim)
+    happened = numbers == result.stopped_by
+    event = result.stopped_by.astype(jnp.int32)
+    crossings = collected(result, events, run_axes)
     return RunResult(ts, states, status, event, happened, stats, None, None, crossings)
 
 

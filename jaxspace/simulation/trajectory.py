@@ -81,7 +81,7 @@ class Trajectory(eqx.Module):
     @property
     def undisturbed(self) -> bool:
         """Whether the system alone changed the state, without jumps at events or a controller."""
-        return self.control is None and all(found.after is None for found in self.crossings)
+        return self.control is None and all(result.after is None for result in self.crossings)
 
     def __getitem__(self, k: int) -> State:
         """The state at the k-th time."""
@@ -218,7 +218,7 @@ class Trajectory(eqx.Module):
                 f"{what} repeats a run without its controller, and this one is a closed loop: it "
                 f"must be a run of a system alone."
             )
-        if any(found.after is not None for found in self.crossings):
+        if any(result.after is not None for result in self.crossings):
             raise InputError(
                 f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
                 f"again, with its events."

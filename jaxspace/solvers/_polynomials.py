@@ -56,12 +56,12 @@ def _without_drag(weights: list[Fraction]) -> tuple[float, ...]:
         return sum((j * (w - Fraction(x)) for j, (w, x) in pairs), Fraction(0))
 
     *others, before, _ = map(float, weights)
-    found = []
+    result = []
     for n in range(-8, 9):
         kept = [*others, before + n * math.ulp(before)]
         last = float(weights[-1] + missing(kept) / len(kept))
-        found.append((*kept, last))
-    return min(found, key=lambda rounded: abs(missing(list(rounded))))
+        result.append((*kept, last))
+    return min(result, key=lambda rounded: abs(missing(list(rounded))))
 
 
 def _fitted(k: int, moment: Callable[[int], Fraction]) -> list[Fraction]:

@@ -54,7 +54,7 @@ VELOCITY_ERROR = _difference(tableau.RKN1210_VELOCITY, tableau.RKN1210_VELOCITY_
 
 def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
     """H_ik at x, without H_00 and H_01."""
-    found = []
+    result = []
     for i, node in enumerate(NODES):
         others = [other for other in NODES if other != node]
         d = x - node
@@ -68,8 +68,8 @@ def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
         a = -3.0 * s1
         b = 4.5 * s1 * s1 + 1.5 * s2
         basis = (1.0 + d * (a + b * d), d * (1.0 + a * d), 0.5 * d * d)
-        found += [lagrange * lagrange * lagrange * f for f in (basis if i else basis[2:])]
-    return jnp.stack(found)
+        result += [lagrange * lagrange * lagrange * f for f in (basis if i else basis[2:])]
+    return jnp.stack(result)
 
 
 class _HermiteOutput(AbstractDenseOutput):

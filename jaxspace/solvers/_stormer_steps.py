@@ -102,8 +102,8 @@ class StormerSteps(NamedTuple):
         """The state at the step k - 1, and the record of the steps before it."""
 
         def step(y: tuple[Array, Array], n: Array) -> tuple[tuple[Array, Array], StepRecord]:
-            found = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
-            return (found.r, found.v), StepRecord(y[0], found.mean_velocity, found.ks[0])
+            result = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
+            return (result.r, result.v), StepRecord(y[0], result.mean_velocity, result.ks[0])
 
         start = (self.system.r, self.system.v)
         m = self.k - 1

@@ -159,11 +159,11 @@ class Block(NamedTuple):
 def blocks(tree: State) -> list[Block]:
     """The arrays of a state."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
-    found = []
+    result = []
     for path, x in leaves:
         name = getattr(path[-1], "name", "") if path else ""
-        found.append(Block(np.asarray(x, float), name == "wxyz"))
-    return found
+        result.append(Block(np.asarray(x, float), name == "wxyz"))
+    return result
 
 
 def distance(state: State, reference: State) -> float:

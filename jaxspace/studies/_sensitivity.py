@@ -67,10 +67,10 @@ class Sensitivity(eqx.Module):
         """How the states change when what is varied changes by `x`, to the order computed."""
         x = jnp.asarray(x)
         lead = jnp.expand_dims(x, 1)
-        found = jnp.einsum("rct...,c...->rt...", self.first, x)
+        result = jnp.einsum("rct...,c...->rt...", self.first, x)
         if self.second is not None:
-            found += 0.5 * jnp.einsum("rcdt...,ct...,dt...->rt...", self.second, lead, lead)
-        return found
+            result += 0.5 * jnp.einsum("rcdt...,ct...,dt...->rt...", self.second, lead, lead)
+        return result
 
     def covariance(
         self, initial: Float[ArrayLike, "columns columns *#runs"]
@@ -265,13 +265,13 @@ def _derivatives(
 
         tangents, seconds, arrays = jax.vmap(column, out_axes=(None, 0, None))(units)
     run = eqx.combine(arrays, held[-1])
-    found = []
+    result = []
     for k, (states, _) in enumerate(_parts(run)):
         second = None if seconds is None else seconds[k][0]
-        found.append(_of_part(states, tangents[k], second, columns.labels, int(options["batch"])))
+        result.append(_of_part(states, tangents[k], second, columns.labels, int(options["batch"])))
     if isinstance(run, Trajectory):
-        return run, found[0]
-    return run, MissionSensitivity(tuple(found[:-1]), run.names, found[-1])
+        return run, result[0]
+    return run, MissionSensitivity(tuple(result[:-1]), run.names, result[-1])
 
 
 def _parts(run: Trajectory | MissionTrajectory) -> list[tuple[State, Array]]:

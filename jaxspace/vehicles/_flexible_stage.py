@@ -110,11 +110,11 @@ class FlexibleStage(AbstractEffect):
             part["slosh"],
             rates["slosh"],
         )
-        found = loop.vector_field(t, state)
+        result = loop.vector_field(t, state)
         change = {
-            "engine": found.missile.engine_rate,
-            "bending": jnp.swapaxes(found.missile.bending_rate, 0, 1),
-            "slosh": found.slosh_rate,
+            "engine": result.missile.engine_rate,
+            "bending": jnp.swapaxes(result.missile.bending_rate, 0, 1),
+            "slosh": result.slosh_rate,
         }
         turning = missile.inertia * loop.mean_turn(state)
         across = missile.mass * loop.sideways(state)

@@ -147,8 +147,8 @@ class AerodynamicTable(AbstractParameters):
             period = nodes["roll"][-1] - nodes["roll"][0]
             point["roll"] = roll - period * jnp.floor((roll - first) / period)
         place = [point[key] for key in active]
-        found = product([nodes[key] for key in active], self.data, place)
-        numbers = {name: found[k] for k, name in enumerate(self.names)}
+        result = product([nodes[key] for key in active], self.data, place)
+        numbers = {name: result[k] for k, name in enumerate(self.names)}
         for name in AXIAL:
             if name in numbers:
                 numbers[name] = numbers[name] * self._turned(angle)

@@ -27,9 +27,9 @@ def kepler(x: Array) -> Array:
 
 def elements(x: Array) -> Array:
     """p, e, i, node, argument and anomaly from position, velocity and mu."""
-    found = elements_from_state(x[:3], x[3:6], x[6])
-    angles = (found.inclination, found.node, found.argument_of_periapsis, found.true_anomaly)
-    return jnp.stack([found.semi_latus_rectum, found.eccentricity, *angles])
+    result = elements_from_state(x[:3], x[3:6], x[6])
+    angles = (result.inclination, result.node, result.argument_of_periapsis, result.true_anomaly)
+    return jnp.stack([result.semi_latus_rectum, result.eccentricity, *angles])
 
 
 def state(x: Array) -> Array:
