@@ -39,7 +39,7 @@ STEPS = 7
 
 
 class Place(NamedTuple):
-    """Where on its way a nutation is at one moment: sin^2 (`up`) and cos^2 (`down`) of half the
+    """A point of a nutation: sin^2 (`up`) and cos^2 (`down`) of half the
     nutation angle, u'^2, 1/s^2, and f'(u), 1/s^2."""
 
     up: Scalar

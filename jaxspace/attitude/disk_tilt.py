@@ -1,4 +1,4 @@
-"""How a thin disk stands on a horizontal plane: its triad and its tilt.
+"""Attitude of a thin disk on a horizontal plane: its triad and its tilt.
 
 xi lies horizontal along the tangent at the contact, eta in the disk up from the contact; the normal
 is z. Equations in `_rolling_disk.py`.

@@ -88,7 +88,7 @@ class NutationDamper(AbstractEffect):
         return self.mass * (1.0 - self.mass / mass)
 
     def motion(self, y: BodyState, body: AbstractBody) -> DamperMotion:
-        """How the damper moves in the state `y` of the `body`, also along a trajectory."""
+        """Motion of the damper in the state `y` of the `body`, also along a trajectory."""
         _, _, b = self._lines(y.omega.ndim - 1)
         z, p = (y.part(self.part)[name] for name in ("displacement", "momentum"))
         rate = (p - dot(b, y.omega)) / self.reduced_mass(_mass_of(y, body))

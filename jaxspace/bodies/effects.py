@@ -28,7 +28,7 @@ from .state import BodyState
 
 @final
 class Load(eqx.Module):
-    """What an effect contributes to the motion; `None` contributes nothing and costs nothing.
+    """Contribution of an effect to the motion; `None` contributes nothing and costs nothing.
 
     Vectors are (3, *runs).
 
@@ -111,7 +111,8 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
+        """The parts of the state by which the load jumps, as of a system
+        (`AbstractSystem.switches`)."""
         return {}
 
     def ground(self) -> Scalar | None:

@@ -146,7 +146,7 @@ def inertia_ellipsoid(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
 
 
 class PivotImpact(NamedTuple):
-    """What follows when a moving body is caught at a point.
+    """Result of an impact in which a moving body is caught at a point.
 
     - `omega`: angular velocity after the impact, rad/s, (3, *runs).
     - `velocity`: of the centre of mass after it, m/s, (3, *runs).

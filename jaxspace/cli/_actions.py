@@ -1,4 +1,4 @@
-"""What each command does with its arguments.
+"""The actions of the commands, with their arguments.
 
 The commands are imported within the functions, because they import what computes, which takes a
 while: `--help` and bad options do not wait for it. Settings of jax come before the first array,

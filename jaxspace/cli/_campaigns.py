@@ -1,4 +1,4 @@
-"""What the commands of campaigns do: disperse, resume, replay, failures."""
+"""Commands of campaigns: disperse, resume, replay, failures."""
 
 import functools
 import os
@@ -24,7 +24,7 @@ from ._warning_lines import UNFINISHED, warnings_as_lines
 
 
 class Options(NamedTuple):
-    """What a campaign is asked for on the command line."""
+    """Options of a campaign on the command line."""
 
     runs: int | None = None
     seed: int | None = None
@@ -170,7 +170,7 @@ def _run_and_report(
 
 
 def _head_of(store: str) -> tuple[int, int] | None:
-    """What tells one head of a store from the next; `None` where there is none."""
+    """A mark that changes with the head of a store; `None` where there is none."""
     try:
         # Each is a new file, put in place of the last one.
         result = os.stat(os.path.join(store, "zarr.json"))
@@ -180,7 +180,7 @@ def _head_of(store: str) -> tuple[int, int] | None:
 
 
 def _left(store: str, untouched: bool) -> str:
-    """What a campaign that was stopped leaves, in a sentence.
+    """The state of a stopped campaign, in a sentence.
 
     `untouched`: whether `store` is the one of an earlier campaign."""
     if untouched:

@@ -1,4 +1,4 @@
-"""What the commands do with a checked scene file."""
+"""Commands on a checked scene file."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""What is drawn and written of a campaign: its figure, its page, its tables."""
+"""Report of a campaign: its figure, its page, its tables."""
 
 import importlib.util
 import os
@@ -60,7 +60,7 @@ def keep_pictures(
 
 
 def _top(result: Dispersion) -> float:
-    """How high the paths rise, m: the mean of an output `apogee`, or 3 km without one."""
+    """Height of the flights, m: the mean of an output `apogee`, or 3 km without one."""
     heights = result.outputs.get("apogee")
     if heights is None or result.units.get("apogee") != "m":
         return 3000.0

@@ -1,4 +1,4 @@
-"""What a command is at while it says nothing else: the stage and its seconds, on the terminal."""
+"""Progress of a command on the terminal: its stage, and the seconds since it began."""
 
 import contextlib
 import sys

@@ -1,4 +1,4 @@
-"""Which arrays of a module carry runs: what the annotations of its fields declare.
+"""Arrays of a module that carry runs, by the annotations of its fields.
 
 A field annotated `Float[Array, "3 *#runs"]` holds three components and then the runs; one annotated
 `Scalar` holds the runs alone. An array with more axes than its components carries runs on its last
@@ -18,7 +18,8 @@ from jaxtyping import Array, PyTree
 
 
 def component_axes(annotation: Any) -> int | None:
-    """How many axes of components an annotation declares before the runs; `None` if it names none.
+    """Number of axes of components that an annotation declares before the runs; `None` if it names
+    none.
 
     Of a union, the first member that names runs counts."""
     for member in typing.get_args(annotation) or (annotation,):
@@ -63,7 +64,7 @@ def _is_array(leaf: object) -> bool:
 
 
 def component_axes_of(tree: PyTree) -> PyTree[int]:
-    """How many axes of components each array of the tree declares before its runs.
+    """Number of axes of components that each array of the tree declares before its runs.
 
     -1 for an array whose field declares nothing, and for leaves that are no arrays."""
     leaves, structure = jax.tree.flatten(tree)
@@ -91,7 +92,7 @@ def _component_axes(
 
 
 def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]:
-    """How many trailing axes of runs each array of the tree carries.
+    """Number of trailing axes of runs of each array of the tree.
 
     **Arguments**
 
@@ -109,7 +110,7 @@ def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]
 
 
 def add_batch_axis(tree: PyTree) -> PyTree:
-    """What all runs share, with an axis of length one for them behind declared components.
+    """The arrays that all runs share, with an axis of length one for them behind the components.
 
     Arrays whose fields declare nothing, such as the weights of a network, stay as they are."""
 

@@ -34,7 +34,8 @@ def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callabl
 
 
 def public_names(package: types.ModuleType) -> dict[str, object]:
-    """What a package gives its users, by name: the names of its root, then those of its modules.
+    """The public names of a package, with their objects: the names of its root, then those of its
+    modules.
 
     Names that the root of one package gives on from another are among them.
 

@@ -31,7 +31,7 @@ def shape_of(x: Leaf) -> Leaf | jax.ShapeDtypeStruct:
 
 
 class _Array(NamedTuple):
-    """What is compared of an array: made and hashed in a tenth of the time of a
+    """Key of an array for comparisons: made and hashed in a tenth of the time of a
     `jax.ShapeDtypeStruct`."""
 
     shape: tuple[int, ...]

@@ -1,4 +1,4 @@
-"""Where the runs of a campaign land: its footprint on the ground, with ellipses.
+"""Footprint of a campaign on the ground, with ellipses of its landings.
 
 The runs have the outputs `east` and `north`, from the point that they started at.
 """

@@ -35,7 +35,7 @@ from .distributions import (
 
 @final
 class Triangular(AbstractDistribution):
-    """From `low` over the most frequent value `mode` to `high`. Raises `InputError` unless
+    """A triangular distribution from `low` over its `mode` to `high`. Raises `InputError` unless
     low <= mode <= high and low < high."""
 
     mode: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")

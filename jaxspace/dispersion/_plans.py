@@ -31,8 +31,8 @@ def nodes_of(ends: np.ndarray) -> np.ndarray:
 
 
 def refinement(error: np.ndarray) -> float:
-    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
-    trial block."""
+    """Factor by which the plan of a phase has to be finer than that of the pilots, from the errors
+    of the trial block."""
     finite = error[np.isfinite(error)]
     # Not the maximum, because single difficult runs are repeated and need not refine the plan of
     # all.

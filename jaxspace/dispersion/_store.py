@@ -107,8 +107,7 @@ class Store:
         )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
-        """What is wrong with the files of the metadata, a sentence each; nothing of the arrays
-        `but_for`."""
+        """Damages of the files of the metadata, a sentence each; without the arrays `but_for`."""
         # Other readers of the store open an array by its own file alone.
         arrays = [
             f"{name}/{HEAD} differs from {HEAD}, which is read in its place."

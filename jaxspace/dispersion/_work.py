@@ -1,5 +1,5 @@
-"""What an engine is: it computes chunks of a campaign, each with the same bits anywhere; and how a
-campaign reaches a worker in another process."""
+"""Interface of engines, which compute chunks of a campaign with the same bits anywhere; and the
+transfer of a campaign to a worker in another process."""
 
 import contextlib
 import functools
@@ -78,7 +78,7 @@ class AbstractEngine(ABC):
 
     @property
     def host(self) -> int | None:
-        """Which of several that share a campaign this process is; `None` where it is alone."""
+        """Number of this process among those that share a campaign; `None` where it is alone."""
         return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:

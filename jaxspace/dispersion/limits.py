@@ -136,7 +136,7 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
 
 
 def runs_for(share: float, confidence: float = 0.95) -> int:
-    """How many runs a one-sided limit needs: the fewest n whose greatest value lies above the
+    """Number of runs that a one-sided limit needs: the fewest n whose greatest value lies above the
     percentile with this confidence, 1 - share^n >= confidence (Wilks 1941).
 
     **Arguments**

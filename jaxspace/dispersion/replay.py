@@ -45,7 +45,7 @@ class Replay(eqx.Module):
 
     @property
     def status(self) -> Status:
-        """How the run ended."""
+        """Status of the run."""
         return Status.REFUSED if self.refusal else Status(int(self.trajectory.status))
 
 

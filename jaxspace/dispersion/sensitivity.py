@@ -1,5 +1,5 @@
-"""Which input moves an output: rank correlation from the runs of a campaign, Sobol indices by runs
-of their own.
+"""Sensitivity of an output to the inputs: rank correlation from the runs of a campaign, Sobol
+indices from further runs.
 
     S_j  = V(E[y | x_j]) / V(y)            first order: x_j alone
     S_Tj = E[V(y | x without x_j)] / V(y)  total: x_j with all its products

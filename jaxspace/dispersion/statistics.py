@@ -86,8 +86,8 @@ class Dispersion(eqx.Module):
 
     @property
     def missing_runs(self) -> str:
-        """How many of the planned runs are here, and what computes the rest, in a sentence; empty
-        when the campaign is complete, also one that ended itself."""
+        """Number of the planned runs that are here, and what computes the rest, in a sentence;
+        empty if the campaign is complete, or ended by its rule."""
         if self.runs >= self.planned_runs:
             return ""
         # The command line builds campaigns of scene files alone.
@@ -171,8 +171,8 @@ class Dispersion(eqx.Module):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """What to know before the numbers are used, a sentence each: runs that the store lacks, and
-        outputs that are infinite or not a number in runs that ended well."""
+        """Warnings about the numbers, a sentence each: runs that are missing in the store, and
+        outputs that are infinite or not a number in good runs."""
         sentences = (self.missing_runs, *(row.warning for row in self.table()))
         return tuple(sentence for sentence in sentences if sentence)
 
@@ -245,8 +245,8 @@ class Dispersion(eqx.Module):
         return ellipsoid(self._finite(*names), probability)
 
     def footprint(self) -> Footprint | None:
-        """Where the runs land, with ellipses of 50, 90 and 99 %; `None` unless `east` and `north`
-        are outputs of one unit, finite in three good runs or more."""
+        """Footprint of the landings, with ellipses of 50, 90 and 99 %; `None` unless `east` and
+        `north` are outputs of one unit, finite in three good runs or more."""
         units = {self.units.get(name) for name in LANDING}
         if not set(LANDING) <= set(self.outputs) or len(units) > 1:
             return None

@@ -43,7 +43,7 @@ KAPPA = 1.0
 
 @final
 class Filtered(eqx.Module):
-    """What a filter knows after each reading; runs, of a batch, are on the last axis.
+    """Estimates of a filter after each reading; the runs of a batch are on the last axis.
 
     - `ts`, `states`, `covariance`: times (times,), means and covariances (n, n, times, *runs), in
       the coordinates named by `names`.

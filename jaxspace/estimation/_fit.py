@@ -175,7 +175,8 @@ def _search(
 
 
 class _Task(NamedTuple):
-    """What is fitted: a model of parameters in `coordinates`, and readings with their deviations.
+    """A problem of a fit: a model of parameters in `coordinates`, and readings with their
+    deviations.
 
     - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
 
@@ -231,7 +232,7 @@ class _Task(NamedTuple):
 
 
 def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
-    """What is known at the end of a search, at the coordinates x."""
+    """The result of a search that ended at the coordinates x."""
     jacobian, (r, tree) = task.linear(x)
     count = task.coordinates.count if task.beforehand is None else 0
     readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(task.seen)))

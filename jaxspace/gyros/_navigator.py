@@ -46,7 +46,7 @@ Given = Three | tuple[float, float, float]
 
 @final
 class NavigatorState(eqx.Module):
-    """What a navigator computes; also the rates of all."""
+    """State of a navigator; also its rates."""
 
     latitude: NumberField = quantity("rad", doc="phi, geodetic")
     longitude: NumberField = quantity("rad", doc="lambda, to the east")
@@ -132,7 +132,8 @@ class InertialNavigator(AbstractSystem):
     def state(
         self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
     ) -> NavigatorState:
-        """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
+        """The state of a navigator with these errors in level axes, (3, *runs), at the time
+        zero."""
         felt = self.felt(0.0)
         earth = self.earth
         east, north, up = as_float(position)
@@ -240,7 +241,7 @@ class InertialNavigator(AbstractSystem):
 
 
 def _level(latitude: Scalar, longitude: Scalar) -> Quaternion:
-    """From level axes to those of the earth."""
+    """The attitude from level axes to those of the earth."""
     # East to y, north to z, up to x, then down to the latitude and round to the longitude.
     half = 0.5 + 0.0 * latitude
     swap = Quaternion(jnp.stack([half, half, half, half]))

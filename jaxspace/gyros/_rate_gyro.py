@@ -119,7 +119,7 @@ class RateGyro(AbstractSystem):
 
     @property
     def overshoot(self) -> Scalar:
-        """How far the step response passes the steady angle, as a part of it; zero from a damping
+        """Overshoot of the step response as a fraction of the steady angle; zero from a damping
         ratio of one on."""
         z = self.damping_ratio
         inside = z < 1.0

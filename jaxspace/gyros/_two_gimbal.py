@@ -167,8 +167,8 @@ class TwoGimbalGyro(AbstractSystem):
         return self.axial_inertia * self.spin_rate
 
     def friction_margin(self, t: Scalar, y: GimbalState) -> Scalar:
-        """What falls to zero where a bearing stops or begins to slip: the condition of an event
-        with `direction=-1`, `terminal=False` and `then=gyro.stick_or_slip`."""
+        """A margin that falls to zero where a bearing stops or begins to slip: the condition of an
+        event with `direction=-1`, `terminal=False` and `then=gyro.stick_or_slip`."""
         del t
         margins = [b.margin(*motion) for _, b, *motion in self._slipping(y)]
         return jnp.min(jnp.stack(jnp.broadcast_arrays(*margins)), axis=0)
@@ -200,7 +200,7 @@ class TwoGimbalGyro(AbstractSystem):
         return replace(y, theta_rate=0.0 * inner, angular_momentum=still), inner, outer
 
     def attitude_change(self, turn: Scalar) -> tuple[Scalar, Scalar]:
-        """How two impulses across the axis turn it (Thomson 6.2, problems 5 to 7).
+        """Change of the attitude by two impulses across the axis (Thomson 6.2, problems 5 to 7).
 
         Valid for gimbals without mass. Half a nutation after the first impulse the axis has turned
         by 2 atan(M / H), and `arrested` stops it.
@@ -311,8 +311,8 @@ class TwoGimbalGyro(AbstractSystem):
     def _moments(
         self, y: GimbalState, psi_rate: Scalar, spin: Scalar | None
     ) -> tuple[Scalar, Scalar]:
-        """What turns the inner gimbal, and what turns the outer one from rest, less the friction,
-        N m."""
+        """The moments on the inner gimbal, and on the outer one at rest, without the friction, N
+        m."""
         s = jnp.sin(y.theta)
         c = jnp.cos(y.theta)
         H = self.spin_momentum(y)

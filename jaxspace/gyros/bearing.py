@@ -56,8 +56,8 @@ class BearingFriction(AbstractParameters):
         return viscous - self.dry * jnp.tanh(rate / self.creep)
 
     def margin(self, rate: Scalar, applied: Scalar, slip: Scalar) -> Scalar:
-        """What falls to zero where a slipping bearing stops, rad/s, and where a stuck one begins to
-        slip, N m, under the moment `applied`, N m, less the friction."""
+        """A margin that falls to zero where a slipping bearing stops, rad/s, and where a stuck one
+        begins to slip, N m, under the moment `applied`, N m, less the friction."""
         # One number for both, so that one event serves a bearing that slips and one that sticks.
         return jnp.where(slip == 0.0, self.dry - jnp.abs(applied), slip * rate)
 

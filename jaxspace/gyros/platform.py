@@ -119,6 +119,6 @@ def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar
 
 
 def gimbal_lock_margin(yaw: Scalar) -> Scalar:
-    """How far a yaw, rad, is from gimbal lock, where two gimbals turn about one axis: |cos(yaw)|,
+    """Margin of a yaw, rad, to gimbal lock, where two gimbals turn about one axis: |cos(yaw)|,
     zero at 90 deg. As the condition of an event it falls through a least margin."""
     return jnp.abs(jnp.cos(yaw))

@@ -219,7 +219,7 @@ def gimbal_axes(angles: Gimbals) -> Float[Array, "3 gimbals *#runs"]:
 
 
 def _vehicle_axes(angles: Gimbals) -> Quaternion:
-    """From axes of the platform to those of the vehicle."""
+    """Components in the axes of the vehicle from those in the axes of the platform."""
     turned = Quaternion.about(0, angles[-3]).then(Quaternion.about(2, angles[-2]))
     turned = turned.then(Quaternion.about(1, angles[-1]))
     return Quaternion.about(2, angles[0]).then(turned) if angles.shape[0] == 4 else turned

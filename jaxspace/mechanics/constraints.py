@@ -25,7 +25,7 @@ from ._equations import columns, inertial_force, least_squares, mass_matrix, mat
 
 
 class Accelerations(NamedTuple):
-    """What the equations of motion give.
+    """Solution of the equations of motion.
 
     - `coordinate_rates`, `accelerations`: of the state, (n, *runs).
     - `multipliers`: (m, *runs), holonomic constraints first; empty without constraints.

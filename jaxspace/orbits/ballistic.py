@@ -50,7 +50,7 @@ class BallisticFlight(NamedTuple):
 
 
 class BallisticImpact(NamedTuple):
-    """Where a flight over a rotating sphere ends, each (*runs,): `latitude`, and `longitude` east
+    """End of a flight over a rotating sphere, each (*runs,): `latitude`, and `longitude` east
     of the site within (-pi, pi], rad; `range_angle` along the ground, rad; `height` above the
     sphere, m; `duration`, s."""
 
@@ -175,7 +175,7 @@ def ballistic_impact(
     mu: Scalar,
     rotation_rate: Scalar = 0.0,
 ) -> BallisticImpact:
-    """Where a flight ends on a rotating sphere (Thomson 4.17, problem 7).
+    """End of a flight on a rotating sphere (Thomson 4.17, problem 7).
 
     **Arguments**, each (*runs,)
 

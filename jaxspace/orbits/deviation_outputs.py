@@ -1,5 +1,5 @@
-"""How far a run is from the nominal one at the same place, and the elements of its orbit as numbers
-of interest.
+"""Deviations of a run from the nominal one at the same place, and elements of its orbit, as
+outputs.
 
     R = r_0/|r_0|,  W = h_0/|h_0|,  S = W x R          axes of the nominal state
     radial, along-track, cross-track = R . d, S . d, W . d,    d = r - r_0

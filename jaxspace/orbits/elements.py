@@ -213,7 +213,7 @@ class ClassicalElements(AbstractParameters):
         argument_of_periapsis: Scalar = 0.0,
         true_anomaly: Scalar = 0.0,
     ) -> "ClassicalElements":
-        """From the radius of periapsis, m, which every conic has, and the other elements."""
+        """The elements from the radius of periapsis, m, which every conic has, and the others."""
         radius = as_float(radius)
         e = as_float(eccentricity)
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)

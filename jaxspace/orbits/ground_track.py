@@ -50,7 +50,7 @@ class GroundPoint(NamedTuple):
 def ground_point(
     position: Vector, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> GroundPoint:
-    """Where a position stands over a planet that turns about the z axis.
+    """Ground point below a position over a planet that turns about the z axis.
 
     Along a run it is the ground track: `ground_point(run.states.position, rate * run.ts, ...)`.
 

@@ -1,5 +1,5 @@
-"""What an impulse does to an orbit: along the path, in the plane with the line of apsides kept, out
-of the plane; and the impulse as a jump of a mission.
+"""Changes of an orbit by an impulse: along the path, in the plane with the line of apsides kept,
+out of the plane; and the impulse as a jump of a mission.
 
     with C = e cos f, S = e sin f and w = g (2 + g), g = dv/v, an impulse along the path gives
     C' = C + (1 + C) w,  S' = S (1 + w),  p' = p (1 + w)

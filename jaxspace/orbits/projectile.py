@@ -61,7 +61,7 @@ def projectile_angles(
 
 
 def projectile_position(velocity: Vector, t: Scalar, gravity: Vector, omega: Vector) -> Vector:
-    """Where a body is after a launch from the origin of axes that turn with a planet, to first
+    """Position of a body after a launch from the origin of axes that turn with a planet, to first
     order in the turning.
 
     **Arguments**

@@ -246,8 +246,8 @@ def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, 
 
 
 def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
-    """Where `f` first becomes negative on a grid of positive `steps`, (steps, *runs), zero if it
-    is from the start; and whether it does."""
+    """The place where `f` first becomes negative on a grid of positive `steps`, (steps, *runs),
+    zero if it is from the start; and whether it does."""
     negative = jax.lax.stop_gradient(f(steps)) <= 0.0
     result = jnp.any(negative, axis=0)
     first = jnp.argmax(negative, axis=0)

@@ -1,4 +1,4 @@
-"""What any impulse does to the elements, exactly and to first order.
+"""Changes of the elements by any impulse, exactly and to first order.
 
     change = elements(r, v + dv) - elements(r, v)        exact
     change = d(elements)/dv dv                           first order

@@ -33,7 +33,7 @@ from ..core.types import as_float
 
 
 class ImpulsiveTransfer(NamedTuple):
-    """What a transfer takes.
+    """Cost of a transfer.
 
     - `impulses`: increments of speed in their order, m/s, (impulses, *runs); negative against the
       velocity.
@@ -97,8 +97,8 @@ def coaxial_transfer(
     arrival_opposite: Scalar,
     mu: Scalar,
 ) -> ImpulsiveTransfer:
-    """From an apsis of one ellipse to an apsis of another on the same line of apsides, half a
-    revolution on (Thomson 4.12).
+    """Transfer from an apsis of one ellipse to an apsis of another on the same line of apsides,
+    half a revolution on (Thomson 4.12).
 
     **Arguments**, each (*runs,)
 
@@ -118,7 +118,7 @@ def coaxial_transfer(
 
 
 def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfer:
-    """From a circle to another one in the same plane by two impulses (Thomson 4.11).
+    """Transfer from a circle to another one in the same plane by two impulses (Thomson 4.11).
 
     **Arguments**, each (*runs,)
 
@@ -133,7 +133,7 @@ def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfe
 def bielliptic_transfer(
     start: Scalar, between: Scalar, end: Scalar, mu: Scalar
 ) -> ImpulsiveTransfer:
-    """From a circle to another one by three impulses, over an apsis farther out.
+    """Transfer from a circle to another one by three impulses, over an apsis farther out.
 
     **Arguments**, each (*runs,)
 

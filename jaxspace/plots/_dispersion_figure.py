@@ -227,7 +227,7 @@ def summary(row: "Row") -> str:
 
 
 def explained(found: "Contributors") -> str:
-    """What the shares explain together, and what they do not, in words."""
+    """The sum of the shares and the unexplained rest, in words."""
     part = f"{100.0 * max(found.r_squared, 0.0):.1f} % of the variance by inputs one by one"
     return part + ("" if found.r_squared >= 0.9995 else "; rest: products, higher powers")
 

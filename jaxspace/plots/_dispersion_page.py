@@ -120,7 +120,7 @@ def _picker(name: str, words: str, choices: list[str], chosen: str) -> str:
 
 
 def _card(dispersion: "Dispersion") -> str:
-    """What was run, how and on what, at a glance."""
+    """Overview of the campaign, its settings and its machine."""
     record = dispersion.attributes
     good = int(np.count_nonzero(dispersion.good))
     versions = record.get("versions", {})
@@ -266,7 +266,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
 
 
 def _time(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
-    """Where the wall time went, and how busy the cores were."""
+    """Wall time by stages, and utilisation of the cores."""
     if not data["time"]:
         return ["<p>The time is not known.</p>"]
     return [_plot("time", "low"), f'<p class="note">{escape(processor_words(dispersion))}</p>']

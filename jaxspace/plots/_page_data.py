@@ -32,7 +32,7 @@ def page_data(
     paths: "RunPaths | None",
     wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> dict[str, Any]:
-    """What the script of the page is given: points, bins, contributors, convergence, times."""
+    """Data for the script of the page: points, bins, contributors, convergence, times."""
     outputs = list(dispersion.outputs)
     # Inputs that do not vary would be lines.
     names = [*outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
@@ -108,8 +108,7 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
 
 
 def processor_words(dispersion: "Dispersion") -> str:
-    """How busy the cores were while the runs were computed, in a sentence; empty where that is
-    unknown.
+    """Utilisation of the cores while the runs were computed, in a sentence; empty if it is unknown.
 
     Processor time is of all cores together: it stands beside the wall time, and is no part of it.
     """
@@ -220,7 +219,7 @@ def _histogram(
 
 
 def _finite(value: float) -> float | None:
-    """What JSON has for a number: nothing else than finite ones."""
+    """A number for JSON, which has finite ones alone."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -39,7 +39,7 @@ MOST_POINTS = 20_000
 
 
 class Drawn(NamedTuple):
-    """What is drawn of a phase: times, states, and which leaves these times do not resolve."""
+    """The drawn part of a phase: times, states, and the leaves that these times do not resolve."""
 
     ts: Any
     states: "State"

@@ -134,7 +134,7 @@ def _traces(data: dict[str, Any]) -> dict[str, str]:
 
 
 def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
-    """What the script of the page draws."""
+    """Data for the script of the page."""
     # By attributes: to import the classes would close a circle with `simulation`.
     # One place at a time: a branch has a page of its own.
     without: Any = getattr(trajectory, "without_branches", lambda: trajectory)
@@ -175,8 +175,8 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
 
 
 def _picked(times: np.ndarray, rate: float) -> np.ndarray:
-    """Which times are shown: evenly in time, because a short phase has as many states as a long
-    one, and more of them for a body that turns at up to this rate, rad/s."""
+    """Numbers of the shown times: evenly in time, because a short phase has as many states as a
+    long one, and more of them for a body that turns at up to this rate, rad/s."""
     span = abs(times[-1] - times[0])
     most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
     wanted = np.linspace(times[0], times[-1], int(min(len(times), most)))

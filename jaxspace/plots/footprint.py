@@ -1,4 +1,4 @@
-"""Where the runs of a campaign land: the footprint on the ground, and the rose of the wind."""
+"""Footprint of a campaign on the ground, and the rose of the wind."""
 
 __all__ = ["wind_rose"]
 
@@ -26,7 +26,7 @@ CLASSES = 4
 
 
 def wind_rose(east: ArrayLike, north: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """How often the wind blows from where, by its speed.
+    """Frequency of the directions of the wind, by its speed.
 
     **Arguments**
 

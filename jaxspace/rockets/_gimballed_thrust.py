@@ -48,7 +48,7 @@ from .steering import AbstractSteering, joined_breaks
 
 @final
 class Gimbal(AbstractParameters):
-    """How a nozzle follows the error of the attitude."""
+    """Control of a nozzle by the error of the attitude."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
     gain: NumberField = quantity(
@@ -225,7 +225,7 @@ class GimballedThrust(AbstractEffect):
         )
 
     def _lever(self, mass: Scalar, body: AbstractBody) -> Vector:
-        """From the centre of mass to the gimbal, m."""
+        """The vector from the centre of mass to the gimbal, m."""
         # A zero with the runs of both, so that the components can be stacked.
         zero = 0.0 * (self.station + mass)
         point = jnp.stack([zero, zero, self.station + zero])

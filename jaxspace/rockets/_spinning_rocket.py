@@ -75,7 +75,7 @@ class SpinningRocket(AbstractParameters):
         lever: Scalar,
         ring: Scalar = 0.0,
     ) -> "SpinningRocket":
-        """From the radii of gyration and the place of the exits.
+        """The rocket from its radii of gyration and the place of the exits.
 
         **Arguments**
 

@@ -1,4 +1,4 @@
-"""What a body under several effects conserves: what each of them keeps, and nothing else.
+"""Invariants of a body under several effects: those that every effect keeps.
 
     energy per unit mass     v^2/2 + sum of potentials
                              + omega . J omega / 2m, where torques couple both motions;

@@ -1,4 +1,4 @@
-"""What effects read and add, read off their loads: these are traced once for each make, never run.
+"""The parts that effects read and add, from traces of their loads, once for each structure.
 
 A load is traced in a state that holds as little as it can do with: nothing, a place with its
 velocity, an orientation with its rate, a mass, then two of them, then all. What it reads are the
@@ -44,7 +44,7 @@ GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "p
 
 
 class Reading(NamedTuple):
-    """What an effect does with the state, in words.
+    """The parts of the state that an effect reads and adds.
 
     - `needs`: the parts that its load is computed from, of "position", "velocity", "attitude",
       "omega", "mass".
@@ -56,8 +56,8 @@ class Reading(NamedTuple):
 
 
 class SceneReading(NamedTuple):
-    """What each effect of a scene reads and adds, and the `parts` that a state of the scene holds,
-    in the order of `BodyState`."""
+    """A `Reading` for each effect of a scene, and the `parts` that a state of the scene holds, in
+    the order of `BodyState`."""
 
     effects: tuple[Reading, ...]
     parts: tuple[str, ...]
@@ -66,7 +66,7 @@ class SceneReading(NamedTuple):
 def read_effects(
     effects: Iterable[AbstractEffect], body: AbstractBody, present: Iterable[str] = ()
 ) -> SceneReading:
-    """What effects read and add that act together on a body.
+    """The parts that effects read and add that act together on a body.
 
     **Arguments**
 
@@ -153,7 +153,7 @@ def _sample() -> BodyState:
 
 
 class _Trace(NamedTuple):
-    """What an effect did in a trace.
+    """Result of the trace of an effect.
 
     - `held`: the parts of the state that it was in, and the names of those of effects.
     - `results`: the arrays that it returned.
@@ -175,7 +175,7 @@ def _together(
     body: AbstractBody,
     present: frozenset[str],
 ) -> tuple[list[_Trace], frozenset[str]]:
-    """What the effects do in the smallest state that serves all of them, and the parts of it.
+    """The readings of the effects in the smallest state that serves all of them, and its parts.
 
     Arguments as of `_alone`."""
     parts = _in_pairs(present)
@@ -214,7 +214,7 @@ def _alone(
     present: frozenset[str],
     own: dict[str, PyTree],
 ) -> _Trace:
-    """What an effect does in the smallest state with the parts `present` that it can do with.
+    """The reading of an effect in the smallest sufficient state with the parts `present`.
 
     **Arguments**
 

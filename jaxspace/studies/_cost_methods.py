@@ -21,7 +21,7 @@ TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
 def _methods_of_phases(mission: Mission, y0: State, rtol: float) -> list[Method]:
-    """What "auto" stands for in each phase of a mission."""
+    """The methods for "auto" in each phase of a mission."""
     return [config.method for config in resolve_phases(mission, y0, accuracy_of("auto", rtol))]
 
 

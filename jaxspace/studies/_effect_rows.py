@@ -50,8 +50,8 @@ def influence_of(
 
 
 def shares_of(system: Runnable, nominal: ScaledOutcome) -> dict[str, float]:
-    """What the run saves, of its arithmetic, when an effect is left out: operations of one
-    evaluation times evaluations."""
+    """Share of the arithmetic that a run saves without an effect: operations of one evaluation
+    times evaluations."""
     saved: dict[str, float] = {}
     total = 0.0
     for k, _, scene in scenes(system):

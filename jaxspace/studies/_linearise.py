@@ -22,7 +22,7 @@ Output = str | Callable[[Any], Array]
 
 
 class Blocks(NamedTuple):
-    """How the components of a state lie in one vector (n, *runs)."""
+    """Layout of the components of a state in one vector (n, *runs)."""
 
     blocks: tuple[PyTree, ...]
     structure: jax.tree_util.PyTreeDef

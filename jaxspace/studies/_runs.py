@@ -28,7 +28,7 @@ OutputOfRun: TypeAlias = Callable[[Scalar, State], Array]
 
 
 class RunOutcome(NamedTuple):
-    """What a study keeps of a run: arrays only, so that a compiled program can return it.
+    """Result of a run for a study: arrays only, so that a compiled program can return it.
 
     - `final`: the final state.
     - `phases`: save times and states of every phase; a system is one phase.

@@ -37,7 +37,7 @@ Selection = Callable[[Any, Any], PyTree]
 
 
 def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
-    """What `sensitivity` varies by default: every component of the initial state."""
+    """The default of `wrt` in `sensitivity`: every component of the initial state."""
     del system
     return y0
 
@@ -64,7 +64,7 @@ class Sensitivity(eqx.Module):
         return self.first[:, :, -1]
 
     def change(self, x: Float[ArrayLike, "columns *#runs"]) -> Float[Array, "rows times *runs"]:
-        """How the states change when what is varied changes by `x`, to the order computed."""
+        """Change of the states for a change `x` of the varied quantities, to the computed order."""
         x = jnp.asarray(x)
         lead = jnp.expand_dims(x, 1)
         result = jnp.einsum("rct...,c...->rt...", self.first, x)
@@ -188,8 +188,8 @@ def sensitivity(
 
 
 class _Choice(NamedTuple):
-    """What is varied: the numbers of the leaves, the structure of the tree that `wrt` made of them,
-    and whether each carries runs."""
+    """The varied quantities: the numbers of the leaves, the structure of the tree that `wrt` made
+    of them, and whether each carries runs."""
 
     numbers: tuple[int, ...]
     structure: jax.tree_util.PyTreeDef

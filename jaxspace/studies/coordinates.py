@@ -18,7 +18,7 @@ from ..core.groups import on_group
 
 
 class Coordinates(NamedTuple):
-    """Where the components of each block of a tree stand in one vector.
+    """Layout of the components of the blocks of a tree in one vector.
 
     - `blocks`, `structure`: the tree, cut at its blocks on groups.
     - `shapes`, `trailing`: of each block, the axes of its components and those behind them.
@@ -65,7 +65,7 @@ class Coordinates(NamedTuple):
 
     @property
     def count(self) -> int:
-        """How many components there are."""
+        """Number of components."""
         return len(self.labels)
 
     @property

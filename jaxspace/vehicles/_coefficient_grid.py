@@ -1,4 +1,4 @@
-"""From the columns of a table to a full grid with its slopes: what `AerodynamicTable` stores.
+"""Full grid with slopes for an `AerodynamicTable`, from the columns of a table.
 
 Rows may come in any order. What acts across the axis becomes a quotient by sin(alpha), whose limit
 ahead and from behind is that of the even parabola through the next two angles. The slopes along the
@@ -158,7 +158,7 @@ def _stored(
 
 
 def _over_sine(angle: np.ndarray, x: np.ndarray, ahead: np.ndarray | None = None) -> np.ndarray:
-    """What acts across the axis, over sin(alpha): at 0 and pi its limit, by the even parabola
+    """Coefficient across the axis over sin(alpha): at 0 and pi its limit, by the even parabola
     through the two next angles, or from the slope `ahead`, 1/rad."""
     singular = (angle == 0.0) | (angle == np.pi)
     result = x / np.where(singular, 1.0, np.sin(angle))[:, None, None]

@@ -114,7 +114,7 @@ def dryden_intensities(
 
 
 def _share(height: np.ndarray) -> np.ndarray:
-    """How far from the low to the high model, 0 to 1."""
+    """Weight of the model at high altitude beside that at low altitude, 0 to 1."""
     return np.clip((height - LOW) / (HIGH - LOW), 0.0, 1.0)
 
 

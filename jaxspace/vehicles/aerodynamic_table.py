@@ -167,7 +167,7 @@ class AerodynamicTable(AbstractParameters):
         return MachTable(self.mach, numbers[key])
 
     def _turned(self, angle: Scalar) -> Scalar:
-        """What multiplies the axial coefficients beyond the greatest angle: the flow along the axis
+        """Factor of the axial coefficients beyond the greatest angle: the flow along the axis
         turns about, and so does its force."""
         greatest = of_all_runs(self.angle)[-1]
         last = jnp.cos(greatest)

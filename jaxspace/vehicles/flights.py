@@ -54,7 +54,7 @@ SAMPLES = 32
 
 @final
 class LaunchSite(AbstractParameters):
-    """Where and how a sounding rocket is launched."""
+    """Launch site of a sounding rocket, with rail and wind."""
 
     rail_length: NumberField = quantity("m", positive=True, doc="travel on the rail")
     inclination: NumberField = quantity(
@@ -104,12 +104,12 @@ class LaunchSite(AbstractParameters):
 
     @output("m")
     def east(self, position: Vector) -> Scalar:
-        """How far east of the rail, m."""
+        """Distance to the east of the rail, m."""
         return position[0]
 
     @output("m")
     def north(self, position: Vector) -> Scalar:
-        """How far north of the rail, m."""
+        """Distance to the north of the rail, m."""
         return position[1]
 
     @output("m")
@@ -141,7 +141,7 @@ class LaunchSite(AbstractParameters):
 
 
 def _level(way: Vector) -> Vector:
-    """What a way, m, is over the ground."""
+    """Horizontal part of a distance, m."""
     return way * jnp.reshape(jnp.array([1.0, 1.0, 0.0], way.dtype), (3,) + (1,) * (way.ndim - 1))
 
 

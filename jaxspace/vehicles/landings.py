@@ -1,4 +1,4 @@
-"""Where a rocket lands: its place on the Earth, and the numbers of interest of a campaign.
+"""Landings of rockets: places on the Earth, and outputs of a campaign.
 
 A point of the axes of the site lies beside its foot along east, north and up of the ellipsoid
 there; its latitude is that of the normal through it.

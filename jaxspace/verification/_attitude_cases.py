@@ -25,7 +25,7 @@ def free_flight(x: Array) -> Array:
 
 
 def polhode_period(x: Array) -> Array:
-    """From moments and rate."""
+    """The period of the polhode, from moments and rate."""
     return Polhode.of(x[:3], x[3:6]).period[None]
 
 
@@ -54,17 +54,17 @@ def steady_rates(x: Array) -> Array:
 
 
 def least_spin(x: Array) -> Array:
-    """From A, C, W l and the angle."""
+    """The least spin, from A, C, W l and the angle."""
     return Top(x[0], x[1], x[2]).least_spin(x[3])[None]
 
 
 def pendulum_period(x: Array) -> Array:
-    """From length, gravity and amplitude."""
+    """The period of a swing, from length, gravity and amplitude."""
     return SphericalPendulum(x[0], x[1]).plane_period(x[2])[None]
 
 
 def libration_period(x: Array) -> Array:
-    """From amplitude, three moments and mean motion."""
+    """The period of the libration, from amplitude, three moments and mean motion."""
     return pitch_libration_period(x[0], x[1:4], x[4])[None]
 
 
@@ -74,7 +74,7 @@ def tide(x: Array) -> Array:
 
 
 def cord(x: Array) -> Array:
-    """From both spins, I, R and m."""
+    """The length of the cord, from both spins, I, R and m."""
     return cord_length(*x)[None]
 
 

@@ -54,7 +54,7 @@ class Case:
         )
 
     def conditioning(self) -> float:
-        """What one rounding of every input and output changes, in roundings of one: the largest of
+        """Change by one rounding of every input and output, in roundings of one: the largest of
         |f_i| + sum_j |df_i/dx_j x_j|."""
         value, slopes = self.truth()
         sizes = []
