@@ -49,7 +49,7 @@ from .evaluate import BLOCK, Evaluator, evaluate_traced
 
 # How far from the mean slopes are compared with the curvature, in deviations; and which part of
 # them may lack before the output counts as not smooth.
-NEARBY, LACK = 0.01, 1e-3
+NEARBY, MISSING_SHARE = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
 METHODS = ("lincov", "second_order", "unscented")
@@ -128,23 +128,23 @@ def moments(
     if 0 < check < FEWEST:
         raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
     accuracy = campaign.accuracy_for(accuracy)
-    found = (
+    result = (
         _unscented(campaign, accuracy)
         if method == "unscented"
         else _expanded(campaign, accuracy, method)
     )
     if check == 0:
-        return found
-    found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
+        return result
+    result = result._replace(warnings=_warnings(campaign, accuracy, result, check))
     # Outputs that are not finite have had a warning already.
-    doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
-    if doubted:
+    unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
+    if unsure:
         warnings.warn(
-            f"{method} is not to be trusted in {', '.join(doubted)}: {check} runs say otherwise, "
+            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs say otherwise, "
             f"and Moments.warnings what; Monte Carlo tells it.",
             stacklevel=2,
         )
-    return found
+    return result
 
 
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
@@ -253,11 +253,12 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     h, (above, below) = np.asarray(hessian), np.asarray(beside)
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
-    expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
-    lacking = np.abs(found - expected).max()
+    expected = 2.0 * NEARBY * h.sum(axis=1)
+    result = above - below
+    missing = np.abs(result - expected).max()
     # A fourth derivative lets a little lack, rounding a little of the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
-    return bool(lacking > 0.5 * np.abs(found).max() and lacking > LACK * steepest)
+    return bool(missing > 0.5 * np.abs(result).max() and missing > MISSING_SHARE * steepest)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
@@ -271,16 +272,16 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     weights[0] = k / (n + k)
     points = map_normals(campaign.inputs, z)
     run = Evaluator(campaign, accuracy)
-    found = run(points)
+    result = run(points)
     # Once more, for the time without compiling.
     started = time.perf_counter()
-    found = run(points)
+    result = run(points)
     seconds = time.perf_counter() - started
     # A point of no weight may fail: it is the nominal run of a large problem.
-    for status in found.status[weights > 0.0]:
+    for status in result.status[weights > 0.0]:
         _check_good(int(status), "sigma point")
-    names = tuple(in_order(campaign, found.outputs))
-    y = np.stack([found.outputs[name].astype(float) for name in names])[:, weights > 0.0]
+    names = tuple(in_order(campaign, result.outputs))
+    y = np.stack([result.outputs[name].astype(float) for name in names])[:, weights > 0.0]
     weights = weights[weights > 0.0]
     mean = y @ weights
     away = y - mean[:, None]
