@@ -138,7 +138,10 @@ class TwoGimbalGyro(AbstractSystem):
     def state(
         self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar
     ) -> GimbalState:
-        """The state from the angles, rad, and the rates, rad/s, of the gimbals."""
+        """The state from the angles, rad, and the rates, rad/s, of the gimbals.
+
+        It holds the momentum about the outer axis, of which the spin has the part H cos(theta):
+        an outer rate far below H cos(theta)/A is exact to a rounding of that, not of itself."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
