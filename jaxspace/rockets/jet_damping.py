@@ -27,7 +27,7 @@ stays, and more where l/k does). The exhaust leaves straight out of the nozzle, 
 swirl of its own.
 """
 
-__all__ = ["jet_damping_ratio", "spin_angle", "spin_ratio"]
+__all__ = ["jet_damping_ratio", "spin_ratio"]
 
 from collections.abc import Callable
 from typing import Any, final
