@@ -118,7 +118,7 @@ class AbstractEffect(AbstractParameters):
     def ground(self) -> Scalar | None:
         """Radius, m, of the sphere about the origin above which the effect is meant: a run that
         passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
-        the default, where it says nothing."""
+        the default, without a warning."""
         return None
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:

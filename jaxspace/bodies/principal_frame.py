@@ -88,7 +88,7 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
             rod, later, result[1]
         )
 
-    # Other bodies shall not pay for the sines.
+    # Skipped for other bodies, to save the sines.
     return jax.lax.cond(jnp.any(rod), of_rods, lambda: result)
 
 

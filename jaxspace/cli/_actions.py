@@ -45,7 +45,7 @@ def disperse(given: argparse.Namespace) -> int:
 
 
 def resume(given: argparse.Namespace) -> int:
-    """Compute what a store lacks."""
+    """Compute the missing runs of a store."""
     from . import _campaigns
 
     settle()

@@ -90,7 +90,7 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
 
 
 def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
-    """Compute what a store lacks, and report on the whole."""
+    """Compute the missing runs of a store, and report on all of them."""
     kept = _opened_quietly(store)
     file = _scene(store, kept, modules)
     there = {**kept.attributes, "seed": kept.seed}
@@ -211,7 +211,7 @@ def _times(result: Dispersion) -> str:
 def replay(
     store: str, run: int, samples: int, folder: str, show: bool, modules: Sequence[str] = ()
 ) -> int:
-    """Run one sample of a store once more, print it, and draw its phases."""
+    """Run one sample of a store again, print it, and draw its phases."""
     kept = _opened_quietly(store)
     if run >= kept.planned_runs:
         raise InputError(f"--run is {run}: it must be from 0 to {kept.planned_runs - 1}.")

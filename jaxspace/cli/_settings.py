@@ -1,4 +1,4 @@
-"""Settings of jax for the command line, and for nobody else: double precision, all cores, programs
+"""Settings of jax for the command line alone: double precision, all cores, programs
 that are kept."""
 
 import contextlib

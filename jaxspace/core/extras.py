@@ -1,4 +1,4 @@
-"""Libraries that an installation may lack: each entry point names the extra that brings them."""
+"""Optional libraries of an installation: each entry point names the extra that brings them."""
 
 from types import TracebackType
 

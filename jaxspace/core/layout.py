@@ -51,7 +51,7 @@ def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
             annotation = _annotations(type(node)).get(key.name)
             node = getattr(node, key.name)
         else:
-            # An entry of a list or a dictionary: the annotation of the field says nothing of it.
+            # The annotation of a field says nothing about entries of a list or a dictionary.
             annotation = None
             node = node[getattr(key, "idx", getattr(key, "key", None))]
     return component_axes(annotation)

@@ -96,7 +96,7 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     """A function of trees that meets the shapes of their arrays in place of the arrays, and runs
     once for each structure and shapes.
 
-    Its answer is kept, so that it must be one that nobody changes. An error is not kept. Where a
+    Its answer is cached, so that it must not be changed later. An error is not cached. Where a
     leaf or a static field cannot be hashed, the function runs every time."""
 
     def of_makes(args: tuple[_Make, ...], kwargs: tuple[tuple[str, _Make], ...]) -> T:

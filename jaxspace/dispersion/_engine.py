@@ -106,7 +106,7 @@ def disperse(
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign, or 1e-9.
     - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
-      columns of the result are then read from it when they are asked for.
+      columns of the result are then read from it on demand.
     - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
     - `resume`: whether to complete an existing store: only chunks that are missing or damaged are
       computed. A store of another campaign is refused, with the difference in the message.

@@ -161,7 +161,7 @@ class Discrete(AbstractDistribution):
     def _at(self, share: Float[Array, ""]) -> Float[Array, ""]:
         """The value below which this share of all draws lies."""
         ends = jnp.cumsum(self.weights)
-        # The sum may round to less than the share asks for.
+        # The sum of the weights may round to less than the share.
         place = jnp.searchsorted(ends, share * ends[-1], side="right")
         return self.values[jnp.minimum(place, self.values.size - 1)]
 

@@ -63,7 +63,7 @@ def placeholders(steps: Sequence[Any]) -> Plans:
 
 
 def _refined(plan: ArrayLike, factor: float) -> np.ndarray:
-    """A plan with about `factor` times as many steps in every segment, distributed alike."""
+    """A plan with about `factor` times as many steps in every segment, in the same distribution."""
     plan = np.asarray(plan)
     pieces = [plan[:1]]
     for k in range(round(plan[-1])):

@@ -124,5 +124,5 @@ def _stop(pool: ProcessPoolExecutor) -> None:
 
 
 def _ignore_interrupts() -> None:
-    # Ctrl-C reaches all processes of a terminal: the first one tells the others to end.
+    # Ctrl-C reaches all processes of a terminal: the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

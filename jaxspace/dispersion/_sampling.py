@@ -214,7 +214,8 @@ def draw(
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
             keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
             drawn = jax.vmap(lambda d, key: d.sample(key))(kind, keys)
-            # Held: the compiler would write down all draws of a kind once more for each input.
+            # Behind a barrier, because the compiler would repeat all draws of a kind for each
+            # input.
             result |= zip(names, barrier(drawn), strict=True)
         return {name: result[name] for name in inputs}
 

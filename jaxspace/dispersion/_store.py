@@ -3,7 +3,7 @@
 All arrays have their full length from the start, and the metadata are written once: a chunk adds
 files and changes none. It counts from the moment when its entry in `.manifest` appears, a file with
 the size and the checksum of each of its files, put in place by a single rename. Whatever ends a
-campaign ends it between two such moments; what an entry does not vouch for is computed again. The
+campaign ends it between two such moments; chunks without a valid entry are computed again. The
 metadata have a copy there, with its checksum (`_head.py`).
 """
 

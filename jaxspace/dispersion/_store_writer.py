@@ -22,7 +22,7 @@ from ._run_results import RunResults
 from ._store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
 
 UNFINISHED = ".unfinished-"
-# What the chunks may lack to the free space of the disk besides what is reckoned.
+# Free space that is required beyond the estimate for the chunks.
 SPARE = 2**22
 
 
@@ -100,7 +100,7 @@ class StoreWriter:
             )
 
     def _mend_metadata(self) -> None:
-        """Write the metadata once more where they differ from what was written."""
+        """Write the metadata again where they differ from those of the campaign."""
         store = self.store
         root = json.loads(read_head(store.path)[0])
         heads = root["consolidated_metadata"]["metadata"]
@@ -115,7 +115,7 @@ class StoreWriter:
             write_whole(store.path / name / HEAD, json.dumps(heads[name]).encode())
 
     def _write_head(self, root: Mapping[str, Any]) -> None:
-        """Write the head, and before it the copy that vouches for it."""
+        """Write the copy of the head with its checksum, then the head."""
         head = json.dumps(root).encode()
         with _disk(self.store):
             write_whole(self.store.path / COPY, sealed(head))
@@ -202,7 +202,7 @@ class StoreWriter:
             return len(data), hashlib.sha256(data).hexdigest()
 
         with _disk(store):
-            # An entry for files that are about to change would vouch for the wrong ones.
+            # Removed first, because an entry must not exist for files that are about to change.
             (store.path / MANIFEST / f"{chunk}.json").unlink(missing_ok=True)
             # On all cores: the runs of the next chunk wait for this.
             with ThreadPoolExecutor(cores()) as pool:
@@ -211,11 +211,12 @@ class StoreWriter:
             entry |= {"pid": os.getpid(), "files": files}
             if self.host is not None:
                 entry["host"] = self.host
-            # Last, because it vouches for files that are all there.
+            # Last, because an entry says that all files are there.
             write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
 
     def end_at(self, chunks: int) -> None:
-        """Let the campaign end with so many chunks: the arrays shrink, and what lies beyond goes.
+        """End the campaign with this number of chunks: the arrays are shortened, and later chunks
+        removed.
 
         In this order, so that whenever this ends a repetition completes it."""
         store = self.store

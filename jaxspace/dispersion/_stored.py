@@ -1,4 +1,4 @@
-"""The runs of a store as a `Dispersion`: its columns are read when they are asked for."""
+"""The runs of a store as a `Dispersion`: its columns are read on demand."""
 
 import os
 import warnings
@@ -39,7 +39,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     """The runs of a store, also of a campaign that was interrupted or is under way: a warning then
     says how many of the planned runs there are (`Dispersion.missing_runs`).
 
-    Its columns are read from the disk when they are asked for. Chunks that differ from what was
+    Its columns are read from the disk on demand. Chunks that differ from what was
     written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
     resume` computes them again, and mends the files of metadata.
 

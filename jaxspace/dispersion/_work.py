@@ -56,8 +56,8 @@ class AbstractEngine(ABC):
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         """The chunks, each as soon as it is there.
 
-        Who asks for the next one has committed the last one. No more than `workers` are begun and
-        not committed at any time: so many are computed again after this process dies.
+        The caller commits a chunk before it takes the next one. At most `workers` chunks are begun
+        and not committed at any time, and have to be computed again if this process dies.
 
         **Raises** `StoreError` where a chunk cannot be computed after all retries."""
 

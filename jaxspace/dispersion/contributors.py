@@ -92,7 +92,7 @@ def contributors(
 
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:
-    """Whether so many random columns would explain less, but for one case in a thousand."""
+    """Whether as many random columns would explain less, except in one case of a thousand."""
     from scipy.stats import f
 
     rest = runs - regressors - 1

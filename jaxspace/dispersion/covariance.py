@@ -241,7 +241,7 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     expected = 2.0 * NEARBY * h.sum(axis=1)
     result = above - below
     missing = np.abs(result - expected).max()
-    # A fourth derivative lets a little lack, rounding a little of the slopes.
+    # A fourth derivative causes a small deviation, and rounding another one relative to the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
     return bool(missing > 0.5 * np.abs(result).max() and missing > MISSING_SHARE * steepest)
 

@@ -1,4 +1,4 @@
-"""One run of a campaign once more, in full detail."""
+"""Replay of one run of a campaign, in full detail."""
 
 __all__ = ["Replay"]
 
@@ -32,7 +32,7 @@ class Replay(eqx.Module):
     - `number`, `seed`: which run it is.
     - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
       with those of the campaign to the tolerance.
-    - `trajectory`: the phases, with as many states as were asked for.
+    - `trajectory`: the phases, with the requested number of states.
     - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
       they have one."""
 

@@ -142,7 +142,7 @@ class Dispersion(eqx.Module):
         """An output or input by name, over all runs.
 
         Raises `InputError` for a name that is neither."""
-        # One by one, because a column of a store is read when it is asked for.
+        # One by one, because a column of a store is read on demand.
         for kind in (self.inputs, self.outputs):
             if name in kind:
                 return kind[name]

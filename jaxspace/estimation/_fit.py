@@ -73,7 +73,7 @@ def fit(
     - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
       the biases of the instruments together. A quaternion moves on its group.
     - `noise`: standard deviations of the readings: one number, or a tree like `data` of numbers or
-      arrays. Without it all readings count alike, and their scatter gives the noise.
+      arrays. Without it all readings have equal weights, and their scatter gives the noise.
     - `prior`: standard deviations of what is known beforehand about the start: one number, or a
       tree like `parameters`; infinite for nothing. A quaternion takes a number, rad.
     - `method`: "levenberg_marquardt", which turns back from a step that fails, or "gauss_newton",

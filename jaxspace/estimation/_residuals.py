@@ -33,7 +33,7 @@ class ResidualTests(NamedTuple):
 
 
 def chi_squared_tail(value: Array, degrees: Array | float) -> Array:
-    """The probability that chi^2 with so many degrees of freedom exceeds the value."""
+    """The probability that chi^2 with these degrees of freedom exceeds the value."""
     half = 0.5 * jnp.asarray(degrees, value.dtype)
     return gammaincc(half, 0.5 * value)
 

@@ -14,7 +14,7 @@
     b, e                bias of the accelerometers, drift of the gyros            m/s^2, rad/s
     S_a, S_g            errors of scale                                           1
     Omega, rho          rate of the earth, of level axes over it                  rad/s
-    h*, v_u*, k_1, k_2  what an altimeter tells, its gains                        m, m/s, 1/s, 1/s^2
+    h*, v_u*, k_1, k_2  reading of an altimeter, its gains                        m, m/s, 1/s, 1/s^2
 
 The vehicle moves on a path of its own (see `felt_on`), which the navigator does not know. Errors of
 the navigator are those of 6.11: `errors` gives them as `NavigationErrors` has them, whose motion is

@@ -108,7 +108,7 @@ def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar
       book: roll outside, yaw, pitch inside.
 
     **Returns** the signals of roll, pitch and yaw. They are infinite in gimbal lock, at a yaw of 90
-    deg: `gimbal_lock_margin` tells how far that is.
+    deg: see `gimbal_lock_margin`.
     """
     check_components("resolve_signals: signals", signals, 3)
     s, c = jnp.sin(pitch), jnp.cos(pitch)

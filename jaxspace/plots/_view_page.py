@@ -284,7 +284,7 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
 
 
 def _faces(phase: Any) -> list[dict[str, Any]]:
-    """The body as its inertia tells; a top on its tip; a box where nothing is known."""
+    """The shape of the body from its inertia; a top on its tip; a box if nothing is known."""
     if hasattr(phase.system, "weight_moment"):
         return top_faces()
     inertia = _inertia(phase.system, phase.initial)

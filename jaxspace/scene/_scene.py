@@ -66,7 +66,7 @@ class Scene(AbstractScene):
     - `carry`: parts of the state to integrate although no effect needs them: `("attitude",)` lets a
       body turn freely.
 
-    Raises `InputError` when an effect needs what the body lacks; the message names both."""
+    Raises `InputError` when an effect needs what the body does not have; the message names both."""
 
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=_as_effects)
     body: AbstractBody = RigidBody()

@@ -121,7 +121,7 @@ def _traced(
 
     def act(y: BodyState, arrays: PyTree, t: Scalar) -> list[list[Array]]:
         effects, body = eqx.combine(arrays, rest)
-        # What turns a body without inertia is told by the scene, by name: here it may turn.
+        # The scene reports a torque on a body without inertia by name: here it may turn.
         if not body.has_inertia():
             body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
         result, held = _together(effects, t, y, body, present)

@@ -150,8 +150,8 @@ def check_structure(
 
 
 def _check_axes(system: AbstractSystem, y0: PyTree, derivative: PyTree) -> None:
-    """Raise `InputError` for a derivative of one run with axes that the state lacks, which would
-    be taken for runs."""
+    """Raise `InputError` for a derivative of one run with axes that the state does not have, which
+    would be taken for runs."""
     if jax.tree.structure(derivative) != jax.tree.structure(y0):
         return
     leaves = jax.tree_util.tree_flatten_with_path(y0)[0]

@@ -18,7 +18,7 @@ from jaxtyping import Array, Complex, Float
 
 Square = Float[Array, "... n n"]
 
-# Eigenvalues closer than so many roundings of the matrix are equal.
+# Eigenvalues closer than this number of roundings of the matrix are equal.
 EQUAL = 1e3
 # Eigenvectors belong to a multiple root where the inverse of their matrix has rows longer than
 # this power of a rounding.

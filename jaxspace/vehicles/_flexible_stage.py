@@ -1,6 +1,6 @@
 """A flexible stage that flies: bending, a swivelling engine, slosh and an autopilot as one effect.
 
-    axes: z forward, x and y across; both planes (z, x) and (z, y) are alike
+    axes: z forward, x and y across; both planes (z, x) and (z, y) are equal
     (d, q, s)~ = (d, q, s)' + W z x (d, q, s)          rates in axes that do not roll
     (d, q, s)~~ as in the plane: see `jaxspace.mechanics.missile_loop.MissileLoop`
     F_B = m F/(m + m_s) z + (F [(1 - C_2) d + y_h'] + f),   M_B = z x I_0 (th + C_2 d)~~
