@@ -283,7 +283,7 @@ def test_the_means_of_a_small_nutation_keep_their_digits(name):
 
     def mean(rate, exact):
         walk = GimbalWalk(*map(jnp.asarray, (1.1, rate, 1.0, 1.0, 0.6, 1.3)))
-        return getattr(walk, name if exact else f"{name}_to_second_order")()
+        return getattr(walk, name if exact else f"{name}_to_second_order")
 
     # What follows the second order is the square of the rate, 1e-14, times some ten.
     assert_allclose(mean(1e-7, True), mean(1e-7, False), rtol=1e-12)

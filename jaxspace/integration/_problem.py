@@ -6,6 +6,7 @@ the initial state and the settings of an integration, and results into arrays.
 
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 from typing import TypeAlias, TypeVar, cast, final
 
@@ -119,7 +120,7 @@ class Problem:
 
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
         """Whether the steps of a run, or of a `derivative`, are a small program."""
-        if settings.tolerance.run_axes == 0:
+        if self._is_alone(settings):
             # A derivative holds a step three times, and its first call is mostly compilation.
             return derivative or self.field_operations >= LARGE
         return self.field_operations >= (LARGE if derivative else VERY_LARGE)
@@ -127,7 +128,12 @@ class Problem:
     def _is_single(self, settings: LoopSettings) -> bool:
         """Whether this is a single run of a field so large that every program of it should be
         small."""
-        return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
+        return self._is_alone(settings) and self.field_operations >= MEDIUM
+
+    def _is_alone(self, settings: LoopSettings) -> bool:
+        """Whether there is one run, with or without an axis of runs."""
+        last = self.avals[self.num_field + self.num_states - 1].shape
+        return math.prod(last[len(last) - settings.tolerance.run_axes :]) == 1
 
     def _packing(self, field: PyTree, y0: State, settings: LoopSettings) -> Packing | None:
         """Layout of the packed state for a single run of a large field; `None` for other runs."""

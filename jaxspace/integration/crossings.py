@@ -140,7 +140,7 @@ def crossings_between(
         t, before, used = zero
         y, start = pick((states, times), before, run_axes)
         t = jnp.where(used, t, jax.lax.stop_gradient(start))
-        result = integrate(system, y, start, t, None, config, run_axes)
+        result = integrate(system, y, start, t, None, config.small_program(), run_axes)
         y = state_at(result.states, -1, run_axes)
         slope = event.slope(system, t, y)[1]
         t, y = newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
