@@ -64,7 +64,7 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
 
 
 def _refuse_options_of_runs(options: Options) -> None:
-    """Raise `InputError` for an option that says something about runs, where there are none."""
+    """Raise `InputError` for an option about runs with a method that has none."""
     for name, default in Options._field_defaults.items():
         if name != "method" and getattr(options, name) != default:
             raise InputError(
@@ -94,7 +94,7 @@ def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     kept = _opened_quietly(store)
     file = _scene(store, kept, modules)
     there = {**kept.attributes, "seed": kept.seed}
-    # From the store and from no option: another seed would be another campaign.
+    # From the store, because another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
     own["times"] = there.get("times")
     own["until"] = StopRule(**there["until"]) if there.get("until") else None
@@ -116,7 +116,7 @@ def _run(
     except (KeyboardInterrupt, RuntimeError) as error:
         if not is_stop(error):
             raise
-        # What a store held before is not of this campaign, unless that is resumed.
+        # Unless the campaign is resumed, an existing store is that of another one.
         untouched = not how.get("resume") and before is not None and before == _head_of(store)
         raise Stopped(_left(store, untouched)) from None
 
@@ -163,7 +163,7 @@ def _run_and_report(
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, own, os.path.splitext(store)[0], site=file.site)
     print(f"store  {store}")
-    # A failed run is what its reader asks about first.
+    # The cause of a failure comes first.
     print_next(file, f"{'report' if result.good.all() else 'failures'} {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
@@ -198,7 +198,7 @@ def _left(store: str, untouched: bool) -> str:
 
 
 def _times(result: Dispersion) -> str:
-    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
+    # Without the compilation, which does not grow with the number of runs.
     ahead = result.attributes["preparation_seconds"]
     computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation

@@ -30,7 +30,7 @@ WITH_MODULES = (
     *("run", "disperse", "resume", "replay", "failures", "report"),
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
-# Not from the room of campaigns, whose import takes a while.
+# Not from the package of campaigns, whose import takes time.
 METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
 
@@ -79,7 +79,7 @@ def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
     for name in ("resume", "replay", "failures"):
         commands[name].add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
     for name in WITH_MODULES:
-        # Each by its own option, and by nothing in a file: what it names is run.
+        # Only by options, and not by a file, because modules are run.
         commands[name].add_argument(
             "--with",
             dest="modules",

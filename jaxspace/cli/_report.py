@@ -30,7 +30,8 @@ def keep_pictures(
 ) -> None:
     """Draw the figures and write the page, at paths that begin with `start`; print where.
 
-    A picture that cannot be drawn costs a line on the error output, and no number."""
+    A picture that cannot be drawn is reported on the error output; the numbers are written
+    anyway."""
     import matplotlib
 
     from ..plots import dispersion_figure, dispersion_page, footprint_figure
@@ -116,7 +117,7 @@ def _attempt(what: str, path: str, write: Callable[[str], None]) -> None:
     """Write a file, and say where it is or why it is not there."""
     try:
         write(path)
-    # Whatever a library of plots may raise: the numbers are safe, and shall be seen.
+    # Any error of a plotting library, because the numbers are to be written anyway.
     except Exception as error:
         print(f"{path} is left out: {type(error).__name__}: {error}", file=sys.stderr)
         return

@@ -13,7 +13,7 @@ STOPPED = 130
 
 
 class Stopped(Exception):
-    """A command was stopped; the message says what is left of it."""
+    """A command was stopped; the message says what it has stored."""
 
 
 def is_stop(error: BaseException) -> bool:

@@ -195,7 +195,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
         axes.set_yticks([])
         return
     inputs = list(result.shares)
-    # By chance a share of nothing may come out below zero.
+    # A share of zero may be estimated below zero.
     shares = [100.0 * max(share, 0.0) for share in result.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)

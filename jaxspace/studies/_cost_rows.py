@@ -47,7 +47,7 @@ def cost_rows(
         rtol = FIXED_STEP_RTOL if tolerance is None else tolerance
         run, seconds = timed(programs.run.call, repeats, case.arrays, rtol)
         status = Status(int(run.status))
-        # Outside of the timed program: invariants are no part of a run.
+        # Outside of the timed program, because invariants are not computed in a run.
         drift = drifts(case.arrays, run.phases)
         row = Cost(
             method=name,

@@ -77,7 +77,7 @@ def effect_budget(
     nominal = runs.run()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
-    # A tolerance only judges fixed steps: twice as many show the error of the integration.
+    # A tolerance does not change fixed steps: twice as many show the error of the integration.
     if not isinstance(own.method, str) and solver_traits(own.method).fixed_step:
         twice = dataclasses.replace(own, method=refine(own.method, 2))
         finer = scaled_runs(scene, y0, ts, of_final, twice, runs.names, is_attitude).run()

@@ -261,7 +261,7 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
             return blocks.rate(x, moved, system.vector_field(t, moved))
 
         a = jacobian(field, zero)
-        # Of the root alone the derivative matters: that of the matrix is multiplied by zero there.
+        # Without derivatives of the matrix, which are multiplied by zero at the root.
         inverse = jnp.linalg.pinv(jax.lax.stop_gradient(a))
         x = zero
         for _ in range(repeated):
