@@ -27,7 +27,7 @@ class extra:
         if not isinstance(error, ModuleNotFoundError):
             return
         library = (error.name or "").partition(".")[0]
-        # A file of this library that is not there is a fault of its own.
+        # A missing module of this library is an error of the installation itself.
         if library and library != "jaxspace":
             raise MissingExtra(
                 f"{library} is not installed: it comes with the extra {self.name} "

@@ -72,7 +72,7 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
     try:
         result = _component_axes(structure, arrays)
     except TypeError:
-        # A static field that cannot be hashed: nothing can be kept from one call to the next.
+        # A structure with a static field that cannot be hashed is not cached.
         result = _component_axes.__wrapped__(structure, arrays)
     return jax.tree.unflatten(structure, result)
 
@@ -81,7 +81,7 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
 def _component_axes(
     structure: jax.tree_util.PyTreeDef, arrays: tuple[bool, ...]
 ) -> tuple[int, ...]:
-    """Once for each make of a tree: to read annotations takes longer than a short run."""
+    """Cached by the structure of a tree: reading annotations takes longer than a short run."""
     tree = jax.tree.unflatten(structure, arrays)
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
     result = []

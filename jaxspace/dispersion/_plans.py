@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike
 TRIAL = 1.2
 # Factor by which the errors of the trial block have to be below the tolerance.
 MARGIN = 1.5
-# A lower bound of the order of the local error in the number of steps.
+# The local error falls with at least this power of the number of steps.
 ORDER = 6.0
 # Factors of refinement: first one, then those for the runs that missed the tolerance.
 FINENESS = (1.0, 2.0, 4.0)

@@ -73,7 +73,7 @@ class ProcessPool(AbstractEngine):
     def _round(
         self, payload: bytes, waiting: list[Extent], started: dict["Future[Done]", Extent]
     ) -> Computed:
-        """The chunks, until a process is lost; `started` then holds those that were under way."""
+        """The chunks, until a process is lost; `started` then holds the unfinished ones."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)

@@ -58,7 +58,7 @@ class LatinHypercube(AbstractDesign):
     def uniforms(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
     ) -> Float[Array, "runs dimensions"]:
-        # Each time through the layers is another permutation.
+        # Each pass through the layers has another permutation.
         numbers = numbers.astype(jnp.uint32)
         again = numbers // self.runs
         places = numbers % self.runs
@@ -156,7 +156,7 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
         i = i & w
         return i ^ (i >> 5)
 
-    # A number that leaves the range walks on along its cycle until it is back.
+    # A number outside the range is permuted again until it is inside.
     i = jax.lax.while_loop(lambda i: i >= count, mixed, mixed(place.astype(jnp.uint32)))
     # The remainder is taken first, so that the sum cannot overflow.
     return (i + p % jnp.uint32(count)) % jnp.uint32(count)
@@ -219,7 +219,7 @@ def draw(
             result |= zip(names, barrier(drawn), strict=True)
         return {name: result[name] for name in inputs}
 
-    # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
+    # Each distribution makes one draw; `vmap` adds the axis of runs here, for all of them.
     return jax.vmap(one)(numbers)
 
 

@@ -87,7 +87,7 @@ class StoreWriter:
             return
         if self.overwrite:
             return
-        # Whatever else it is, it is not ours to replace.
+        # Anything else belongs to the user, and is not replaced.
         store = self.store.read()
         if self.resume:
             self._mend_metadata()
@@ -139,7 +139,7 @@ class StoreWriter:
             head = json.loads(files.pop(HEAD))
             for name, data in files.items():
                 write_whole(store.path / name, data)
-        # Without its head the folder is no store yet: an interruption leaves none half made.
+        # The head is written last, so that an interrupted preparation is not taken for a store.
         self._write_head(head)
         return store
 
@@ -154,7 +154,7 @@ class StoreWriter:
         return store
 
     def _clear(self) -> None:
-        # The head first: what is left of an interrupted removal is no store any more.
+        # The head first, so that an interrupted removal leaves no valid store behind.
         for name in (HEAD, COPY):
             (self.store.path / name).unlink(missing_ok=True)
         for entry in self.store.path.iterdir():
@@ -249,7 +249,7 @@ def _is_begun(path: Path) -> bool:
 
 
 class _disk:
-    """Turns an error of the disk into a sentence that says what is kept."""
+    """Turn an error of the disk into a `StoreError` that says which chunks are safe."""
 
     def __init__(self, store: Store):
         self.store = store
@@ -268,9 +268,9 @@ class _disk:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file that is there as a whole or not at all.
+    """Write a file so that it is never there in part.
 
-    Not flushed to the disk: what a loss of power leaves behind, the checksums find."""
+    It is not flushed to the disk: the checksums show what a loss of power has damaged."""
     # In the same folder: only within one file system a rename is atomic.
     temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -86,7 +86,7 @@ class AbstractEngine(ABC):
         return list(extents)
 
     def sync(self, stage: str) -> None:
-        """Wait until all processes that share a campaign have come to this stage."""
+        """Wait until all processes that share a campaign have reached this stage."""
         del stage
 
 
@@ -117,11 +117,11 @@ def payload_of(planned: PlannedCampaign) -> bytes:
 
     Raises `InputError` where it holds what cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
-    # From the device, which another process may not have.
+    # Copied from the device, which another process may not have.
     arrays = jax.device_get(planned)
     buffer = io.BytesIO()
     try:
-        # Sends functions by what they do, also those of the script that is run.
+        # cloudpickle sends the code of functions, so that those of the user's script arrive too.
         import cloudpickle as pickler
     except ImportError:
         pickler = pickle
@@ -132,7 +132,7 @@ def payload_of(planned: PlannedCampaign) -> bytes:
             f"The campaign cannot be sent to another process ({error}): install cloudpickle, which "
             f"comes with the extra cluster, or define its functions in a module."
         ) from error
-    # Apart, because the campaign can be read only where the modules have run.
+    # The modules travel apart, because they must have run before the campaign is read.
     return pickle.dumps((settings, planned.campaign.modules, buffer.getvalue()))
 
 

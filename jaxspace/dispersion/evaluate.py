@@ -1,5 +1,5 @@
-"""A campaign as a function from inputs to outputs: what derivatives, sigma points and chosen
-samples need, where `disperse` draws its own."""
+"""A campaign as a function from given inputs to outputs, for derivatives, sigma points and samples
+that are not drawn by `disperse`."""
 
 __all__ = ["Evaluator"]
 

@@ -84,7 +84,7 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     try:
         mission, _ = campaign.mission(samples)
     except InputError as error:
-        # Told by the name of the input, and not by that of the formula that meets it.
+        # The message names the input, and not the formula in which it is out of range.
         if refusal:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
@@ -100,7 +100,7 @@ def _error(
 ) -> SimulationError:
     """The exception for a run in which a function of the campaign raises an error."""
     what = f"Run {number}"
-    # Without outputs, to tell whether it is one of them that raises.
+    # Run once more without outputs: if that succeeds, an output raises the error.
     bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
         with callbacks():

@@ -56,7 +56,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     if both.sum() < 5:
         raise InputError(f"{both.sum()} pairs are too few: there must be five or more.")
     a, b = (rankdata(v[both]) for v in (x, y))
-    # What is constant has no correlation: zero says that it moves nothing.
+    # A constant quantity has no correlation; zero says that it has no influence.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return RankCorrelation(0.0, 0.0, 0.0)
     r = float(np.clip(np.corrcoef(a, b)[0, 1], -1.0, 1.0))
@@ -146,7 +146,7 @@ def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     centre = 0.5 * (f_a.mean() + f_b.mean())
     f_a, f_b = f_a - centre, f_b - centre
     variance = 0.5 * float(np.mean(f_a**2) + np.mean(f_b**2))
-    # An output that does not vary has nothing to share out.
+    # An output without variance has the indices zero.
     if variance == 0.0 or f_a.size < 2:
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     root = np.sqrt(f_a.size)
