@@ -95,7 +95,8 @@ class PrincipalInertia(AbstractInertia):
 
     def solve(self, h: Vector) -> Vector:
         moments, h = _same_rank(self.moments, h)
-        # Three quotients, however many runs share the body. Of a rod none: what stays is no change.
+        # Three quotients, however many runs share the body. For a rod the rate about the axis is
+        # zero.
         return h * safe_divide(jnp.ones_like(moments), moments)
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":

@@ -52,7 +52,7 @@ def polygon(
     passed = jnp.clip(x - nodes[:-1], 0.0, widths)
     if slopes.size > slopes.shape[0]:
         return values[0] + jnp.sum(slopes * passed, axis=0)
-    # As a product of matrices where all runs share the table: the compiler makes vectors of that,
+    # As a product of matrices where all runs share the table: the compiler vectorises that,
     # and none of a sum over a leading axis.
     line = slopes.reshape(-1)
     # An accelerator would by default round the factors of a product of matrices to fewer digits.

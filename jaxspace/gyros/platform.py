@@ -64,7 +64,7 @@ class PlatformAxis(AbstractSystem):
         return linear_rate(*self._matrices(), y)
 
     def invariants(self, t: Scalar, y: PlatformState) -> dict[str, Array]:
-        """Nothing stays with a servo on."""
+        """Nothing is conserved with a servo on."""
         del t, y
         return {}
 

@@ -40,7 +40,7 @@ class Rail(AbstractEffect):
         del t
         d = self._along(y.position)
         along = dot(d, rate.velocity)
-        # Until the thrust exceeds the weight, the vehicle stands on its stop and does not slide
+        # Until the thrust exceeds the weight, the vehicle rests on its stop and does not slide
         # down.
         held = (along < 0.0) & (dot(d, y.velocity) <= 0.0)
         kept = {"velocity": jnp.where(held, 0.0, along) * d}
