@@ -128,7 +128,7 @@ class StablePlatform(AbstractSystem):
         )
 
     def invariants(self, t: Scalar, y: StablePlatformState) -> dict[str, Array]:
-        """Nothing stays with servos on."""
+        """Nothing is conserved with servos on."""
         del t, y
         return {}
 
