@@ -181,14 +181,14 @@ def budget(
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
     parts = file.y0.present
-    judged = parts[0] if output is None else output
-    if judged in parts:
+    chosen = parts[0] if output is None else output
+    if chosen in parts:
         # The difference of two attitudes is an angle.
-        si = quantities(BodyState)[judged].unit or "rad"
+        si = quantities(BodyState)[chosen].unit or "rad"
         factor = 1.0
     else:
         try:
-            judged, si, factor = file.final_output(judged)
+            chosen, si, factor = file.final_output(chosen)
         except InputError as error:
             raise InputError(f"{error} Parts of the final state are {', '.join(parts)}.") from None
     size = None
@@ -201,7 +201,7 @@ def budget(
             file.system,
             file.y0,
             file.ts,
-            output=judged,
+            output=chosen,
             tolerance=size,
             # The influences are differences of runs, for which a coarse tolerance is not enough.
             accuracy=min(file.values["accuracy"], 1e-9),

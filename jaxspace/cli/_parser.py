@@ -218,8 +218,8 @@ def _cost_options(cost: argparse.ArgumentParser) -> None:
 def _budget_options(budget: argparse.ArgumentParser) -> None:
     budget.add_argument(
         "--output",
-        help="what they are judged by: a part of the final state (default: the first one), or any "
-        "output that a file may name",
+        help="what their influence is measured on: a part of the final state (default: the first "
+        "one), or any output that a file may name",
     )
     budget.add_argument(
         "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'

@@ -133,7 +133,7 @@ def _search(
 
     profile, made = free_numbers(start)
 
-    def fly(x: Unknowns) -> FlightState:
+    def burnout(x: Unknowns) -> FlightState:
         flight = SteeredFlight(ascent.thrust, made(x["profile"]), ascent.gravity)
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
         # A flight that fails is no error here: its objective turns the line search back.
@@ -142,7 +142,7 @@ def _search(
         ).final
 
     def problem(x: Unknowns) -> Criterion:
-        end = fly(x)
+        end = burnout(x)
         miss = (apex(ascent, end)[1] - ascent.apex_height) / height
         return Criterion(
             objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end

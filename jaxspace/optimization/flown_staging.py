@@ -212,8 +212,8 @@ def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
     u, b = design.exhaust_velocity, design.structural_factor
     # Short of the limit, at which masses grow without bound; shorter for the fastest rocket, whose
     # search begins at what its thrust lifts.
-    wanted = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
-    ratio = jnp.maximum(optimal_staging(u, b, wanted).mass_ratio, 1.05)
+    speed = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
+    ratio = jnp.maximum(optimal_staging(u, b, speed).mass_ratio, 1.05)
     size, above = [], goal.payload
     for i in reversed(range(u.shape[0])):
         above = above + design.fixed_mass[i]
@@ -260,16 +260,16 @@ def _problem(goal: Goal, sizes: Array, fastest: bool) -> Callable[[Unknowns], Cr
         flight = flown(goal, masses, _kick(goal, x))
         end, mass = flight.end, flight.initial_mass
         faster = end.speed / goal.speed - 1.0
-        wanted = [] if fastest else [faster]
-        wanted += [] if vertical else [jnp.log(jnp.tan(0.5 * end.angle))]
-        wanted += [] if height is None else [(end.height - height) / tall]
+        zero = [] if fastest else [faster]
+        zero += [] if vertical else [jnp.log(jnp.tan(0.5 * end.angle))]
+        zero += [] if height is None else [(end.height - height) / tall]
         # The rocket lifts off, and the first stage outlasts the rise.
-        kept = [1.0 - LEAST_LIFT * mass * goal.gravity / goal.design.thrust[0]]
-        kept += [] if vertical else [flight.burn_times[0] / goal.rise - 1.0]
+        positive = [1.0 - LEAST_LIFT * mass * goal.gravity / goal.design.thrust[0]]
+        positive += [] if vertical else [flight.burn_times[0] / goal.rise - 1.0]
         # A fall towards the centre of the planet would be faster than every ascent.
-        kept += [end.height / tall] if fastest else []
+        positive += [end.height / tall] if fastest else []
         objective = -faster if fastest else jnp.log(mass / goal.payload)
-        equal = jnp.stack(wanted) if wanted else None
-        return Criterion(objective, equal, jnp.stack(kept), (masses, flight))
+        equal = jnp.stack(zero) if zero else None
+        return Criterion(objective, equal, jnp.stack(positive), (masses, flight))
 
     return problem
