@@ -35,11 +35,11 @@ def _annotations(cls: type) -> dict[str, Any]:
     """The annotation of every field of a class, inherited ones included."""
     if not dataclasses.is_dataclass(cls):
         return {}
-    own = {field.name: field.type for field in dataclasses.fields(cls)}
-    if any(isinstance(kind, str) for kind in own.values()):
+    annotations = {field.name: field.type for field in dataclasses.fields(cls)}
+    if any(isinstance(kind, str) for kind in annotations.values()):
         # The class was written under `from __future__ import annotations`.
-        own |= typing.get_type_hints(cls)
-    return own
+        annotations |= typing.get_type_hints(cls)
+    return annotations
 
 
 def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:

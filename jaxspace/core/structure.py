@@ -102,7 +102,7 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
         named = {name: make.shapes() for name, make in kwargs}
         return function(*(make.shapes() for make in args), **named)
 
-    kept = functools.lru_cache(maxsize=KEPT)(of_makes)
+    cached = functools.lru_cache(maxsize=KEPT)(of_makes)
 
     @functools.wraps(function)
     def of_trees(*args: Any, **kwargs: Any) -> T:
@@ -112,7 +112,7 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
         except TypeError:
             shapes = jax.tree.map(shape_of, (args, kwargs))
             return function(*shapes[0], **shapes[1])
-        return kept(makes, named)
+        return cached(makes, named)
 
     return of_trees
 

@@ -165,8 +165,8 @@ def _natural_curvatures(times: Array, values: Array) -> Array:
 def breaks_of(system: AbstractSystem) -> Float[Array, "times *#runs"] | None:
     """The break times of a system, s: those that it declares, and the nodes of every `Table` and
     `Spline` in it, also those that a function in it closes over. `None` where there is none."""
-    own = system.breaks()
-    times = [] if own is None else [own]
+    declared = system.breaks()
+    times = [] if declared is None else [declared]
     times += [table.times for table in _tables(system)]
     if not times:
         return None

@@ -56,18 +56,18 @@ def outputs_of(
     """The outputs of runs, each (runs,).
 
     **Raises** `InputError` for what is no dict of one real number for each run, or for all."""
-    found = campaign.outputs(result, samples)
-    if not isinstance(found, Mapping):
+    outputs = campaign.outputs(result, samples)
+    if not isinstance(outputs, Mapping):
         raise InputError(
-            f"Campaign.outputs gives {_kind(found)}: it must give a dict of the outputs by name."
+            f"Campaign.outputs gives {_kind(outputs)}: it must give a dict of the outputs by name."
         )
-    check_names("The outputs of the campaign", found)
-    for name in set(found) & set(samples):
+    check_names("The outputs of the campaign", outputs)
+    for name in set(outputs) & set(samples):
         raise InputError(
             f"The output {name!r} has the name of an input: it must have one of its own."
         )
     runs = next(iter(samples.values())).shape
-    return {name: _of_each_run(name, x, runs) for name, x in found.items()}
+    return {name: _of_each_run(name, x, runs) for name, x in outputs.items()}
 
 
 def _of_each_run(name: str, x: Any, runs: tuple[int, ...]) -> Array:

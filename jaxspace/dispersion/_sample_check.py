@@ -34,17 +34,17 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
     if finite.size < x.size:
         bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
         return f"{bad}, which these numbers leave out."
-    own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
-    result = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
+    sample_mean, spread = float(np.mean(x)), float(np.std(x, ddof=1))
+    result = f"{x.size} runs have the mean {rounded(sample_mean, spread)} and the deviation "
     result += rounded(spread, spread)
     # The second-order moments of an output that is not smooth are NaN.
     if not math.isfinite(mean + std):
         return f"It is not smooth at the nominal run: {result}."
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
-        same = max(abs(mean - own), std) <= grain
+        same = max(abs(mean - sample_mean), std) <= grain
         return "" if same else f"{result}: nothing scatters."
-    off = (mean - own) / spread
+    off = (mean - sample_mean) / spread
     more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)

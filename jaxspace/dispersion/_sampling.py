@@ -67,8 +67,8 @@ class LatinHypercube(AbstractDesign):
             seeds = jax.random.bits(jax.random.fold_in(key, again), (dimensions,), jnp.uint32)
             layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
             # Another stream than that of the permutations.
-            own = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
-            within = jax.random.uniform(own, (dimensions,))
+            run_key = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
+            within = jax.random.uniform(run_key, (dimensions,))
             return (layers.astype(within.dtype) + within) / self.runs
 
         return jax.vmap(one)(numbers, again, places)
@@ -183,12 +183,12 @@ def map_normals(
 ) -> dict[str, Float[Array, " runs"]]:
     """The inputs, each (runs,), from independent standard normal numbers."""
     columns = normal_columns(inputs)
-    by_source = {inputs[first].source or first: own for first, own in columns.items()}
+    by_source = {inputs[first].source or first: places for first, places in columns.items()}
     z = jnp.asarray(z)
     result = {}
     for name, d in inputs.items():
-        own = by_source[d.source or name]
-        result[name] = jax.vmap(d.from_normal)(z[:, own] if d.source else z[:, own[0]])
+        places = by_source[d.source or name]
+        result[name] = jax.vmap(d.from_normal)(z[:, places] if d.source else z[:, places[0]])
     return result
 
 
@@ -206,13 +206,13 @@ def draw(
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.
     def one(number: Array) -> dict[str, Array]:
-        own = jax.random.fold_in(key, number)
+        run_key = jax.random.fold_in(key, number)
         result = {}
         for names in _alike(inputs):
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
-            keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
+            keys = jax.vmap(jax.random.fold_in, (None, 0))(run_key, jnp.array(tags, jnp.uint32))
             drawn = jax.vmap(lambda d, key: d.sample(key))(kind, keys)
             # Behind a barrier, because the compiler would repeat all draws of a kind for each
             # input.

@@ -102,13 +102,13 @@ def without_main() -> Iterator[None]:
     """While processes start: they do not import the script of the user, who would have to guard it,
     for what it defines travels with the campaign."""
     main = sys.modules["__main__"]
-    kept = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
+    hidden = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
     spec = getattr(main, "__spec__", None)
     main.__spec__ = None
     try:
         yield
     finally:
-        main.__dict__.update(kept)
+        main.__dict__.update(hidden)
         main.__spec__ = spec
 
 

@@ -58,9 +58,11 @@ def compare_methods(
     # Without compiling, as those of the other methods.
     seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
     for row in reference.table():
-        own = standard_errors(reference.together(row.name)[0])
+        errors = standard_errors(reference.together(row.name)[0])
         x = reference.values(row.name)[reference.good].astype(float)
-        table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
+        table.append(
+            Comparison(MONTE_CARLO, row.name, row.mean, row.std, *errors, row.runs, seconds)
+        )
         for m in result:
             mean = float(m.mean[m.names.index(row.name)])
             std = m.std(row.name)

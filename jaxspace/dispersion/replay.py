@@ -72,14 +72,14 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     try:
         with callbacks():
-            found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
-            out = int(found[0].status[0]) == Status.MAX_STEPS
+            computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+            out = int(computed[0].status[0]) == Status.MAX_STEPS
             if out and has_exact_part(campaign, accuracy):
                 accuracy = dataclasses.replace(accuracy, decoupled=True)
-                found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+                computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
-    result, outputs, configs = found
+    result, outputs, configs = computed
     refusal = campaign.refusal(inputs)
     try:
         mission, _ = campaign.mission(samples)
@@ -89,9 +89,9 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
     trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1).of(0)
-    found = {name: float(x[0]) for name, x in outputs.items()}
+    values = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
-    ordered = {name: found[name] for name in campaign.units if name in found} | found
+    ordered = {name: values[name] for name in campaign.units if name in values} | values
     return Replay(number, seed, inputs, ordered, trajectory, refusal)
 
 

@@ -116,16 +116,16 @@ def sobol_indices(
     if points & (points - 1):
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
     columns = normal_columns(campaign.inputs)
-    d = sum(len(own) for own in columns.values())
+    d = sum(len(group) for group in columns.values())
     u = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(points)
     # A point on the border of the unit cube has no finite normal value.
     z = ndtri(np.clip(u, 1e-12, 1.0 - 1e-12))
     a, b = z[:, :d], z[:, d:]
     samples = [a, b]
-    for own in columns.values():
+    for group in columns.values():
         mixed = a.copy()
         # A group as a whole: one column of it alone would break its correlation.
-        mixed[:, own] = b[:, own]
+        mixed[:, group] = b[:, group]
         samples.append(mixed)
     run = Evaluator(campaign, campaign.accuracy_for(accuracy))
     # All samples in one call, which fills its blocks across them.

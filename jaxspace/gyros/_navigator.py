@@ -108,15 +108,15 @@ class InertialNavigator(AbstractSystem):
         # Shared parameters broadcast against those of each run.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
         velocity = with_rank(y.velocity, rank)
-        own = with_rank(earth.own_rate(y.latitude), rank)
+        earth_rate = with_rank(earth.own_rate(y.latitude), rank)
         transport = with_rank(earth.transport_rate(y.latitude, y.height, y.velocity), rank)
         gravity = with_rank(earth.gravity(y.latitude, y.height), rank)
-        rate = with_rank(force, rank) + gravity - cross(2.0 * own + transport, velocity)
+        rate = with_rank(force, rank) + gravity - cross(2.0 * earth_rate + transport, velocity)
         up = with_rank(jnp.asarray(ZERO[:2] + (1.0,), rate.dtype), rank)
         aided = self.altitude_rate_gain * (y.velocity[2] - felt.velocity[2])
         aided = aided + self.altitude_gain * (y.height - felt.place.height)
         north, east, climb = earth.place_rates(y.latitude, y.height, y.velocity)
-        turn = with_rank(turn, rank) - y.attitude.rotate_back(own + transport)
+        turn = with_rank(turn, rank) - y.attitude.rotate_back(earth_rate + transport)
         return NavigatorState(north, east, climb, rate - aided * up, y.attitude.rate(turn))
 
     def invariants(self, t: Scalar, y: NavigatorState) -> dict[str, Array]:

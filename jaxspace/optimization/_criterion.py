@@ -178,16 +178,19 @@ class Minimum(eqx.Module):
 
     def _infinite(self) -> str:
         """Clauses on the numbers that are not finite; or a note that a derivative is not."""
-        found = self.criterion
-        parts = [("The objective", "", found.objective)]
-        parts += [("", "equal_zero", found.equal_zero), ("", "non_negative", found.non_negative)]
+        criterion = self.criterion
+        parts = [("The objective", "", criterion.objective)]
+        parts += [
+            ("", "equal_zero", criterion.equal_zero),
+            ("", "non_negative", criterion.non_negative),
+        ]
         clauses = []
-        for own, name, values in parts:
+        for title, name, values in parts:
             if values is None:
                 continue
             for place, x in zip(_places(values), np.ravel(np.asarray(values)), strict=True):
                 if not np.isfinite(x):
-                    clauses.append(f"{own or name + place} is {x:g}")
+                    clauses.append(f"{title or name + place} is {x:g}")
         return listed(clauses) or "A derivative of the objective or of a constraint is not finite"
 
     @property
@@ -211,13 +214,13 @@ class Minimum(eqx.Module):
         return flags[: c.size], flags[c.size :]
 
 
-def worst_number(found: Minimum) -> str:
+def worst_number(minimum: Minimum) -> str:
     """Name of the value whose gradient differs most from finite differences, for one run."""
     names = ["the objective"]
     for name in ("equal_zero", "non_negative"):
-        values = getattr(found.criterion, name)
+        values = getattr(minimum.criterion, name)
         names += [] if values is None else [name + place for place in _places(values)]
-    return names[0] if found.search is None else names[int(found.search.worst)]
+    return names[0] if minimum.search is None else names[int(minimum.search.worst)]
 
 
 def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> list[str]:

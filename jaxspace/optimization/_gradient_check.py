@@ -80,10 +80,10 @@ def probed_error(
     mixture = jnp.cos(1.3 * jnp.arange(claimed.size, dtype=claimed.dtype))
     beyond, largest = _beyond(rows @ mixture, p, claimed @ mixture)
     error = _quotient(beyond, largest)
-    own, sizes = _beyond(rows, p, claimed)
-    worst = jnp.argmax(jnp.where(jnp.isfinite(own), own, 0.0))
+    errors, sizes = _beyond(rows, p, claimed)
+    worst = jnp.argmax(jnp.where(jnp.isfinite(errors), errors, 0.0))
     # If the mixture is wrong, the error of the named row is reported where it is larger.
-    named = jnp.maximum(error, _quotient(own[worst], sizes[worst]))
+    named = jnp.maximum(error, _quotient(errors[worst], sizes[worst]))
     return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
 
 

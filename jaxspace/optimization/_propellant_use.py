@@ -137,10 +137,10 @@ def propellant_use(
     share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
     size = jnp.where(still, jnp.inf, size)
     feasible = size <= V
-    kept = jnp.minimum(size, V)
-    across = safe_sqrt(V * V - kept * kept)
+    vertical = jnp.minimum(size, V)
+    across = safe_sqrt(V * V - vertical * vertical)
     # Without propellant the impulse has no slope, and the angle is zero.
-    angle = jnp.arctan2(kept, jnp.where(V > 0.0, across, 1.0))
+    angle = jnp.arctan2(vertical, jnp.where(V > 0.0, across, 1.0))
     return PropellantUse(
         first=V * share,
         last=V * (1.0 - share),

@@ -149,21 +149,21 @@ def _search(
         )
 
     # The corners of the steering are breaks: its gradient needs no check.
-    found = minimise(
+    minimum = minimise(
         problem,
         {"release": release_angle, "profile": profile},
         tolerance=tolerance,
         check_gradient=False,
     )
-    end = found.criterion.report
+    end = minimum.criterion.report
     return SteeringOptimum(
-        release_angle=found.x["release"],
-        steering=made(found.x["profile"]),
+        release_angle=minimum.x["release"],
+        steering=made(minimum.x["profile"]),
         burnout=end,
         apex_time=apex(ascent, end)[0],
         final_velocity=end.u,
-        height_derivative=found.multipliers.equal_zero * speed / height,
-        violation=found.violation,
-        gradient=found.gradient,
-        converged=found.converged,
+        height_derivative=minimum.multipliers.equal_zero * speed / height,
+        violation=minimum.violation,
+        gradient=minimum.gradient,
+        converged=minimum.converged,
     )

@@ -45,19 +45,19 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     """The BFGS curvature after a step p, damped so that it stays positive definite (Powell)."""
     change = slope(trial, y, nu) - slope(s.at, y, nu)
     B = s.B
-    own = p @ B @ p
+    curvature = p @ B @ p
     along = p @ change
     # The first step sets the size of the curvature.
     fresh = (s.calls == 1) & (along > 0.0)
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
-    own = jnp.where(fresh, p @ B @ p, own)
+    curvature = jnp.where(fresh, p @ B @ p, curvature)
     # Powell's numbers: where the new curvature along p is below a fifth of the old one, it is mixed
     # with the old one, so that B stays positive definite.
-    low = along < 0.2 * own
-    share = jnp.where(low, 0.8 * own / jnp.where(low, own - along, 1.0), 1.0)
+    low = along < 0.2 * curvature
+    share = jnp.where(low, 0.8 * curvature / jnp.where(low, curvature - along, 1.0), 1.0)
     change = share * change + (1.0 - share) * (B @ p)
-    bottom, top = own, p @ change
+    bottom, top = curvature, p @ change
     usable = (bottom > 0.0) & (top > 0.0)
     bottom, top = (jnp.where(usable, v, 1.0) for v in (bottom, top))
     q = B @ p
@@ -88,10 +88,10 @@ def _of_the_sum(at: Values, free: Bool[Array, " n"]) -> tuple[Array, Array]:
     and the weight may lie between -1 (an inequality: 0) and 1."""
     met = ROUNDINGS * jnp.finfo(at.c.dtype).eps
     violated = jnp.concatenate([jnp.abs(at.c), -at.d]) > met
-    own = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)
+    signs = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)
     kinks = ~violated & jnp.concatenate([jnp.ones_like(at.c, bool), at.d < met])
     rows = jnp.where(free, jnp.concatenate([at.J, -at.K]), 0.0)
-    among = jnp.linalg.lstsq(jnp.where(kinks, rows.T, 0.0), -(own @ rows))[0]
+    among = jnp.linalg.lstsq(jnp.where(kinks, rows.T, 0.0), -(signs @ rows))[0]
     least = jnp.concatenate([-jnp.ones_like(at.c), jnp.zeros_like(at.d)])
-    weights = own + jnp.clip(among, least, 1.0)
+    weights = signs + jnp.clip(among, least, 1.0)
     return weights[: at.c.size], weights[at.c.size :]

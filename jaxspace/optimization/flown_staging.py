@@ -132,20 +132,20 @@ def staging_with_losses(
     top, round_earth = (None if x is None else as_float(x) for x in (height, radius))
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)
-    found = _search(goal, limit)
+    minimum = _search(goal, limit)
     # A traced search does not say yet whether another one must follow it.
-    if is_traced(found.converged) or bool(found.minimum.violation <= limit):
-        return found
+    if is_traced(minimum.converged) or bool(minimum.minimum.violation <= limit):
+        return minimum
     fastest = _search(goal, limit, fastest=True)
     if not bool(fastest.converged):
-        return found
+        return minimum
     if bool(fastest.burnout.speed >= speed):
         # Within reach after all, but far from where the search began: the fastest is nearer.
         return _search(goal, limit, (fastest.stage_mass, fastest.minimum.x))
     return dataclasses.replace(
         fastest,
-        converged=found.converged,
-        minimum=found.minimum,
+        converged=minimum.converged,
+        minimum=minimum.minimum,
         velocity_price=jnp.inf + 0.0 * speed,
         greatest_speed=fastest.burnout.speed,
     )
@@ -169,7 +169,7 @@ def _search(
     start, low, high, scale = _unknowns(goal, sizes)
     if begin is not None and not goal.vertical:
         start["kick"] = begin[1]["kick"]
-    found = minimise(
+    minimum = minimise(
         _problem(goal, sizes, fastest),
         start,
         bounds=(low, high),
@@ -181,8 +181,8 @@ def _search(
         # A flight in so few steps is cheap to differentiate twice.
         exact_hessian=True,
     )
-    masses, flight = found.criterion.report
-    prices = found.multipliers.equal_zero
+    masses, flight = minimum.criterion.report
+    prices = minimum.multipliers.equal_zero
     speed_price = height_price = none
     if prices is not None and not fastest:
         speed_price = -prices[0] / goal.speed
@@ -191,7 +191,7 @@ def _search(
         stage_mass=masses,
         propellant=(1.0 - b) * masses,
         used=masses > 1e-6 * flight.initial_mass,
-        kick=_kick(goal, found.x),
+        kick=_kick(goal, minimum.x),
         initial_mass=flight.initial_mass,
         burnout=flight.end,
         burn_times=flight.burn_times,
@@ -199,8 +199,8 @@ def _search(
         losses=flight.ideal_velocity - (flight.end.speed - FIRST_SPEED),
         velocity_price=speed_price,
         height_price=height_price,
-        converged=found.converged,
-        minimum=found,
+        converged=minimum.converged,
+        minimum=minimum,
         greatest_speed=jnp.nan * goal.speed,
     )
 

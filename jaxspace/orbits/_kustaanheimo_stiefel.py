@@ -131,9 +131,9 @@ def _has_potential(rest: AbstractSystem, z: jax.ShapeDtypeStruct) -> bool:
 
     def both(t: Scalar, v: Vector, r: Vector, arrays: AbstractSystem) -> tuple[Array, ...]:
         system = eqx.combine(arrays, static)
-        kept = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
+        invariants = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
         a = system.vector_field(t, BodyState(r, v)).velocity
-        return (a, kept["energy"]) if "energy" in kept else (a,)
+        return (a, invariants["energy"]) if "energy" in invariants else (a,)
 
     jaxpr = jax.make_jaxpr(both)(time, y.velocity, y.position, shapes).jaxpr
     moved = depending_on(jaxpr, jaxpr.invars[:2])

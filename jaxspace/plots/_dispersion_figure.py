@@ -226,10 +226,10 @@ def summary(row: "Row") -> str:
     return words + (f"; beyond the bins: {row.missing()}" if row.missing() else "")
 
 
-def explained(found: "Contributors") -> str:
+def explained(contributors: "Contributors") -> str:
     """The sum of the shares and the unexplained rest, in words."""
-    part = f"{100.0 * max(found.r_squared, 0.0):.1f} % of the variance by inputs one by one"
-    return part + ("" if found.r_squared >= 0.9995 else "; rest: products, higher powers")
+    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % of the variance by inputs one by one"
+    return part + ("" if contributors.r_squared >= 0.9995 else "; rest: products, higher powers")
 
 
 def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":

@@ -219,8 +219,8 @@ def _momentum(system: Any, ts: Any, states: Any) -> Any:
     if not getattr(states, "parts", None):
         inertia = _inertia(system, states)
         return None if inertia is None else states.attitude.rotate(inertia.times(states.omega))
-    kept = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
-    return kept.get("rotational_momentum")
+    invariants = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
+    return invariants.get("rotational_momentum")
 
 
 def _inertia(system: Any, states: Any) -> Any:

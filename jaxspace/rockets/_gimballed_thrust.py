@@ -236,6 +236,6 @@ class GimballedThrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # As those of the point's motor, whose law may have corners, too.
-        own = self.motor().breaks()
+        motor_breaks = self.motor().breaks()
         law = self.gimbal.steering.breaks()
-        return own if law is None else joined_breaks(own, law)
+        return motor_breaks if law is None else joined_breaks(motor_breaks, law)

@@ -114,8 +114,8 @@ def _traced(
     runs: tuple[int, ...],
 ) -> SceneReading:
     arrays, rest = eqx.partition(scene, _is_shape)
-    own = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
-    dtype = own[0] if own else jnp.zeros(()).dtype
+    dtypes = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
+    dtype = dtypes[0] if dtypes else jnp.zeros(()).dtype
     traces: list[_Trace] = []
     parts: set[str] = set()
 

@@ -95,8 +95,8 @@ def _drifts(
     """The largest relative change of every invariant, over all phases of a mission."""
     largest: dict[str, Array] = {}
     for phase, (ts, states) in zip(systems_of(system), phases, strict=True):
-        kept = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
-        for name, values in kept.items():
+        invariants = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
+        for name, values in invariants.items():
             change = jnp.max(relative_change(values, 0))
             largest[name] = jnp.maximum(change, largest[name]) if name in largest else change
     return largest

@@ -147,8 +147,8 @@ class AccuracyCost:
         rows = [head, *(_cells(row, self.reference_error, gradient) for row in self.rows)]
         lines = [aligned(rows, left=2)]
         if self.reference:
-            own = self.reference_error
-            good = f"good to about {own:.1g}" if math.isfinite(own) else "of an error not known"
+            error = self.reference_error
+            good = f"good to about {error:.1g}" if math.isfinite(error) else "of an error not known"
             lines.append(f"Errors are against {self.reference}, itself {good}.")
         return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 
