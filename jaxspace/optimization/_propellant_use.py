@@ -77,7 +77,8 @@ class PropellantUse(eqx.Module):
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:
             raise InputError("PropellantUse.sentence describes one known run: pick one.")
         if not bool(self.feasible):
-            gain, climb = float(self.first + self.last), float(self.nearest_climb)
+            gain = float(self.first + self.last)
+            climb = float(self.nearest_climb)
             reached = f"the nearest that it reaches is {climb:.6g} m above the release"
             return (
                 f"The propellant is too little to reach the height without climb: it gives "

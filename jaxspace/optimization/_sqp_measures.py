@@ -57,7 +57,8 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     low = along < 0.2 * curvature
     share = jnp.where(low, 0.8 * curvature / jnp.where(low, curvature - along, 1.0), 1.0)
     change = share * change + (1.0 - share) * (B @ p)
-    bottom, top = curvature, p @ change
+    bottom = curvature
+    top = p @ change
     usable = (bottom > 0.0) & (top > 0.0)
     bottom, top = (jnp.where(usable, v, 1.0) for v in (bottom, top))
     q = B @ p
@@ -69,7 +70,8 @@ def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether no step reduces the violation of the constraints to first order.
 
     The violation is their sum, which the quadratic programmes reduce, or their sum of squares."""
-    at, holds = s.at, jnp.asarray(False)
+    at = s.at
+    holds = jnp.asarray(False)
     free = (s.x > limits.lower) & (s.x < limits.upper)
     # Three sets of weights, since the first is inexact: the multipliers of the last programme, in
     # which the objective is a small part by then, lose digits where its radius is small.

@@ -113,11 +113,14 @@ def begin(
     - `me`, `mi`: how many equalities and inequalities there are.
     - `report`: a tree of the shapes of what the problem reports.
     - `check`: whether the gradient is compared with differences first."""
-    n, rows = x.size, 1 + me + mi
+    n = x.size
+    rows = 1 + me + mi
     zeros = functools.partial(jnp.zeros, dtype=x.dtype)
     at = Values(zeros(()), zeros(me), zeros(mi), zeros(n), zeros((me, n)), zeros((mi, n)), report)
-    one, no = jnp.ones((), x.dtype), jnp.asarray(False)
-    calls, probed = jnp.asarray(-PROBES if check else 0), probes_of(x, limits)
+    one = jnp.ones((), x.dtype)
+    no = jnp.asarray(False)
+    calls = jnp.asarray(-PROBES if check else 0)
+    probed = probes_of(x, limits)
     return SqpState(
         x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
         (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),

@@ -165,7 +165,8 @@ def _search(
     if begin is not None:
         # A stage that vanished there may grow again.
         sizes = jnp.maximum(begin[0], 0.01 * sizes)
-    b, none = goal.design.structural_factor, jnp.zeros_like(goal.speed)
+    b = goal.design.structural_factor
+    none = jnp.zeros_like(goal.speed)
     start, low, high, scale = _unknowns(goal, sizes)
     if begin is not None and not goal.vertical:
         start["kick"] = begin[1]["kick"]
@@ -214,7 +215,8 @@ def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
     # search begins at what its thrust lifts.
     speed = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
     ratio = jnp.maximum(optimal_staging(u, b, speed).mass_ratio, 1.05)
-    size, above = [], goal.payload
+    size = []
+    above = goal.payload
     for i in reversed(range(u.shape[0])):
         above = above + design.fixed_mass[i]
         size.append(above * (ratio[i] - 1.0) / (1.0 - b[i] * ratio[i]))
