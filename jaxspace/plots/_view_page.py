@@ -179,8 +179,8 @@ def _picked(times: np.ndarray, rate: float) -> np.ndarray:
     long one, and more of them for a body that turns at up to this rate, rad/s."""
     span = abs(times[-1] - times[0])
     most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
-    wanted = np.linspace(times[0], times[-1], int(min(len(times), most)))
-    return np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
+    even = np.linspace(times[0], times[-1], int(min(len(times), most)))
+    return np.unique(np.searchsorted(times, even).clip(0, len(times) - 1))
 
 
 def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.ndarray]:
