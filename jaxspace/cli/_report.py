@@ -16,7 +16,7 @@ from ..vehicles import LaunchSite
 from ._folder import make_folder
 from ._warning_lines import warnings_as_lines
 
-FLIGHTS = 24
+PATHS = 24
 """Runs whose trajectories are drawn."""
 
 
@@ -61,7 +61,7 @@ def keep_pictures(
 
 
 def _top(result: Dispersion) -> float:
-    """Height of the flights, m: the mean of an output `apogee`, or 3 km without one."""
+    """Height that the paths reach, m: the mean of an output `apogee`, or 3 km without one."""
     heights = result.outputs.get("apogee")
     if heights is None or result.units.get("apogee") != "m":
         return 3000.0
@@ -85,7 +85,7 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         site = file.site
         title = file.title
         nominal = file.nominal_outputs(run)
-        some = np.arange(min(FLIGHTS, result.runs))
+        some = np.arange(min(PATHS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
