@@ -26,8 +26,9 @@ def test_every_script_has_its_picture():
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_script_stands_on_one_screen(name):
     code = SCRIPTS[name].read_text()
-    title, _, caption = ast.get_docstring(ast.parse(code)).partition("\n\n")
-    assert title and caption
+    head, _, caption = ast.get_docstring(ast.parse(code)).partition("\n\n")
+    goal, figure = head.split("\n")
+    assert goal and figure and caption
     assert len(code.splitlines()) <= 80
 
 

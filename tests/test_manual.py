@@ -22,6 +22,8 @@ from jaxspace.core.modules import public_names
 ROOT = Path(__file__).parents[1]
 CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+PICTURE = re.compile(r'src(?:set)?="([^":]+)"')
+COPIED = re.compile(r"^jaxspace new (\w+)", re.MULTILINE)
 MANUAL = ["README.md", "CONTRIBUTING.md"]
 MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
@@ -65,10 +67,13 @@ def marks_of(page):
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # and read those of the examples
+    text = (ROOT / page).read_text()
+    for scene in dict.fromkeys(COPIED.findall(text)):
+        assert cli.main(["new", scene]) == 0
     names = {"__name__": "page"}
     # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
     with jax.numpy_dtype_promotion("standard"):
-        for block in CODE.findall((ROOT / page).read_text()):
+        for block in CODE.findall(text):
             exec(compile(block, page, "exec"), names)
 
 
@@ -115,7 +120,7 @@ def test_page_imports_public_names_only(page):
 @pytest.mark.parametrize("page", MANUAL)
 def test_links_of_the_page_lead_somewhere(page):
     text = (ROOT / page).read_text()
-    for target in LINK.findall(text):
+    for target in LINK.findall(text) + PICTURE.findall(text):
         there = ((ROOT / page).parent / target).exists() or Path(target).name in GENERATED
         assert there, f"{page} points to {target}"
 
