@@ -147,7 +147,12 @@ TASKS = {
         "Say what it can do": "AbstractClosedForm AbstractSplit AbstractRegularised "
         "AbstractDecoupled AbstractSecondOrderForm AbstractGroupElement known_time",
         "Declare for files": "constructor event initial output declarations",
-        "Refuse a wrong input": "InputError MissingExtra checks",
+        "Refuse a wrong input": "InputError MissingExtra check checks",
         "Compute": "vectors shapes safe special elliptic jacobi Table Spline tables types",
+    },
+    "solvers": {
+        "Choose a method": "RKN1210 Stormer Regularised AdaptiveRegularised ExponentialRosenbrock "
+        "Splitting MuntheKaas FixedSteps",
+        "Write a method": "protocol",
     },
 }

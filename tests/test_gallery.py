@@ -1,6 +1,7 @@
 """The gallery: every script has its picture, stands on one screen, and draws."""
 
 import ast
+import importlib
 import sys
 from pathlib import Path
 
@@ -21,6 +22,15 @@ def test_every_script_has_its_picture():
     assert {path.stem for path in PICTURES.glob("*.png")} == set(SCRIPTS)
     for picture in PICTURES.glob("*.png"):
         assert 2_000 < picture.stat().st_size < 60_000, picture.name
+
+
+def test_every_script_has_a_goal(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    pages = importlib.import_module("_gallery_pages")
+    named = [stem for stems in pages.GOALS.values() for stem in stems.split()]
+    assert sorted(named) == sorted(SCRIPTS)
+    # A heading leads to one figure.
+    assert len({script.goal for script in pages.scripts().values()}) == len(SCRIPTS)
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
