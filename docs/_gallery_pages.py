@@ -43,10 +43,6 @@ screen, and to the functions behind it. The lower names are the figures of the
 books; [From the textbook](../reference/from_the_textbook.md) begins with those.
 """
 GOALS = {
-    "Choose an orbit": (
-        "fig_4_9_2 fig_4_10_1 fig_4_13_2 fig_4_13_4 fig_4_18_1 ground_track "
-        "rosettes h_5_6 h_5_7"
-    ),
     "Change an orbit": (
         "porkchop fig_4_11_2 coaxial_ellipses fig_4_16_1 fig_4_16_2 fig_4_16_3"
     ),
@@ -59,6 +55,10 @@ GOALS = {
     ),
     "Hold or stop a satellite": (
         "stability_map fig_7_5_3 swing_out_arms fig_7_6_4 fig_9_8_3"
+    ),
+    "Choose an orbit": (
+        "fig_4_9_2 fig_4_10_1 fig_4_13_2 fig_4_13_4 fig_4_18_1 ground_track "
+        "rosettes h_5_6 h_5_7"
     ),
     "See how a free body turns": (
         "fig_5_10_5 fig_5_10_3 fig_5_10_4 fig_5_11_1 h_4_14 fig_5_8_2 fig_5_9_1 "

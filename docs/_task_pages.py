@@ -36,7 +36,7 @@ def on_page_markdown(markdown, page, **kwargs):
         f"### {task}\n\n| Name | What it is |\n|---|---|\n" + "\n".join(rows)
         for task, rows in groups(name).items()
     ]
-    return "\n\n".join([head, *lists, "## The root"]) + "\n" + mark + rest
+    return "\n\n".join([head, *lists, f"## {name}"]) + "\n" + mark + rest
 
 
 def groups(package: str) -> dict[str, list[str]]:
@@ -53,7 +53,7 @@ def groups(package: str) -> dict[str, list[str]]:
         found[task] = [
             row for word in words.split() for row in left.pop(word)
         ]
-    found["More" if found else "Names"] = [
+    found["More" if found else "All names"] = [
         x for some in left.values() for x in some
     ]
     return {
@@ -74,7 +74,8 @@ def by_task() -> str:
     for package in sorted(packages()):
         tasks = groups(package)
         links = [
-            f"[{x.lower()}](../api/{package}.md#{anchor(x)})" for x in tasks
+            f"[{x[0].lower() + x[1:]}](../api/{package}.md#{anchor(x)})"
+            for x in tasks
         ]
         parts[-1] += (
             f"\n| [`{package}`](../api/{package}.md) | {' · '.join(links)} |"

@@ -71,9 +71,7 @@ def marks_of(page):
     return () if page.startswith(FIRST) else pytest.mark.slow
 
 
-@pytest.mark.parametrize(
-    "page", [pytest.param(p, marks=marks_of(p)) for p in PAGES if p != HOME]
-)
+@pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES if p != HOME])
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # and read those of the examples
