@@ -3,9 +3,9 @@ stands for all of its names. What is not listed follows in a group of its own.""
 
 TASKS = {
     "simulation": {
-        "Run": "simulate simulate_batch simulate_mission simulate_mission_batch fly_compact",
+        "Run": "simulate simulate_batch simulate_mission simulate_mission_batch simulate_compact",
         "Say how": "Accuracy Event Mission Phase crossings",
-        "Read the result": "Trajectory MissionTrajectory MissionResult CompactFlight Status "
+        "Read the result": "Trajectory MissionTrajectory MissionResult CompactRun Status "
         "SimulationError",
     },
     "scene": {
@@ -24,7 +24,7 @@ TASKS = {
         "AbstractCondition",
     },
     "rotations": {
-        "Turn vectors": "Quaternion direction_cosines rotation_vector",
+        "Turn vectors": "Quaternion direction_cosines rotation_vector tilt",
         "Convert angles": "from_euler_angles to_euler_angles euler_angles",
         "Interpolate and average": "interpolation mean",
         "Change the frame": "MovingFrame moving_frame plane_motion",
@@ -122,7 +122,7 @@ TASKS = {
         "Know what causes the scatter": "contributors sensitivity",
         "Know how sure a number is": "limits spread rare extremes Footprint",
         "Do without many runs": "moments covariance comparison evaluate",
-        "Run one again": "fly Flights replay",
+        "Run one again": "run_paths RunPaths replay",
         "Keep the runs": "open_store DamagedStore StoreError",
         "Choose where they run": "ProcessPool DaskCluster MultiHost AbstractEngine",
     },
@@ -151,7 +151,7 @@ TASKS = {
         "Compute": "vectors shapes safe special elliptic jacobi Table Spline tables types",
     },
     "solvers": {
-        "Choose a method": "RKN1210 Stormer Regularised AdaptiveRegularised ExponentialRosenbrock "
+        "Choose a method": "DOP853 Tsit5 RKN1210 Stormer Regularised AdaptiveRegularised ExponentialRosenbrock "
         "Splitting MuntheKaas FixedSteps",
         "Write a method": "protocol",
     },
