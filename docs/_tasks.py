@@ -151,8 +151,8 @@ TASKS = {
         "Compute": "vectors shapes safe special elliptic jacobi Table Spline tables types",
     },
     "solvers": {
-        "Choose a method": "DOP853 Tsit5 RKN1210 Stormer Regularised AdaptiveRegularised ExponentialRosenbrock "
-        "Splitting MuntheKaas FixedSteps",
+        "Choose a method": "DOP853 Tsit5 RKN1210 Stormer Regularised AdaptiveRegularised "
+        "ExponentialRosenbrock Splitting MuntheKaas FixedSteps",
         "Write a method": "protocol",
     },
 }
