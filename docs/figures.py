@@ -1,7 +1,6 @@
 """Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes
 docs/figures/NAME.png."""
 
-import re
 import runpy
 import sys
 from pathlib import Path
@@ -9,6 +8,7 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _uses import BLOCK
 from PIL import Image
 
 import jaxspace
@@ -119,12 +119,10 @@ def kick_stage():
 def rocket_to_the_ground():
     """What the last block of the tutorial of this name draws."""
     page = HERE.parent / "tutorials" / "rocket_to_the_ground.md"
-    blocks = re.findall(
-        r"^```python\n(.*?)^```$", page.read_text(), re.MULTILINE | re.DOTALL
-    )
+    code = "\n".join(BLOCK.findall(page.read_text()))
     names = {}
     # The last line of the last block writes a file.
-    exec("\n".join(blocks).rpartition("footprint_figure")[0], names)
+    exec(code.rpartition("footprint_figure")[0], names)
     return footprint_figure(names["result"])
 
 
