@@ -33,6 +33,8 @@ HOME = "docs/index.md"
 FIRST = (
     "README.md",
     "docs/tutorials/getting_started.md",
+    "docs/tutorials/rocket_to_the_ground.md",
+    "docs/tutorials/trained_controller.md",
     "docs/howto/extending.md",
 )
 # Which compile for half a minute each.
