@@ -207,15 +207,18 @@ def by_numba(p, dt=1.0):
     return lambda: fly(p, dt, np.empty((7, p.shape[1])))
 
 
+def start(p: np.ndarray) -> tuple[Mission, BodyState]:
+    """The ascents for these factors, and their state on the ground."""
+    o = jnp.zeros(p.shape[1])
+    r = jnp.stack([RADIUS + o, o, o])
+    v = jnp.stack([o, SPIN * RADIUS + o, o])
+    return mission(p), BodyState(r, v, mass=LIFT_OFF_MASS + o)
+
+
 def measure() -> dict:
     """Error of the final position and speed of every way."""
     p = dispersed()
-    system = mission(p)
-    o = jnp.zeros(RUNS)
-    r = jnp.stack([RADIUS + o, o, o])
-    v = jnp.stack([o, SPIN * RADIUS + o, o])
-    y0 = BodyState(r, v, mass=LIFT_OFF_MASS + o)
-
+    system, y0 = start(p)
     alone = on_one_device(y0)
 
     def ours(rtol, method: Any = "auto", y0=alone):
