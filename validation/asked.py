@@ -262,7 +262,10 @@ def draw(found: dict[str, Measured], file: Path = FIGURE) -> None:
         panel.invert_xaxis()
         panel.text(ends[0], PROMISE * ends[0], "ten times ", fontsize=8, ha="left", va="bottom")
     figure.legend(
-        *panels[0].get_legend_handles_labels(), fontsize=8, loc="outside lower center", ncols=3,
+        *panels[0].get_legend_handles_labels(),
+        fontsize=8,
+        loc="outside lower center",
+        ncols=3,
         frameon=False,
     )
     figure.savefig(file, dpi=130)
