@@ -75,8 +75,8 @@ class End(NamedTuple):
 
 @eqx.filter_jit
 def flow(system, y0, start, end, tolerance) -> End:
-    """The end of the motion from `y0` at `start` to `end`, s, without breaks between them; NaN where
-    it is not reached."""
+    """The end of the motion from `y0` at `start` to `end`, s, without breaks between them; NaN
+    where it is not reached."""
     first, restored = ravel_pytree(y0)
     sizes = [x.size for x in jax.tree.leaves(y0)]
     members = np.repeat(np.eye(len(sizes)), sizes, axis=1)

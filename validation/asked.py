@@ -162,11 +162,12 @@ that is chosen by default, with nothing set but the tolerance.
 {summary}
 
 An error is that of the final state, of the worst of its blocks (position, velocity, quaternion,
-...), relative to the largest length of this block on the way. It is measured against a second method, which shares nothing
-with the first: Gauss's collocation of order 20 (`validation/_gauss.py`), at 1e-13 a step; *exact
-to* says how far it is from itself at 1e-11. *Growth* is by how much a small relative change of the
-start has grown at the end: no method can return fewer roundings than that, and an error that a step
-makes early grows as much. Errors more than ten times the tolerance are **bold**.
+...), relative to the largest length of this block on the way. It is measured against a second
+method, which shares nothing with the first: Gauss's collocation of order 20
+(`validation/_gauss.py`), at 1e-13 a step; *exact to* says how far it is from itself at 1e-11.
+*Growth* is by how much a small relative change of the start has grown at the end. No method can
+return fewer roundings than that, and an error that a step makes early grows as much. Errors more
+than ten times the tolerance are **bold**.
 
 | Scene | Growth | Exact to | {asked} |
 |---|--:|--:|{rules}"""
