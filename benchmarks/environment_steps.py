@@ -22,9 +22,13 @@ from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 from ._measure import WIDE, in_turn, on_one_device, optional, with_errors_of_rotation
 
 RUNS, SPAN, MOMENTS = 1024, 1.0, (1.0, 1.5, 2.0)
-SCENE = Scene([CommandedTorque()], RigidBody(inertia=MOMENTS))
 MODEL = """<mujoco><option gravity="0 0 0" integrator="{}"/><worldbody><body><freejoint/>
 <inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body></worldbody></mujoco>"""
+
+
+def scene(dtype: Any = float) -> Scene:
+    """A free body, with its moments in the precision."""
+    return Scene([CommandedTorque()], RigidBody(inertia=jnp.asarray(MOMENTS, dtype)))
 
 
 def starts(dtype: Any = float) -> BodyState:
@@ -36,16 +40,15 @@ def starts(dtype: Any = float) -> BodyState:
 
 def moved(y: BodyState, h: jax.Array, count: Any) -> jax.Array:
     """Rates and quaternions after as many steps of the length `h`, s."""
-    y = jax.lax.fori_loop(
-        0, count, lambda _, y: step(SCENE, y, None, h, method=FixedSteps(Tsit5(), 1)), y
-    )
+    body, method = scene(h.dtype), FixedSteps(Tsit5(), 1)
+    y = jax.lax.fori_loop(0, count, lambda _, y: step(body, y, None, h, method=method), y)
     return jnp.concatenate([y.omega, y.attitude.wxyz])
 
 
 def exact(y0: BodyState) -> jax.Array:
     """The same after the whole time, in adaptive steps."""
     accuracy = Accuracy(1e-12, method=DOP853())
-    end = simulate_batch(SCENE, y0, jnp.array([0.0, SPAN]), accuracy=accuracy).final
+    end = simulate_batch(scene(), y0, jnp.array([0.0, SPAN]), accuracy=accuracy).final
     return jnp.concatenate([end.omega, end.attitude.wxyz])
 
 
