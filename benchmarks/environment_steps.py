@@ -27,8 +27,9 @@ MODEL = """<mujoco><option gravity="0 0 0" integrator="{}"/><worldbody><body><fr
 
 
 def scene(dtype: Any = float) -> Scene:
-    """A free body, with its moments in the precision."""
-    return Scene([CommandedTorque()], RigidBody(inertia=jnp.asarray(MOMENTS, dtype)))
+    """A free body, with its numbers in the precision."""
+    whole = Scene([CommandedTorque()], RigidBody(inertia=MOMENTS))
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype), whole)
 
 
 def starts(dtype: Any = float) -> BodyState:
