@@ -171,7 +171,36 @@ than ten times the tolerance are **bold**.
 
 | Scene | Growth | Exact to | {asked} |
 |---|--:|--:|{rules}"""
-NOTES: dict[str, str] = {}
+PHASE = (
+    "revolutions add up: a step that errs in the energy is late by more and more, and the growth "
+    "says by how much. "
+)
+AIR = (
+    "likely the edges between the layers of the standard air and the nodes of the drag: no time is "
+    "known at which the rocket passes them, so that no step ends on them, and one across them errs "
+    "more than its estimate says. "
+)
+NOTES = {
+    "Transfer to the stationary orbit": PHASE + "In double precision every run keeps the promise; "
+    "in single precision at loose tolerances, where a method of order 5 is chosen, some do not.",
+    "Launch of two stages": AIR + "The flight enlarges these errors eightfold.",
+    "Gravity turn to an apogee": AIR + "What they leave at the burnout moves the apogee, half a "
+    "revolution later, 250 times as far.",
+    "Low-thrust spiral of 20 days": PHASE + "Of 310 revolutions without a closed form most of what "
+    "was asked is lost, and in single precision all: the rounding of a position in metres is half "
+    "a metre a step. Ask for a ten-thousandth of what is wanted.",
+    "Flexible stage under its autopilot": "at 1e-4 a step of the method of order 5 is about as "
+    "long as the vibration of the beam. In single precision the error stays however small the steps, as "
+    "roundings do; which of its parts loses the digits is not known.",
+    "Two-gimbal gyro at 24,000 rpm": "the gimbals nod some forty times in the span, and errors "
+    "grow 900 times. In single precision more steps are worse: each rounds the state once more.",
+    "Settling coin": "it comes to rest in finite time, with a rattle whose pitch rises without "
+    "bound, and the span ends close to that time: errors grow 300 times, the last of them fastest.",
+    "Double pendulum": "its motion enlarges errors fifteen times in ten seconds, and would go on "
+    "to do so.",
+    "Molniya orbit over a month": PHASE + "Of 60 revolutions through a periapsis of 600 km it is "
+    "3,600.",
+}
 
 
 def stored() -> dict[str, Measured]:
@@ -216,7 +245,9 @@ def text(found: dict[str, Measured]) -> str:
     every = len(settings) * len(found)
     summary = (
         f"Of {every} runs {every - late} end within ten times the tolerance, "
-        f"{sum(not some for some in misses.values())} of {len(found)} scenes with all of theirs."
+        f"{sum(not some for some in misses.values())} of {len(found)} scenes with all of theirs. "
+        f"Of the {late} others {_by_growth(found)} are within ten times the tolerance times the "
+        "*growth* of their motion."
     )
     head = HEAD.format(summary=summary, asked=" | ".join(columns), rules="--:|" * len(columns))
     lines = [head, *(_line(name, one) for name, one in found.items()), ""]
@@ -224,6 +255,13 @@ def text(found: dict[str, Measured]) -> str:
         lines.append("## Where it is more\n")
         lines += [f"**{name}**: {NOTES[name]}\n" for name, some in misses.items() if some]
     return "\n".join(lines).rstrip() + "\n"
+
+
+def _by_growth(found: dict[str, Measured]) -> int:
+    """How many misses the motion explains."""
+    return sum(
+        met <= PROMISE * rtol * one.growth for one in found.values() for _, rtol, met in missed(one)
+    )
 
 
 def _line(name: str, one: Measured) -> str:
