@@ -189,9 +189,6 @@ NOTES = {
     "Low-thrust spiral of 20 days": PHASE + "Of 310 revolutions without a closed form most of what "
     "was asked is lost, and in single precision all: the rounding of a position in metres is half "
     "a metre a step. Ask for a ten-thousandth of what is wanted.",
-    "Flexible stage under its autopilot": "at 1e-4 a step of the method of order 5 is about as "
-    "long as the vibration of the beam. In single precision the error stays however small the "
-    "steps, as roundings do; which of its parts loses the digits is not known.",
     "Two-gimbal gyro at 24,000 rpm": "the gimbals nod some forty times in the span, and errors "
     "grow 900 times. In single precision more steps are worse: each rounds the state once more.",
     "Settling coin": "it comes to rest in finite time, with a rattle whose pitch rises without "
