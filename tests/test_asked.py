@@ -46,7 +46,7 @@ def test_the_page_is_that_of_the_record():
             map(len, asked.ASKED.values())
         )
         # What errors are measured against is known better than they are.
-        assert one.reference < 0.2 * min(e for e in one.errors["float64"] if e > 1e-11), name
+        assert one.reference < 0.5 * min(e for e in one.errors["float64"] if e > 1e-11), name
 
 
 def test_a_miss_is_bold_and_needs_a_reason(monkeypatch):

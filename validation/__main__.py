@@ -1,5 +1,6 @@
 """Computes the groups of comparisons named, or all, and writes the page: `python -m validation
-[GROUP ...]`; `asked` is the page of errors beside tolerances."""
+[GROUP ...]`. `asked` is the page of errors beside tolerances; `page` computes nothing and writes
+both pages from the record."""
 
 import sys
 
@@ -17,10 +18,13 @@ def main() -> None:
     """The record of each group, then the page; status 1 where a row that fails is not explained."""
     every = [*ABOUT, "asked"]
     names = sys.argv[1:] or every
-    if unknown := set(names) - set(every):
-        sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {', '.join(every)}.")
+    if unknown := set(names) - {*every, "page"}:
+        allowed = ", ".join((*every, "page"))
+        sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {allowed}.")
     if "asked" in names:
-        asked.main()
+        asked.keep(asked.measure())
+    if {"asked", "page"} & set(names):
+        asked.write()
     unexplained = []
     for name in (name for name in names if name in ABOUT):
         rows = rows_of(name)
