@@ -26,6 +26,9 @@ LAST = 3
 TIGHT = 1e-13
 # Length of a block, in its unit, below which it has fewer digits: as `Accuracy.atol` has it.
 SMALL = 1e-3
+# Steps of a leg: a kink between the last stage of a step and its end is seen by no stage, and
+# errs with the square of the length.
+LEAST = 512
 # Attempts, after which a leg is given up.
 MOST = 10**6
 
@@ -88,7 +91,7 @@ def flow(system, y0, start, end, tolerance) -> End:
         return jnp.sqrt(members @ (v * v))
 
     def attempt(s: _State) -> _State:
-        h = jnp.minimum(s.h, end - s.t)
+        h = jnp.minimum(jnp.minimum(s.h, (end - start) / LEAST), end - s.t)
         times = s.t + _C * h
 
         def better(_, both):
