@@ -29,7 +29,7 @@ def run(given: argparse.Namespace) -> int:
     """Run the scene or mission of the file once."""
     from . import _commands
 
-    settle()
+    settle(once=True)
     return _commands.run(given.file, given.out, given.show, given.modules)
 
 

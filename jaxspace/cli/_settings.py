@@ -7,8 +7,11 @@ import os
 from .._jax_settings import enable_x64, keep_programs
 
 
-def settle() -> None:
-    """Set jax up for one command; to be called before the first array is made."""
+def settle(*, once: bool = False) -> None:
+    """Set jax up for one command; to be called before the first array is made.
+
+    `once`: whether the command runs each program once. The compiler's optimisations then cost more
+    than they save: half of the wait for a rocket's flight."""
     # Here, because the parser refers to the commands, and they to this file.
     import jax
 
@@ -18,6 +21,7 @@ def settle() -> None:
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", cores())
     keep_programs()
+    jax.config.update("jax_disable_most_optimizations", once)
 
 
 def cores() -> int:
