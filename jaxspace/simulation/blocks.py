@@ -32,8 +32,8 @@ def jit_wide_vectors(function: Callable[P, T]) -> Callable[P, T]:
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        own = jax.default_backend() == "cpu" and not is_traced((args, kwargs))
-        return wide(*args, **kwargs) if own else plain(*args, **kwargs)
+        on_cpu = jax.default_backend() == "cpu" and not is_traced((args, kwargs))
+        return wide(*args, **kwargs) if on_cpu else plain(*args, **kwargs)
 
     return call
 
