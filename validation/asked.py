@@ -298,7 +298,7 @@ def draw(found: dict[str, Measured], file: Path = FIGURE) -> None:
         dress(panel, precision, "tolerance asked for", "error met" if panel is panels[0] else "")
         panel.invert_xaxis()
         panel.text(ends[0], 2.0 * PROMISE * ends[0], "ten times", fontsize=8, va="bottom")
-        panel.text(ends[0], 0.5 * ends[0], "as asked", fontsize=8, va="top", color=MUTED)
+        panel.text(ends[0], 0.1 * ends[0], "as asked", fontsize=8, va="top", color=MUTED)
     figure.legend(
         *panels[0].get_legend_handles_labels(),
         fontsize=8,
