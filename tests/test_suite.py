@@ -1,6 +1,7 @@
 """The division of the tests: what runs after every change holds the basics of every package."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from test_layers import ROOMS
 TESTS = Path(__file__).parent
 
 
+@cache
 def functions(file: Path) -> set[str]:
     """The names of the functions of a file of tests."""
     return {n.name for n in ast.parse(file.read_text()).body if isinstance(n, ast.FunctionDef)}
