@@ -100,7 +100,8 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     # not depend on them.
     k1, k3 = inertia_ratios(moments)
     pitch = -3.0 * (moments[0] - moments[2]) / moments[1]
-    b, c = 1.0 + 3.0 * k1 + k1 * k3, 4.0 * k1 * k3
+    b = 1.0 + 3.0 * k1 + k1 * k3
+    c = 4.0 * k1 * k3
     discriminant = b * b - 4.0 * c
     swinging = discriminant >= 0.0
     # The greater root first, and the other from the product: nothing cancels.
@@ -108,7 +109,7 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     fast = -0.5 * (b + jnp.where(b < 0.0, -root, root))
     slow = safe_divide(c, fast)
     real = [_mode(x) for x in (pitch, slow, fast)]
-    # Of complex roots x both modes turn and grow alike: s^2 = x, |x| = sqrt(c).
+    # Of complex roots x both modes turn and grow at equal rates: s^2 = x, |x| = sqrt(c).
     size = jnp.sqrt(jnp.where(swinging, 1.0, c))
     turning = end_sqrt(_positive, jnp.where(swinging, 0.0, 0.5 * size + 0.25 * b))
     growing = end_sqrt(_positive, jnp.where(swinging, 0.0, 0.5 * size - 0.25 * b))

@@ -1,4 +1,4 @@
-"""What drives the wheels of a body: constant torques, and a control that points the body."""
+"""Motors of the wheels of a body: constant torques, and a control that points the body."""
 
 __all__ = ["AbstractMotor", "ConstantTorque", "PointingControl", "wheel_torques"]
 
@@ -16,7 +16,7 @@ from ..rotations import Quaternion
 
 
 class AbstractMotor(AbstractParameters):
-    """What drives the wheels of a body. A concrete motor is final."""
+    """Motors of the wheels of a body. A concrete class is final."""
 
     @abstractmethod
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
@@ -65,8 +65,8 @@ class PointingControl(AbstractMotor):
         error = target.inverse().then(y.attitude).wxyz
         # Of both quaternions of one attitude the nearer: the body turns the short way.
         sign = jnp.where(error[0] < 0.0, -1.0, 1.0)
-        wanted = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
-        return -wheel_torques(axes, wanted)
+        demand = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
+        return -wheel_torques(axes, demand)
 
 
 def wheel_torques(axes: Array, torque: Vector) -> Array:

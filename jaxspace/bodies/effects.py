@@ -28,7 +28,7 @@ from .state import BodyState
 
 @final
 class Load(eqx.Module):
-    """What an effect contributes to the motion; `None` contributes nothing and costs nothing.
+    """Contribution of an effect to the motion; `None` contributes nothing and costs nothing.
 
     Vectors are (3, *runs).
 
@@ -61,7 +61,7 @@ class AbstractEffect(AbstractParameters):
       body and its moving parts: of effects whose torques are internal); by default nothing. It is
       declared, because no trace shows it."""
 
-    # Without an annotation it is no field, so that an effect of its own may make it one.
+    # Without an annotation it is no field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
 
     @abstractmethod
@@ -102,7 +102,7 @@ class AbstractEffect(AbstractParameters):
         **Arguments**
 
         - `rest`: a system of position and velocity whose accelerations perturb the motion."""
-        # Absent by default, so that a new effect is right before it is fast.
+        # Absent by default: a new effect is correct without them, only slower.
         del rest
         return None
 
@@ -111,13 +111,14 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
+        """The parts of the state by which the load jumps, as of a system
+        (`AbstractSystem.switches`)."""
         return {}
 
     def ground(self) -> Scalar | None:
         """Radius, m, of the sphere about the origin above which the effect is meant: a run that
         passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
-        the default, where it says nothing."""
+        the default, without a warning."""
         return None
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
@@ -144,16 +145,16 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
     - `effects`, `body`: of the scene.
 
     **Raises** `InputError` where two effects integrate a part of the same name."""
-    found: dict[str, State] = {}
+    result: dict[str, State] = {}
     for effect in effects:
         for name, part in (effect.start(y, body) or {}).items():
-            if name in found:
+            if name in result:
                 raise InputError(
                     f"{type(effect).__name__}.part is {name!r}: it must be another name, "
                     "for another effect of the scene integrates that part."
                 )
-            found[name] = part
-    if not found:
+            result[name] = part
+    if not result:
         return y
-    # What the state holds wins: a phase goes on with the parts of the one before.
-    return dataclasses.replace(y, parts={**found, **(y.parts or {})})
+    # Parts in the state stay: a phase continues with the parts of the one before.
+    return dataclasses.replace(y, parts={**result, **(y.parts or {})})

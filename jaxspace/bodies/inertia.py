@@ -95,12 +95,13 @@ class PrincipalInertia(AbstractInertia):
 
     def solve(self, h: Vector) -> Vector:
         moments, h = _same_rank(self.moments, h)
-        # Three quotients, however many runs share the body. Of a rod none: what stays is no change.
+        # Three quotients, however many runs share the body. For a rod the rate about the axis is
+        # zero.
         return h * safe_divide(jnp.ones_like(moments), moments)
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
-        own, moments = _same_rank(self.moments, moments)
-        return PrincipalInertia(own + moments)
+        principal, moments = _same_rank(self.moments, moments)
+        return PrincipalInertia(principal + moments)
 
     def matrix(self) -> Matrix:
         return diagonal(self.moments)
@@ -164,12 +165,12 @@ def _solve_definite(m: Matrix, b: Vector) -> Vector:
     return jnp.stack([b[0] / a - l10 * x1 - l20 * x2, x1, x2])
 
 
-def _same_rank(own: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:
+def _same_rank(inertia: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:
     """The inertia, with its `axes` component axes, and the vector with as many axes of times and
     runs as the one of them that has more."""
     # Both may be the one that is shared: a body of all runs, or one spin for a batch of bodies.
-    rank = max(own.ndim - axes, vector.ndim - 1)
-    return with_rank(own, rank, axes), with_rank(vector, rank)
+    rank = max(inertia.ndim - axes, vector.ndim - 1)
+    return with_rank(inertia, rank, axes), with_rank(vector, rank)
 
 
 def diagonal(d: Vector) -> Matrix:
@@ -198,7 +199,12 @@ def as_inertia(x: Any) -> AbstractInertia:
 
 
 def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
-    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3)."""
+    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, in body axes.
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs)."""
     return 0.5 * dot(omega, inertia.times(omega))
 
 
@@ -215,7 +221,8 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
 
     **Raises** `InputError` for a rod and a point of its axis, about which it has no moment either.
     """
-    tensor, shift = inertia.matrix(), particle_inertia(mass, offset)
+    tensor = inertia.matrix()
+    shift = particle_inertia(mass, offset)
     rank = max(tensor.ndim, shift.ndim) - 2
     return InertiaTensor(with_rank(tensor, rank, axes=2) + with_rank(shift, rank, axes=2))
 

@@ -1,4 +1,4 @@
-"""What each command does with its arguments.
+"""The actions of the commands, with their arguments.
 
 The commands are imported within the functions, because they import what computes, which takes a
 while: `--help` and bad options do not wait for it. Settings of jax come before the first array,
@@ -26,7 +26,7 @@ def new(given: argparse.Namespace) -> int:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Fly the scene or mission of the file once."""
+    """Run the scene or mission of the file once."""
     from . import _commands
 
     settle()
@@ -34,18 +34,19 @@ def run(given: argparse.Namespace) -> int:
 
 
 def disperse(given: argparse.Namespace) -> int:
-    """Fly it many times with its inputs dispersed."""
+    """Run it many times with dispersed inputs."""
     from . import _campaigns
 
     settle()
     own = {name: getattr(given, name) for name in _campaigns.Options._fields}
-    # Made here: the parser must not import the room of campaigns, and gives plain numbers.
+    # Made here, because the parser must not import the package of campaigns, and gives plain
+    # numbers.
     own["until"] = _campaigns.StopRule(*given.until) if given.until else None
     return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out, given.modules)
 
 
 def resume(given: argparse.Namespace) -> int:
-    """Compute what a store lacks."""
+    """Compute the missing runs of a store."""
     from . import _campaigns
 
     settle()
@@ -53,7 +54,7 @@ def resume(given: argparse.Namespace) -> int:
 
 
 def replay(given: argparse.Namespace) -> int:
-    """Fly one run of a store in full detail."""
+    """Run one run of a store again, in full detail."""
     from . import _campaigns
 
     settle()
@@ -87,7 +88,7 @@ def explain(given: argparse.Namespace) -> int:
 
 
 def cost(given: argparse.Namespace) -> int:
-    """Print what accuracy costs in time."""
+    """Print the cost of accuracy in time."""
     from . import _commands
 
     settle()
@@ -95,7 +96,7 @@ def cost(given: argparse.Namespace) -> int:
 
 
 def budget(given: argparse.Namespace) -> int:
-    """Print what each effect does to the answer."""
+    """Print the influence of each effect on the result."""
     from . import _commands
 
     settle()

@@ -1,4 +1,4 @@
-"""What the commands do with a checked scene file."""
+"""Commands on a checked scene file."""
 
 import json
 import os
@@ -18,7 +18,7 @@ from ..verification import run_cases
 from ._folder import make_folder
 from ._waiting import waiting
 
-# By so much the steps of a search may grow until a run confirms it: four repetitions.
+# Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -68,41 +68,44 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
             bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        found, numbers, run = _confirmed(file, file.optimize(progress=show), best)
-        most = MOST_REPEATED * found.steps
-        # Both claim an end by the search's own flight, and not that of an interruption.
-        while found.doubt and (found.minimum.converged or found.infeasible) and found.steps < most:
-            bar.write(f"{found.doubt} The search goes on with {2 * found.steps}.", file=sys.stderr)
-            again = file.optimize(progress=show, start=found.values, steps=2 * found.steps)
-            found, numbers, run = _confirmed(file, again, best)
-    print(optimum_report(found, numbers, run))
+        result, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        most = MOST_REPEATED * result.steps
+        # Both claim an end by the search's own run, and not that of an interruption.
+        while result.warning and result.steps < most:
+            if not (result.minimum.converged or result.infeasible):
+                break
+            sentence = f"{result.warning} The search goes on with {2 * result.steps}."
+            bar.write(sentence, file=sys.stderr)
+            again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
+            result, numbers, run = _confirmed(file, again, best)
+    print(optimum_report(result, numbers, run))
     # The sentence of the report has said that there is no optimum.
-    if sensitivities and not found.infeasible:
-        print(f"\n{sensitivity_report(found)}")
+    if sensitivities and not result.infeasible:
+        print(f"\n{sensitivity_report(result)}")
     print(f"file   {best}")
     for name, phase in run.items():
         draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
-    found.minimum.plot(file.title).savefig(figure)
+    result.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
     print_next(file, f"run {best}")
     # The file is written in any case: the code tells a script whether it is an optimum.
-    return 0 if found.converged else 1
+    return 0 if result.converged else 1
 
 
 def _confirmed(
     file: SceneFile, found: Optimum, best: str
 ) -> tuple[Optimum, tuple[float, ...], MissionTrajectory]:
-    """The optimum, judged by a run of its file, which is written to `best`; the outputs of that
+    """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
-    # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
+    # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
-    return found.judged(run, numbers), numbers, run
+    return found.checked(run, numbers), numbers, run
 
 
 def explain(path: str, modules: Sequence[str] = ()) -> int:
@@ -120,7 +123,7 @@ def explain(path: str, modules: Sequence[str] = ()) -> int:
 def cost(
     path: str, error: float | None, gradient: bool, folder: str, modules: Sequence[str] = ()
 ) -> int:
-    """Print what accuracy costs, recommend a setting, and draw the diagram."""
+    """Print the cost of accuracy, recommend a setting, and draw the diagram."""
     file = load(path, modules=modules)
     make_folder(folder)
     # The file's own setting is always among those measured, so that it can be compared.
@@ -170,20 +173,22 @@ def budget(
     folder: str,
     modules: Sequence[str] = (),
 ) -> int:
-    """Print what each effect does to the output and which of them may go, and draw it."""
+    """Print the influence of each effect on the output and those that may be left out, and draw
+    it."""
     file = load(path, modules=modules)
     if file.kind == "system":
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
-    parts = file.y0.present()
-    judged = parts[0] if output is None else output
-    if judged in parts:
+    parts = file.y0.present
+    chosen = parts[0] if output is None else output
+    if chosen in parts:
         # The difference of two attitudes is an angle.
-        si, factor = quantities(BodyState)[judged].unit or "rad", 1.0
+        si = quantities(BodyState)[chosen].unit or "rad"
+        factor = 1.0
     else:
         try:
-            judged, si, factor = file.final_output(judged)
+            chosen, si, factor = file.final_output(chosen)
         except InputError as error:
             raise InputError(f"{error} Parts of the final state are {', '.join(parts)}.") from None
     size = None
@@ -196,9 +201,9 @@ def budget(
             file.system,
             file.y0,
             file.ts,
-            output=judged,
+            output=chosen,
             tolerance=size,
-            # Effects are told apart by differences, which a coarse tolerance would drown.
+            # The influences are differences of runs, for which a coarse tolerance is not enough.
             accuracy=min(file.values["accuracy"], 1e-9),
         )
     print(f"{file.title}: which effects matter")

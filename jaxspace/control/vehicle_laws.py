@@ -1,4 +1,5 @@
-"""Laws that move the surfaces and engines of vehicles: to an apogee, about the axes, to the ground.
+"""Control laws of the surfaces and engines of vehicles: to an apogee, about the axes, to the
+ground.
 
     h_a = z + ln(1 + b v^2/g)/(2 b),      s = k (h_a - h) + s_0                 air brake
     d   = -q (k e + c (omega - n) + i int(e dt)),   q = min(1, (v_r/|v|)^2)     fins
@@ -6,10 +7,10 @@
     T   = m (a - g),    (s, alpha, beta) = (T . z/F, K (z x d) - C omega)
 
     symbol          meaning                                                      unit
-    z, v, h_a, h    height, speed of climb, predicted and wanted apogee          m, m/s, m
+    z, v, h_a, h    height, speed of climb, predicted and target apogee          m, m/s, m
     b               rho C_D A/(2 m), deceleration by drag over the speed's       1/m
                     square
-    e, omega, n     rotation vector to the target, rate, wanted rate             rad, rad/s
+    e, omega, n     rotation vector to the target, rate, target rate             rad, rad/s
     v_r             speed above which the angles fall as the air's pressure      m/s
                     grows
     r, v_f, a_f     place, velocity and acceleration at the end                  m, m/s, m/s^2
@@ -57,7 +58,7 @@ class ApogeeControl(AbstractController):
     Reads position, whose z is the height, and velocity. The command is the open share, between 0
     and 1, (*runs,)."""
 
-    target: NumberField = quantity("m", doc="h, z of the wanted apogee")
+    target: NumberField = quantity("m", doc="h, z of the target apogee")
     drag: NumberField = quantity(
         "1/m", positive=True, doc="b, of the vehicle with the brake as it is mostly"
     )
@@ -70,8 +71,10 @@ class ApogeeControl(AbstractController):
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Scalar, None]:
         z, climb = measurement(measured, "position")[2], measurement(measured, "velocity")[2]
+        # By the predicted apogee: the height itself would tell of an overshoot too late.
         excess = drag_apogee(z, climb, self.drag, self.gravity) - self.target
         share = self.gain * excess + self.share
+        # Shut under thrust, where the prediction does not hold.
         return jnp.where(t < self.opening, 0.0, jnp.clip(share, 0.0, 1.0)), memory
 
 
@@ -93,7 +96,7 @@ class FinControl(AbstractController):
         "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
     )
     rate: Float[Array, "3 *#runs"] = quantity(
-        "rad/s", default=(0.0, 0.0, 0.0), doc="n, wanted about the axes of the body"
+        "rad/s", default=(0.0, 0.0, 0.0), doc="n, target about the axes of the body"
     )
     full_speed: OptionalNumberField = quantity(
         "m/s", positive=True, optional=True, doc="v_r; without it the gains hold at any speed"
@@ -109,13 +112,16 @@ class FinControl(AbstractController):
         rank = omega.ndim - 1
         gain, damping, rate = (with_rank(x, rank) for x in (self.gain, self.damping, self.rate))
         error = error_vector(attitude, self.target)
+        # In body axes, in which fins act about one axis each.
         angles = -gain * error - damping * (omega - rate)
         if memory is not None and self.integral is not None:
             memory = integrated(memory, t, error)
             angles = angles - with_rank(self.integral, rank) * memory.total
         if self.full_speed is None:
             return angles, memory
-        v, full = measurement(measured, "velocity"), self.full_speed
+        v = measurement(measured, "velocity")
+        full = self.full_speed
+        # The moment of a fin grows with the square of the speed: the gain falls with it.
         return full * full / jnp.maximum(dot(v, v), full * full) * angles, memory
 
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
@@ -128,7 +134,7 @@ class LandingControl(AbstractController):
 
     The command is that of its engine: throttle and the angles of the nozzle about x and y, rad, as
     (3, *runs). Reads position, velocity, mass, attitude and omega. The time to go falls no lower
-    than `least_time`. The wanted thrust leans no more than `tilt_limit` and falls no lower than
+    than `least_time`. The commanded thrust leans no more than `tilt_limit` and falls no lower than
     `least_thrust`: a vehicle that is too high does not turn over. Another law holds the roll."""
 
     arrival: NumberField = quantity("s", doc="time at which to be there")
@@ -136,7 +142,7 @@ class LandingControl(AbstractController):
     full_thrust: NumberField = quantity("N", positive=True, doc="F, of the open throttle")
     gain: NumberField = quantity("", doc="K, angle of the nozzle over that of the error")
     damping: NumberField = quantity("s", doc="C, angle of the nozzle over the rate")
-    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, that is ever wanted")
+    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, least that is commanded")
     target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
     velocity: Float[Array, "3 *#runs"] = quantity(
         "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
@@ -152,7 +158,7 @@ class LandingControl(AbstractController):
     )
 
     def thrust(self, t: Scalar, x: Vector, v: Vector, mass: Scalar) -> Vector:
-        """The wanted thrust T within its limits, N, (3, *runs), in inertial axes.
+        """The commanded thrust T within its limits, N, (3, *runs), in inertial axes.
 
         **Arguments**
 
@@ -162,13 +168,16 @@ class LandingControl(AbstractController):
             with_rank(a, rank)
             for a in (self.target, self.velocity, self.acceleration, self.gravity)
         )
+        # The gains grow without bound as the time to go ends.
         left = jnp.maximum(self.arrival - t, self.least_time)
         a = 12.0 / (left * left) * (r - x) - 6.0 / left * (vf + v) + af
-        wanted, up = mass * (a - g), -unit(g) + 0.0 * x
-        upwards = dot(wanted, up)
-        aside = wanted - upwards * up
+        command = mass * (a - g)
+        up = -unit(g) + 0.0 * x
+        upwards = dot(command, up)
+        aside = command - upwards * up
+        # A vehicle that is too high would turn over to push itself down.
         upwards = jnp.maximum(upwards, self.least_thrust)
-        # Positive, so that the quotient has no hole where the thrust is upright.
+        # Positive, so that the quotient is defined where the thrust is upright.
         most = upwards * jnp.tan(self.tilt_limit)
         size = norm(aside)
         return upwards * up + most / jnp.maximum(size, most) * aside
@@ -178,6 +187,7 @@ class LandingControl(AbstractController):
         attitude, omega = measurement(measured, "attitude"), measurement(measured, "omega")
         thrust = attitude.rotate_back(self.thrust(t, x, v, measurement(measured, "mass")))
         d = unit(thrust)
+        # The error is the direction of the thrust in body axes, across the nozzle.
         about_x = -self.gain * d[1] - self.damping * omega[0]
         about_y = self.gain * d[0] - self.damping * omega[1]
         return jnp.stack([thrust[2] / self.full_thrust, about_x, about_y]), memory

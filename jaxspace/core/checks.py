@@ -21,14 +21,14 @@ class InputError(ValueError):
     def hint(name: object, names: Iterable[str]) -> str:
         """The question for the nearest of the `names` that are allowed, or nothing when none is
         near."""
-        # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
+        # Half of the letters in common: `sprung` suggests `spring`, and an unrelated word nothing.
         near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
         return f" Did you mean {near[0]}?" if near else ""
 
 
 def is_concrete(x: object) -> bool:
     """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
-    # First of all, because a tracer is an instance of `jax.Array` too.
+    # Asked first, because a tracer is an instance of `jax.Array` too.
     if isinstance(x, Tracer) or not isinstance(
         x, float | int | np.ndarray | np.generic | jax.Array
     ):
@@ -58,20 +58,35 @@ def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
 
 
 def check_positive(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is not finite and above zero everywhere."""
+    """Raise `InputError` if the known `value` is not finite and above zero everywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a > 0.0), field, value, "positive and finite")
 
 
 def check_non_negative(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is negative or not finite anywhere."""
+    """Raise `InputError` if the known `value` is negative or not finite anywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a >= 0.0), field, value, "zero or positive, and finite")
 
 
 def check_finite(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is NaN or infinite anywhere."""
+    """Raise `InputError` if the known `value` is NaN or infinite anywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         check(np.isfinite(np.asarray(value)), field, value, "finite")

@@ -1,4 +1,4 @@
-"""Distributions that lean to one side, take few values, or come from a file.
+"""Skewed and discrete distributions, and those of measured values.
 
 triangular    p(x) rises in a straight line from a to c, and falls to b
 lognormal     ln x is normal:  s^2 = ln(1 + (d/m)^2),  ln x = ln m - s^2/2 + s z
@@ -35,7 +35,7 @@ from .distributions import (
 
 @final
 class Triangular(AbstractDistribution):
-    """From `low` over the most frequent value `mode` to `high`. Raises `InputError` unless
+    """A triangular distribution from `low` over its `mode` to `high`. Raises `InputError` unless
     low <= mode <= high and low < high."""
 
     mode: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")
@@ -66,13 +66,15 @@ class Triangular(AbstractDistribution):
         width = self.high - self.low
         below, above = ndtr(z), ndtr(-z)
         rising = below * width < self.mode - self.low
-        # The untaken root gets one: its slope at zero would be infinite.
+        # The root that is not taken gets one, because its slope at zero would be infinite.
         left = jnp.where(rising, below * width * (self.mode - self.low), 1.0)
         right = jnp.where(rising, 1.0, above * width * (self.high - self.mode))
         return jnp.where(rising, self.low + jnp.sqrt(left), self.high - jnp.sqrt(right))
 
     def outside(self, low: float, high: float) -> float:
-        a, b, c = float(self.low), float(self.high), float(self.mode)
+        a = float(self.low)
+        b = float(self.high)
+        c = float(self.mode)
 
         def rising(x: float) -> float:
             """The share from a to x, which is below c."""
@@ -159,7 +161,7 @@ class Discrete(AbstractDistribution):
     def _at(self, share: Float[Array, ""]) -> Float[Array, ""]:
         """The value below which this share of all draws lies."""
         ends = jnp.cumsum(self.weights)
-        # The sum may round to less than the share asks for.
+        # The sum of the weights may round to less than the share.
         place = jnp.searchsorted(ends, share * ends[-1], side="right")
         return self.values[jnp.minimum(place, self.values.size - 1)]
 

@@ -4,9 +4,9 @@
     P = (J^T J)^-1,     J = d r / d p         covariance of the estimate
 
     symbol  meaning
-    z, h    readings, and what the model predicts
+    z, h    readings, and predictions of the model
     sigma   standard deviation of the noise of a reading
-    p0, s   start, and standard deviation of what is known of it beforehand
+    p0, s   start, and its standard deviation by prior knowledge
     r       residuals over their standard deviations
 
 The columns of J are scaled to one, so that units do not matter. Where J has no full rank, some
@@ -73,9 +73,9 @@ def fit(
     - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
       the biases of the instruments together. A quaternion moves on its group.
     - `noise`: standard deviations of the readings: one number, or a tree like `data` of numbers or
-      arrays. Without it all readings count alike, and their scatter gives the noise.
-    - `prior`: standard deviations of what is known beforehand about the start: one number, or a
-      tree like `parameters`; infinite for nothing. A quaternion takes a number, rad.
+      arrays. Without it all readings have equal weights, and their scatter gives the noise.
+    - `prior`: standard deviations of the start by prior knowledge: one number, or a tree like
+      `parameters`; infinite for unknown parameters. A quaternion takes a number, rad.
     - `method`: "levenberg_marquardt", which turns back from a step that fails, or "gauss_newton",
       which does not, for starts nearby.
     - `tolerance`: relative change of the residuals and of the parameters at which the search ends.
@@ -128,11 +128,11 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
         leaves = leaves * len(coordinates.blocks)
     if len(leaves) != len(coordinates.blocks):
         raise InputError(f"prior must be one number or a tree like the parameters, {blocks}.")
-    found = [
+    result = [
         jnp.broadcast_to(jnp.asarray(s, coordinates.dtype), shape).reshape(-1)
         for s, shape in zip(leaves, coordinates.shapes, strict=True)
     ]
-    return jnp.concatenate(found)
+    return jnp.concatenate(result)
 
 
 @eqx.filter_jit
@@ -154,26 +154,29 @@ def _search(
     usable = jnp.isfinite(size) & (size > 0.0)
     scale = COLUMN / jnp.where(usable, size, 1.0)
 
-    # The search keeps its damping in the precision of the process, whatever that of the model.
+    # The damping of the search is in the default precision, whatever that of the model.
     def scaled(u: Array, _: None) -> Array:
         return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
 
-    found = optimistix.least_squares(
+    result = optimistix.least_squares(
         scaled,
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
-        # The result says it in `converged`, so that one data set does not end a batch.
+        # Reported by `converged`, so that one data set does not end a batch.
         throw=False,
         # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},
     )
-    solved = found.result == optimistix.RESULTS.successful
-    return _found(task, scale * found.value.astype(dtype), solved, found.stats["num_steps"], stated)
+    solved = result.result == optimistix.RESULTS.successful
+    return _found(
+        task, scale * result.value.astype(dtype), solved, result.stats["num_steps"], stated
+    )
 
 
 class _Task(NamedTuple):
-    """What is fitted: a model of parameters in `coordinates`, and readings with their deviations.
+    """A problem of a fit: a model of parameters in `coordinates`, and readings with their
+    deviations.
 
     - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
 
@@ -197,7 +200,8 @@ class _Task(NamedTuple):
                 f"{jax.tree.map(jnp.shape, data)}."
             )
         beforehand = _prior_of(prior, coordinates)
-        count, least = sum(z.size for z in jax.tree.leaves(data)), coordinates.count
+        count = sum(z.size for z in jax.tree.leaves(data))
+        least = coordinates.count
         if count + (least if beforehand is not None else 0) < least:
             raise InputError(
                 f"There are {count} readings for {least} parameters: there must be at least as "
@@ -228,7 +232,7 @@ class _Task(NamedTuple):
 
 
 def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
-    """What is known at the end of a search, at the coordinates x."""
+    """The result of a search that ended at the coordinates x."""
     jacobian, (r, tree) = task.linear(x)
     count = task.coordinates.count if task.beforehand is None else 0
     readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(task.seen)))
@@ -236,7 +240,7 @@ def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> 
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)
     if not stated:
-        # As many readings as parameters leave no residual, and say nothing of the noise.
+        # With as many readings as parameters there is no residual, and no estimate of the noise.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
     columns = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
     # A parameter of no influence keeps its unit, and shows as a singular value of zero.
@@ -267,8 +271,8 @@ def _solver(method: str, tolerance: Scalar) -> optimistix.AbstractLeastSquaresSo
     if method == "gauss_newton":
         # By singular values: a direction without influence is not moved along.
         return optimistix.GaussNewton(tolerance, SMALL, linear_solver=lineax.SVD())
-    # The trust region of optimistix lets go of its damping only where a step achieves 99 % of what
-    # the linear model says, and takes five times as many steps to an orbit.
+    # The trust region of optimistix reduces its damping only where a step achieves 99 % of the
+    # linear prediction, and takes five times as many steps to an orbit.
     search = optimistix.ClassicalTrustRegion(0.75, 0.25, 10.0, 0.2)
     solver = optimistix.LevenbergMarquardt(tolerance, SMALL)
     return eqx.tree_at(lambda s: s.search, solver, search)

@@ -55,10 +55,11 @@ class DuffingOscillator(AbstractSystem):
         return DuffingState(y.velocity, rate)
 
     def invariants(self, t: Scalar, y: DuffingState) -> dict[str, Array]:
-        """Nothing stays: the force works on the mass."""
+        """Nothing is conserved: the force does work on the mass."""
         del t, y
         return {}
 
+    @property
     def first_order(self) -> tuple[Scalar, Scalar]:
         """Amplitudes, m, of sin(p t) and of sin(3 p t) without damping, to first order in b."""
         p2 = self.frequency**2

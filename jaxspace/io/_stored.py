@@ -15,14 +15,17 @@ def stored_scene(
 ) -> SceneFile:
     """The scene file whose text a dispersion carries in its record.
 
-    `modules`: as in `load`; those with which it was computed.
+    **Arguments**
 
-    Raises `InputError` for a campaign that was made in Python and for other modules, and
+    - `dispersion`: that of a scene file, such as one from `open_store`.
+    - `modules`: as in `load`; those with which it was computed.
+
+    **Raises** `InputError` for a campaign that was made in Python and for other modules, and
     `SceneError` for a text that this version no longer understands."""
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:
         raise InputError("the record holds no scene file: the campaign was made in Python.")
-    own = read_modules(modules)
-    check_stored(dispersion.attributes, own)
+    user_modules = read_modules(modules)
+    check_stored(dispersion.attributes, user_modules)
     path = str(dispersion.attributes.get("scene_file", "scene.toml"))
-    return load(path, modules=own, text=text, files=dispersion.attributes.get("files"))
+    return load(path, modules=user_modules, text=text, files=dispersion.attributes.get("files"))

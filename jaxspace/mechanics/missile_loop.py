@@ -79,8 +79,8 @@ class MissileLoop(AbstractSystem):
     def sideways(self, y: MissileLoopState) -> Scalar:
         """Acceleration of the mass centre across the mean axis, m/s^2, without gravity."""
         missile, state = self.missile, y.missile
-        _, slopes, _ = (with_rank(x, state.engine.ndim) for x in missile.hinge())
-        thrust = (1.0 - missile.engine()["turn"]) * state.engine
+        _, slopes, _ = (with_rank(x, state.engine.ndim) for x in missile.hinge)
+        thrust = (1.0 - missile.engine["turn"]) * state.engine
         thrust = thrust + jnp.sum(slopes * state.bending, axis=0)
         return (missile.thrust * thrust + self.slosh_mass * self._pull(y)) / missile.mass
 
@@ -94,7 +94,7 @@ class MissileLoop(AbstractSystem):
         return w * w * y.slosh + 2.0 * self.slosh_damping * w * y.slosh_rate
 
     def invariants(self, t: Scalar, y: MissileLoopState) -> dict[str, Array]:
-        """Nothing stays under thrust."""
+        """Nothing is conserved under thrust."""
         del t, y
         return {}
 

@@ -101,8 +101,8 @@ def lambert(
     v1, v2, status = _transfer(start, end, duration, mu, normal, revolutions, low)
     if status.ndim == 0 and not is_traced(status) and status != TransferStatus.FOUND:
         raise InputError(f"lambert: {TransferStatus(int(status)).sentence}")
-    found = status == TransferStatus.FOUND
-    return jnp.where(found, v1, jnp.nan), jnp.where(found, v2, jnp.nan)
+    result = status == TransferStatus.FOUND
+    return jnp.where(result, v1, jnp.nan), jnp.where(result, v2, jnp.nan)
 
 
 def transfer_status(
@@ -189,7 +189,7 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     rise = dot(chord, (start + end) * (1.0 / (r1 + r2)))
     per_r2 = 1.0 / r2
     i1, i2, r1, r2, c, rise = barrier((start * (1.0 / r1), end * per_r2, r1, r2, c, rise))
-    # What it lacks to i2 is along i1: neither the cross product nor the component along t1 has it.
+    # Its difference to i2 is along i1: neither the cross product nor the component along t1 has it.
     toward = jnp.where(c < r2, chord * per_r2, i2)
     t1, t2, way = _along(i1, i2, toward, normal)
     s = 0.5 * (r1 + r2 + c)

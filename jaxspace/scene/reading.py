@@ -1,8 +1,8 @@
-"""What effects read and add, read off their loads: these are traced once for each make, never run.
+"""The parts that effects read and add, from traces of their loads, once for each structure.
 
-A load is traced in a state that holds as little as it can do with: nothing, a place with its
-velocity, an orientation with its rate, a mass, then two of them, then all. What it reads are the
-parts from which some operation leads to its result; what it adds is what its result holds.
+A load is traced in the smallest sufficient state: of no parts, a position with its velocity, an
+attitude with its rate, a mass, then two of them, then all. It reads the parts on which its result
+depends, and adds the parts that its result holds.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
 MASS = frozenset({"mass"})
 
-# What a load may hold: the word for it, the field, and the parts of the state that it changes.
+# The contributions of a load: word, field, and the parts of the state that it changes.
 CONTRIBUTIONS = {
     "acceleration": ("acceleration_N", TRANSLATION),
     "force": ("force_N", TRANSLATION),
@@ -44,7 +44,7 @@ GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "p
 
 
 class Reading(NamedTuple):
-    """What an effect does with the state, in words.
+    """The parts of the state that an effect reads and adds.
 
     - `needs`: the parts that its load is computed from, of "position", "velocity", "attitude",
       "omega", "mass".
@@ -56,8 +56,8 @@ class Reading(NamedTuple):
 
 
 class SceneReading(NamedTuple):
-    """What each effect of a scene reads and adds, and the `parts` that a state of the scene holds,
-    in the order of `BodyState`."""
+    """A `Reading` for each effect of a scene, and the `parts` that a state of the scene holds, in
+    the order of `BodyState`."""
 
     effects: tuple[Reading, ...]
     parts: tuple[str, ...]
@@ -66,14 +66,14 @@ class SceneReading(NamedTuple):
 def read_effects(
     effects: Iterable[AbstractEffect], body: AbstractBody, present: Iterable[str] = ()
 ) -> SceneReading:
-    """What effects read and add that act together on a body.
+    """The parts that effects read and add that act together on a body.
 
     **Arguments**
 
     - `effects`, `body`: of a scene; their arrays may be traced.
     - `present`: parts that the state holds in any case.
 
-    **Raises** what a load raises that cannot be traced in any state."""
+    **Raises** the error of a load that cannot be traced in any state."""
     return _read((tuple(effects), body), frozenset(present))
 
 
@@ -90,7 +90,7 @@ def _read(
     for runs in _runs(scene):
         try:
             return _traced(scene, present, runs)
-        # Whatever an array of weights raises that meets another number of runs than its own.
+        # Any error of arrays whose numbers of runs differ.
         except Exception as error:
             failure = failure or error
     assert failure is not None
@@ -114,18 +114,18 @@ def _traced(
     runs: tuple[int, ...],
 ) -> SceneReading:
     arrays, rest = eqx.partition(scene, _is_shape)
-    own = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
-    dtype = own[0] if own else jnp.zeros(()).dtype
+    dtypes = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
+    dtype = dtypes[0] if dtypes else jnp.zeros(()).dtype
     traces: list[_Trace] = []
     parts: set[str] = set()
 
     def act(y: BodyState, arrays: PyTree, t: Scalar) -> list[list[Array]]:
         effects, body = eqx.combine(arrays, rest)
-        # What turns a body without inertia is told by the scene, by name: here it may turn.
+        # The scene reports a torque on a body without inertia by name: here it may turn.
         if not body.has_inertia():
             body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
-        found, held = _together(effects, t, y, body, present)
-        traces.extend(found)
+        result, held = _together(effects, t, y, body, present)
+        traces.extend(result)
         parts.update(held)
         return [trace.results for trace in traces]
 
@@ -134,7 +134,7 @@ def _traced(
     jaxpr = jax.make_jaxpr(act)(y, arrays, time).jaxpr
     moved = {
         part: depending_on(jaxpr, [x])
-        for part, x in zip(y.present(), jaxpr.invars[: len(y.present())], strict=True)
+        for part, x in zip(y.present, jaxpr.invars[: len(y.present)], strict=True)
     }
     outputs = iter(jaxpr.outvars)
     readings = []
@@ -153,7 +153,7 @@ def _sample() -> BodyState:
 
 
 class _Trace(NamedTuple):
-    """What an effect did in a trace.
+    """Result of the trace of an effect.
 
     - `held`: the parts of the state that it was in, and the names of those of effects.
     - `results`: the arrays that it returned.
@@ -175,14 +175,16 @@ def _together(
     body: AbstractBody,
     present: frozenset[str],
 ) -> tuple[list[_Trace], frozenset[str]]:
-    """What the effects do in the smallest state that serves all of them, and the parts of it.
+    """The readings of the effects in the smallest state that serves all of them, and its parts.
 
     Arguments as of `_alone`."""
-    parts, own = _in_pairs(present), {}
+    parts = _in_pairs(present)
+    own = {}
     last: dict[int, _Trace] = {}
     while True:
         before = (parts, frozenset(own))
-        traces, failure = [], None
+        traces = []
+        failure = None
         for k, effect in enumerate(effects):
             trace = last.get(k)
             if trace is not None and trace.held == (parts, frozenset(own)):
@@ -197,7 +199,7 @@ def _together(
             traces.append(trace)
             parts = _in_pairs(parts | trace.parts)
             own = {**own, **trace.own}
-        # An effect may do something else where another one brings a part: until all agree.
+        # Repeated until all agree, because an effect may use a part that another one brings.
         if (parts, frozenset(own)) == before:
             if failure is not None:
                 raise failure
@@ -212,7 +214,7 @@ def _alone(
     present: frozenset[str],
     own: dict[str, PyTree],
 ) -> _Trace:
-    """What an effect does in the smallest state with the parts `present` that it can do with.
+    """The reading of an effect in the smallest sufficient state with the parts `present`.
 
     **Arguments**
 
@@ -230,7 +232,7 @@ def _alone(
             load = effect.load(t, state, body)
             # A rate is of the same kind as the state itself.
             rate = effect.constrained(t, state, state)
-        # Whatever it raises that meets a part which is not there.
+        # Any error for a part that is absent.
         except Exception as error:
             failure = error
             continue

@@ -21,14 +21,14 @@ TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
 def _methods_of_phases(mission: Mission, y0: State, rtol: float) -> list[Method]:
-    """What "auto" stands for in each phase of a mission."""
+    """The methods for "auto" in each phase of a mission."""
     return [config.method for config in resolve_phases(mission, y0, accuracy_of("auto", rtol))]
 
 
 def default_methods(
     system: Runnable, y0: State, ts: Array, tolerances: Sequence[float]
 ) -> tuple[Method, ...]:
-    """The methods that "auto" may stand for; for a mission those that serve all of its phases."""
+    """The methods that "auto" may select; for a mission those that apply to all of its phases."""
     if not isinstance(system, Mission):
         # The loosest tolerance is among them, so that every table has the method for it.
         ends = (max(*tolerances, TOLERANCES[0]), min(tolerances))
@@ -37,7 +37,7 @@ def default_methods(
         return HIGH_ORDER, LOW_ORDER, CLOSED_FORM
     chosen = _methods_of_phases(system, y0, min(tolerances))
     same = all(isinstance(method, type(HIGH_ORDER)) for method in chosen)
-    # Where phases differ, no method but "auto" stands for what "auto" takes.
+    # If the phases have different methods, only "auto" itself selects them all.
     return (HIGH_ORDER, LOW_ORDER) if same else (HIGH_ORDER, LOW_ORDER, "auto")
 
 
@@ -46,9 +46,9 @@ def methods_by_name(
 ) -> dict[str, Method]:
     """The methods by name.
 
-    **Raises** `InputError` for what is no method, and for a closed form that there is not."""
+    **Raises** `InputError` for an unknown method, and for a closed form of a system without one."""
     exact = all(s.closed_form() is not None for s in systems_of(system))
-    found: list[Method] = []
+    result: list[Method] = []
     for method in methods:
         if method == "auto" and not isinstance(system, Mission):
             method = select_method(system, y0, rtol, ts)
@@ -63,14 +63,14 @@ def methods_by_name(
                 f"fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
             )
         # "auto" may stand for a method that is named as well.
-        if method not in found:
-            found.append(method)
-    names = numbered([method_name(method) for method in found])
-    return dict(zip(names, found, strict=True))
+        if method not in result:
+            result.append(method)
+    names = numbered([method_name(method) for method in result])
+    return dict(zip(names, result, strict=True))
 
 
 def _has_error_estimate(method: Method) -> bool:
-    """Whether it is a solver whose steps a tolerance controls or judges."""
+    """Whether it is a solver with an error estimate, for which a tolerance has a meaning."""
     if not isinstance(method, diffrax.AbstractSolver):
         return False
     return isinstance(method, diffrax.AbstractAdaptiveSolver) or solver_traits(method).fixed_step

@@ -117,8 +117,8 @@ class Modes(eqx.Module):
         **Raises** `ImportError` where matplotlib is not installed."""
         from ..plots import bode_figure
 
-        found = (np.asarray(x).reshape(*x.shape[:3], -1) for x in self.bode(frequency))
-        magnitude, phase = (np.moveaxis(x, 2, -1) for x in found)
+        result = (np.asarray(x).reshape(*x.shape[:3], -1) for x in self.bode(frequency))
+        magnitude, phase = (np.moveaxis(x, 2, -1) for x in result)
         p, m, count, w = magnitude.shape
         labels = [
             f"{o} / {i}" + (f", run {k}" if count > 1 else "")
@@ -159,7 +159,7 @@ class Modes(eqx.Module):
         weight = np.diag([1.0] * n + [0.0])
         # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.
         scale = max(float(np.max(np.abs(pencil[:n, :n]))), 1e-300)
-        # In no simple ratio to the matrix, so that the place is hardly a zero itself.
+        # In no simple ratio to the matrix, so that the place is unlikely to be a zero.
         place = 0.377 * scale
         inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
         # The others lie at infinity.
@@ -227,7 +227,8 @@ def modes(
 
     a = jacobian(lambda x: field(x, drive), zero)
     b = jacobian(lambda u: field(zero, u), drive) if input_names else a[:, :0]
-    c, output_names = a[:0], ()
+    c = a[:0]
+    output_names = ()
     if outputs:
         c = jacobian(lambda x: measured(tuple(outputs), blocks.moved(x), blocks.runs), zero)
         output_names = tuple(
@@ -260,7 +261,7 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
             return blocks.rate(x, moved, system.vector_field(t, moved))
 
         a = jacobian(field, zero)
-        # Of the root alone the derivative matters: that of the matrix is multiplied by zero there.
+        # Without derivatives of the matrix, which are multiplied by zero at the root.
         inverse = jnp.linalg.pinv(jax.lax.stop_gradient(a))
         x = zero
         for _ in range(repeated):
@@ -269,10 +270,10 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
 
     arrays, static = eqx.partition(system, eqx.is_array)
     fixed = eqx.combine(jax.lax.stop_gradient(arrays), static)
-    found = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
+    result = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
     # Two more steps, the only ones that are differentiated: about the root the first one gives the
     # derivatives of the implicit function theorem, and the second one those of second order.
-    return newton(system, jax.lax.stop_gradient(found), 2)
+    return newton(system, jax.lax.stop_gradient(result), 2)
 
 
 def _runs_first(x: Array) -> Array:

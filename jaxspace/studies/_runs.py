@@ -1,5 +1,4 @@
-"""One run of a system or a mission as a compiled program: what it leaves, how long it takes, how
-much memory it needs."""
+"""One run of a system or a mission as a compiled program: its result, time and memory."""
 
 import time
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
-from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
+from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
@@ -28,7 +27,7 @@ OutputOfRun: TypeAlias = Callable[[Scalar, State], Array]
 
 
 class RunOutcome(NamedTuple):
-    """What a study keeps of a run: arrays only, so that a compiled program can return it.
+    """Result of a run for a study: arrays only, so that a compiled program can return it.
 
     - `final`: the final state.
     - `phases`: save times and states of every phase; a system is one phase.
@@ -60,7 +59,7 @@ def run_once(
     - `ts`: the save times of a system, or the time at which a mission starts, s.
     - `accuracy`: tolerance and method.
 
-    **Returns** its outcome. A failed run says so in its status, and nothing is raised."""
+    **Returns** its outcome. A failed run has the status for it, and raises no error."""
     run = run_either(system, y0, ts, accuracy=accuracy, throw=False)
     phases = run.phases if isinstance(run, MissionTrajectory) else (run,)
 
@@ -87,7 +86,7 @@ def check_start(
     """Initial state and times as arrays.
 
     **Raises** `InputError` as `simulate` does, which cannot see them once they are traced."""
-    y0 = jax.tree.map(jnp.asarray, y0)
+    y0 = jax.tree.map(jnp.asarray, as_state(y0))
     check_initial_state(y0)
     if not isinstance(system, Mission):
         return y0, check_times(ts, y0)
@@ -99,8 +98,8 @@ class Program(NamedTuple):
     """A compiled function.
 
     - `call`: runs it.
-    - `seconds`: what compiling it took, s.
-    - `memory`: that it needs, bytes; `None` where this is not known."""
+    - `seconds`: time of its compilation, s.
+    - `memory`: required memory, bytes; `None` if it is unknown."""
 
     call: Callable[..., Any]
     seconds: float
@@ -128,8 +127,8 @@ def aot_compile(function: Callable[..., PyTree[Array]], *arguments: PyTree[Array
 
 def timed(call: Callable[..., Tree], repeats: int, *arguments: PyTree) -> tuple[Tree, float]:
     """The result, and the median time, s, of up to `repeats` calls after a first one."""
-    # Once untimed, because a first call also loads the program; and until the numbers are there,
-    # because jax returns before.
+    # Once untimed, because a first call also loads the program; and with a wait for the numbers,
+    # because JAX returns before they are computed.
     result = jax.block_until_ready(call(*arguments))
     times: list[float] = []
     while len(times) < repeats and (not times or sum(times) < ENOUGH):
@@ -159,11 +158,11 @@ class Block(NamedTuple):
 def blocks(tree: State) -> list[Block]:
     """The arrays of a state."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
-    found = []
+    result = []
     for path, x in leaves:
         name = getattr(path[-1], "name", "") if path else ""
-        found.append(Block(np.asarray(x, float), name == "wxyz"))
-    return found
+        result.append(Block(np.asarray(x, float), name == "wxyz"))
+    return result
 
 
 def distance(state: State, reference: State) -> float:

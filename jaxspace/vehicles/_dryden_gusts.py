@@ -58,7 +58,9 @@ from ._hermite import cubic, stacked
 from ._random_paths import longitudinal, normal_numbers, transverse
 
 FOOT = 0.3048
-LOWEST, LOW, HIGH = 10.0 * FOOT, 1000.0 * FOOT, 2000.0 * FOOT
+LOWEST = 10.0 * FOOT
+LOW = 1000.0 * FOOT
+HIGH = 2000.0 * FOOT
 LENGTH_ALOFT = 1750.0 * FOOT
 # Figure 7 of MIL-F-8785C: root mean square, ft/s, by the height, ft, of a turbulence that is
 # exceeded with the probability 1e-2, 1e-3 and 1e-5.
@@ -68,7 +70,7 @@ RMS = {
     "moderate": (8.6, 9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0, 0.0, 0.0),
     "severe": (15.6, 17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
 }
-# Of the same severity: the mean wind at 20 ft, 15, 30 and 45 knots.
+# The mean wind at 20 ft for these severities: 15, 30 and 45 knots.
 WINDS = {name: k * 15.0 * 1852.0 / 3600.0 for k, name in enumerate(RMS, 1)}
 
 
@@ -112,7 +114,7 @@ def dryden_intensities(
 
 
 def _share(height: np.ndarray) -> np.ndarray:
-    """How far from the low to the high model, 0 to 1."""
+    """Weight of the model at high altitude beside that at low altitude, 0 to 1."""
     return np.clip((height - LOW) / (HIGH - LOW), 0.0, 1.0)
 
 

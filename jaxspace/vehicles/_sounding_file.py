@@ -34,7 +34,7 @@ FASTEST = 150.0
 """m/s: no wind has been measured that is faster."""
 FREEZING = 273.15
 
-# By how a name begins: what it is, and its units.
+# The quantity of a column and its units, by the beginning of the name.
 PRESSURES = {"hpa": 100.0, "mbar": 100.0, "mb": 100.0, "pa": 1.0}
 HEIGHTS = {"m": 1.0, "km": 1e3, "ft": 0.3048, "kft": 304.8}
 SPEEDS = {
@@ -64,7 +64,7 @@ ALLOWED = {
 
 
 class SoundingFile(NamedTuple):
-    """What a file says of a sounding: the fields of `Sounding`, which this module does not know,
+    """Content of a file of a sounding: the fields of `Sounding`, which this module does not know,
     because the atmosphere and the wind read files, too."""
 
     heights: np.ndarray
@@ -102,7 +102,7 @@ class Levels(NamedTuple):
 
 
 def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
-    """What the file says; see `read_sounding`."""
+    """The content of the file; see `read_sounding`."""
     text = read_text(path)
     lines = text.splitlines()
     head = next((k for k, line in enumerate(lines) if line.split()[:2] == ["PRES", "HGHT"]), None)
@@ -122,7 +122,7 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
             f"{path} has no level of an atmosphere or a wind: it must have heights with pressure "
             f"and temperature, or with direction and speed."
         )
-    # From where it blows: the air moves the other way.
+    # The direction is where the wind comes from: the air moves the other way.
     angle = np.radians(direction)
     return SoundingFile(
         heights, pressure, temperature, above, -speed * np.sin(angle), -speed * np.cos(angle)
@@ -170,7 +170,7 @@ def _csv(path: str, lines: list[str]) -> Levels:
 
 
 def _meaning(head: str) -> tuple[str, str, str]:
-    """What a column is, its name, and its unit as written; empty where it is none of ours."""
+    """Meaning of a column, its name, and its unit as written; empty for an unknown column."""
     match = re.match(r"\s*([^(_]*?)\s*(?:[(_]\s*([^)]*?)\s*\)?)?\s*$", head)
     name, unit = (part or "" for part in match.groups()) if match else ("", "")
     name = name.lower()

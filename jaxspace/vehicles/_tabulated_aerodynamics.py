@@ -15,7 +15,7 @@
     z_0, z_C    station of the table, centre of mass                             m
     Re          rho |w| L/mu,  mu = 1.458e-6 T^1.5/(T + 110.4)                   1
 
-What the table lacks comes from the parts of the airframe, where these are given: the normal force
+What is not in the table comes from the parts of the airframe, if these are given: the normal force
 with its damping, the damping alone, the roll by canted fins. With a motor that burns C_A is that of
 a base filled by the jet.
 
@@ -127,7 +127,8 @@ class TabulatedAerodynamics(AbstractEffect):
         area, length = self.table.area, self.table.length
         s0, s1, s2 = moments_of_slope(parts, mach, station)
         # The flow that the turning makes at the parts.
-        damping, lag = -s2, s1
+        damping = -s2
+        lag = s1
         if "pitch_damping" in c:
             damping, lag = 0.5 * area * length * length * c["pitch_damping"], 0.0 * s1
         arm = self.table.station - station
@@ -157,7 +158,8 @@ class TabulatedAerodynamics(AbstractEffect):
         area, length = self.table.area, self.table.length
         forcing = damping = None
         if self.fins is not None:
-            forcing, damping = self.fins.roll_forcing(mach), -self.fins.roll_damping(mach)
+            forcing = self.fins.roll_forcing(mach)
+            damping = -self.fins.roll_damping(mach)
         if "roll_moment" in c:
             forcing = area * length * c["roll_moment"]
         if "roll_damping" in c:

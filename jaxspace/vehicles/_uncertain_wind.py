@@ -31,8 +31,8 @@ from .local_air import AbstractWind, check_nodes
 
 @final
 class UncertainWind(AbstractWind):
-    """A mean wind and what is not known of it. The numbers z are its inputs in a campaign, one by
-    one, or all by one `seed` (`of_seed`); with zeros it is the mean wind."""
+    """A mean wind with random errors. In a campaign the numbers z are inputs, one by one, or all by
+    one `seed` (`of_seed`); with zeros it is the mean wind."""
 
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
     east: Float[Array, "nodes *#runs"] = quantity(
@@ -63,7 +63,9 @@ class UncertainWind(AbstractWind):
         east_numbers: Any,
         north_numbers: Any,
     ):
-        self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)
+        self.heights = as_float(heights)
+        self.east = as_float(east)
+        self.north = as_float(north)
         self.deviation, self.correlation_length = as_float(deviation), as_float(correlation_length)
         self.east_numbers, self.north_numbers = as_float(east_numbers), as_float(north_numbers)
         given = {"east": self.east, "north": self.north, "deviation": self.deviation}

@@ -1,4 +1,5 @@
-"""Response of a rate gyro
+"""Measure a rate
+Response of a rate gyro
 
 The gimbal of a rate gyro after a step of the rate of its case (6.6), over
 the angle that it reaches in the end, and its answer to rates that swing. With
@@ -20,7 +21,7 @@ ratio = jnp.geomspace(0.1, 10.0, 400)
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for share in (0.1, 0.3, 0.65, 1.0, 2.0):
     gyro = RateGyro(A, 2.0 * share * A * natural, H, spring=K, input_rate=0.1)
-    angle = jax.vmap(gyro.step_response)(time) / gyro.steady_angle()
+    angle = jax.vmap(gyro.step_response)(time) / gyro.steady_angle
     left.plot(time * natural, angle)
     answer = jnp.abs(gyro.frequency_response(ratio * natural)) * K / H
     right.loglog(ratio, answer, label=f"{share:g}")

@@ -1,4 +1,5 @@
-"""Fig. 5.13-3 to 5.13-5: waves, cusps, loops
+"""Let a heavy top go
+Fig. 5.13-3 to 5.13-5: waves, cusps, loops
 
 The path of a top's axis on the sphere. Let go at rest it falls, and comes to
 a cusp again and again; a push forwards makes waves, one backwards makes
@@ -21,7 +22,7 @@ start = top.state(
 )
 run = simulate_batch(top, start, jnp.linspace(0.0, 1.9, 2400))
 path = run.states.attitude.rotate(jnp.array([0.0, 0.0, 1.0])[:, None, None])
-circles = top.nutation(start).turning_points()
+circles = top.nutation(start).turning_points
 
 figure = plt.figure(figsize=(9.0, 3.5))
 u, v = jnp.meshgrid(

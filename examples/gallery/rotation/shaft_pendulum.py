@@ -1,4 +1,5 @@
-r"""A disk on a stem that is pinned to a turning shaft
+r"""Find where a disk on a turning shaft rests
+A disk on a stem that is pinned to a turning shaft
 
 The disk hangs along the shaft up to the rate $\psi'^2 = 4ga/(4a^2-r^2)$ and
 stands out from it beyond (5.14 P12): the rest splits in two. Left, the places
@@ -16,10 +17,10 @@ m, a, g = 1.0, 0.3, 9.80665
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for k, r in enumerate((0.05, 0.2, 0.4)):
     A, C = m * (r * r / 4.0 + a * a), m * r * r / 2.0
-    critical = ShaftPendulum(A, C, m * g * a).critical_rate()
+    critical = ShaftPendulum(A, C, m * g * a).critical_rate
     ratio = jnp.linspace(0.0, 2.5, 501)
     disk = ShaftPendulum(A, C, m * g * a, ratio * critical)
-    out = disk.equilibrium()
+    out = disk.equilibrium
     own = disk.frequency(out) / jnp.sqrt(g / a)
     right.plot(ratio, own, color=f"C{k}", label=f"{r:g} m")
 # Over its own critical rate every disk has the same place of rest.

@@ -1,4 +1,5 @@
-r"""The spiral of a rocket's axis
+r"""Let the jet damp a coning stage
+The spiral of a rocket's axis
 
 The axis of a spinning rocket that starts with a transverse rate, seen from
 behind in space (7.10 P8), with $l^2/k^2 = 4$: jet damping draws the circle of
@@ -22,7 +23,7 @@ for axes, share in zip(both, (0.05, 0.2), strict=True):
     @jax.jit
     @jax.vmap
     def tip(t, rocket=rocket):
-        return rocket.angle_of_attack(t, jnp.array([start, 0.0]))
+        return rocket.complex_tilt(t, jnp.array([start, 0.0]))
 
     x, y = 1e3 * tip(time).T
     axes.plot(x, y, lw=0.9)
