@@ -47,7 +47,8 @@ quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
 	@$(PYTEST) --part quick tests/test_$(PACKAGE)*.py
 
 test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
-	@$(PYTEST) $(CHECKED) --no-programs
+	@rm -rf .programs
+	@$(PYTEST) $(CHECKED)
 
 beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests
 	@$(PYTEST) $(CHECKED) --part rest

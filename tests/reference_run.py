@@ -6,6 +6,7 @@ from functools import lru_cache, partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from both_modes import both_modes
 from jax.flatten_util import ravel_pytree
 from scipy.integrate import solve_ivp
 
@@ -76,10 +77,7 @@ def drifts(system, states, ts):
 
 # Kept, so that the cases of a parametrised test share their programs; few, because a test may give
 # a function of its own, which is never asked for again.
-@lru_cache(maxsize=4)
-def _modes(f):
-    """`f`, its forward and its reverse derivative, compiled."""
-    return jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))
+_kept_modes = lru_cache(maxsize=4)(both_modes)
 
 
 def check_derivatives(f, x, step=1e-6, rtol=2e-7, atol=1e-7):
@@ -89,12 +87,12 @@ def check_derivatives(f, x, step=1e-6, rtol=2e-7, atol=1e-7):
     truncation of 1e-12 times the third derivative: hence the tolerances, for functions and
     derivatives of order one."""
     x = np.asarray(x, dtype=float)
-    g, forward, reverse = _modes(f)
-    forward, reverse = np.asarray(forward(x)), np.asarray(reverse(x))
+    g = _kept_modes(f)
+    _, forward, reverse = map(np.asarray, g(x))
     assert np.all(np.isfinite(forward)) and np.all(np.isfinite(reverse))
     np.testing.assert_allclose(forward, reverse, rtol=1e-10, atol=1e-10)
     columns = [
-        (np.asarray(g(x + step * e)) - np.asarray(g(x - step * e))) / (2.0 * step)
+        (np.asarray(g(x + step * e)[0]) - np.asarray(g(x - step * e)[0])) / (2.0 * step)
         for e in np.eye(x.size)
     ]
     np.testing.assert_allclose(forward, np.stack(columns, axis=-1), rtol=rtol, atol=atol)

@@ -7,6 +7,7 @@ import mpmath
 import numpy as np
 import pytest
 import reference_free_body as reference
+from both_modes import both_modes
 from numpy.testing import assert_allclose
 from test_attitude_free_flow import STARTS, differences
 
@@ -20,7 +21,7 @@ def flow(x):
     return jnp.concatenate([turn.wxyz, omega])
 
 
-FORWARD, REVERSE = jax.jit(jax.jacfwd(flow)), jax.jit(jax.jacrev(flow))
+SLOPES = both_modes(flow)
 EPS = np.finfo(float).eps
 
 
@@ -87,9 +88,9 @@ def test_ten_thousand_flips(moments, tilt):
     for flips in (1.0, 2.0):
         x = start(moments, tilt, 0, flips + 1e4)
         with mpmath.workdps(digits(tilt)):
-            found = np.asarray(flow(x))
+            found, forward, _ = (np.asarray(z) for z in SLOPES(x))
             truth = alike(exact(x, 5000), found).astype(float)
-        loss = EPS * np.abs(np.asarray(FORWARD(x)) * x).sum(axis=1).max()
+        loss = EPS * np.abs(forward * x).sum(axis=1).max()
         assert loss < 1e-7
         assert_allclose(found, truth, atol=loss)
 
@@ -103,7 +104,7 @@ def test_derivatives_through_a_flip(flips, tilt):
     x = start((3.0, 2.0, 1.0), tilt, 0, flips)
     columns = []
     with mpmath.workdps(digits(tilt) + 15):
-        found = np.asarray(flow(x))
+        found, *derivatives = (np.asarray(z) for z in SLOPES(x))
         for i in range(7):
             # A third of the digits: the error of the central difference is the square of the step.
             step = mpmath.mpf(10) ** (-digits(tilt) // 3) * (mpmath.mpf(float(x[i])) or tilt)
@@ -113,7 +114,7 @@ def test_derivatives_through_a_flip(flips, tilt):
                 ends.append(alike(exact(moved), found))
             columns.append(((ends[0] - ends[1]) / (2 * step)).astype(float))
     truth = np.stack(columns, axis=1)
-    for slope in (np.asarray(FORWARD(x)), np.asarray(REVERSE(x))):
+    for slope in derivatives:
         for i in range(7):
             # The derivatives by the tilt grow and fall with 1/tilt, at rest too they keep their
             # digits. What is left is the rounding of the flip's time, some N t roundings.
@@ -125,7 +126,7 @@ def test_derivatives_through_a_flip(flips, tilt):
 def test_derivatives_are_finite_however_small_the_tilt(tilt):
     for t in (0.0, 1.0, 50.0, 300.0, 600.0):
         x = np.array([3.0, 2.0, 1.0, tilt, 1.0, 0.0, t])
-        for slope in (FORWARD(x), REVERSE(x)):
+        for slope in SLOPES(x):
             assert np.isfinite(slope).all()
 
 
@@ -133,5 +134,6 @@ def test_derivatives_are_finite_however_small_the_tilt(tilt):
 def test_derivatives(x):
     """Of every kind of body and start, against differences."""
     x = np.asarray(x)
-    assert_allclose(FORWARD(x), differences(flow, x), atol=1e-8)
-    assert_allclose(REVERSE(x), FORWARD(x), atol=1e-11)
+    _, forward, reverse = SLOPES(x)
+    assert_allclose(forward, differences(flow, x), atol=1e-8)
+    assert_allclose(reverse, forward, atol=1e-11)

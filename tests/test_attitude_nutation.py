@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from both_modes import both_modes
 from numpy.testing import assert_allclose
 
 from jaxspace.attitude import Top
@@ -78,7 +79,7 @@ def swing(v):
     return jnp.stack([*nutation.turning_points, nutation.period, nutation.precession])
 
 
-FORWARD, REVERSE = jax.jit(jax.jacfwd(swing)), jax.jit(jax.jacrev(swing))
+SLOPES = both_modes(swing)
 
 
 def tilted(top, tilt, omega, down=False):
@@ -140,7 +141,7 @@ def test_derivatives_in_a_hundred_digits(name):
     v = CASES[name]
     with mpmath.workdps(DIGITS):
         expected = slopes([mpmath.mpf(float(x)) for x in v])
-    for found in (FORWARD(v), REVERSE(v)):
+    for found in SLOPES(v)[1:]:
         # Relative to the greatest derivative of each result: those along the quaternion's length
         # are zero, by cancellation.
         for row, truth in zip(np.asarray(found), expected, strict=True):
@@ -174,7 +175,7 @@ def test_a_nearly_steady_precession_in_a_hundred_digits(size, spin):
     # The slopes of the width hold the direction of the start seen from steady precession: the
     # inputs hold it to 1e-16 over the size.
     loss = 1e-13 + 1e-14 / size
-    for derivative in (FORWARD(v), REVERSE(v)):
+    for derivative in SLOPES(v)[1:]:
         for row, truth in zip(np.asarray(derivative), bends, strict=True):
             assert_allclose(row, truth, atol=loss * np.abs(truth).max())
 
@@ -186,7 +187,7 @@ def test_derivatives_of_a_pendulum_near_the_separatrix(kind, size):
     v = CASES[f"{kind} pendulum {size}"]
     with mpmath.workdps(DIGITS):
         expected = slopes([mpmath.mpf(float(x)) for x in v], slice(2, 3))[0]
-    for found in (FORWARD(v), REVERSE(v)):
+    for found in SLOPES(v)[1:]:
         assert_allclose(found[2], expected, rtol=1e-11, atol=1e-12 * np.abs(expected).max())
 
 
@@ -201,7 +202,7 @@ def test_the_upright_top_below_its_critical_spin_never_returns(spin):
     assert psi == (np.sign(spin) * np.inf if spin else 0.0)
     y = BodyState(attitude=Quaternion(v[3:7]), omega=jnp.asarray(v[7:]))
     assert_allclose(Top(*SLOW).nutation(y).mean_precession_rate, 0.5 * N, rtol=1e-15)
-    for slope in (FORWARD(v), REVERSE(v)):
+    for slope in SLOPES(v)[1:]:
         assert np.isfinite(slope).all()
 
 

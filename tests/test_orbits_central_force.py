@@ -6,6 +6,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from both_modes import both_modes
 from systems import Screened
 
 from jaxspace.bodies import BodyState, RigidBody
@@ -40,8 +41,7 @@ def _motion(x):
 
 
 motion = jax.jit(_motion)
-motion_forward = jax.jit(jax.jacfwd(_motion))
-motion_reverse = jax.jit(jax.jacrev(_motion))
+motion_slopes = both_modes(_motion)
 
 
 def _turns(y):
@@ -49,8 +49,7 @@ def _turns(y):
 
 
 turns = jax.jit(_turns)
-turns_forward = jax.jit(jax.jacfwd(_turns))
-turns_reverse = jax.jit(jax.jacrev(_turns))
+turns_slopes = both_modes(_turns)
 
 
 def _radii(y):
@@ -171,13 +170,13 @@ def test_conics_and_their_derivatives(inner, outer):
         np.array([0.0, -1.0 / outer**2]) + 0.5 / a**2 * da,
         0.5 / np.sqrt(p) * dp,
     ]
-    for found in (motion_forward(x), motion_reverse(x)):
+    for found in motion_slopes(x)[1:]:
         np.testing.assert_allclose(found[:, :2], rows, rtol=1e-12, atol=1e-13)
         assert np.all(np.isfinite(found))
 
 
 def test_derivative_of_the_apsidal_angle_by_the_exponent():
-    found = motion_forward(jnp.array([1.0, 1.0, 2.0]))[0, 2]
+    found = motion_slopes(jnp.array([1.0, 1.0, 2.0]))[1][0, 2]
     assert float(found) == pytest.approx(0.5 * np.pi, rel=1e-13)  # pi / (2 (3 - n)^1.5)
 
 
@@ -194,8 +193,8 @@ STATES = {
 @pytest.mark.parametrize("name", STATES)
 def test_turning_points_of_conics(name):
     y = jnp.array(STATES[name])
-    np.testing.assert_allclose(turns(y), radii(y), rtol=1e-14)
-    forward, reverse = turns_forward(y), turns_reverse(y)
+    found, forward, reverse = turns_slopes(y)
+    np.testing.assert_allclose(found, radii(y), rtol=1e-14)
     assert np.all(np.isfinite(forward))
     np.testing.assert_allclose(forward, reverse, rtol=1e-9, atol=1e-12)
     if name in ("ellipse", "periapsis", "apoapsis"):
@@ -204,10 +203,11 @@ def test_turning_points_of_conics(name):
 
 def test_turning_points_of_a_circle_and_of_many_motions():
     circle = jnp.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0])
-    np.testing.assert_array_equal(turns(circle), [1.0, 1.0])
-    assert np.all(np.isfinite(turns_reverse(circle)))
+    found, _, reverse = turns_slopes(circle)
+    np.testing.assert_array_equal(found, [1.0, 1.0])
+    assert np.all(np.isfinite(reverse))
     many = jnp.stack([jnp.array(x) for x in STATES.values()], axis=1)
-    one_by_one = jnp.stack([turns(y) for y in many.T], axis=1)
+    one_by_one = jnp.stack([turns_slopes(y)[0] for y in many.T], axis=1)
     np.testing.assert_allclose(turns(many), one_by_one, rtol=1e-15)
     inner, outer = turns(many)[:, 0]
     h = np.linalg.norm(np.cross(many[:3, 0], many[3:, 0]))

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mpmath as mp
 import numpy as np
 import pytest
+from both_modes import both_modes
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from test_orbits_kepler import condition, conics, exact_flow, relative
@@ -29,7 +30,7 @@ def _packed(y, revolutions=0, low=True):
 
 
 packed = jax.jit(_packed, static_argnums=(1, 2))
-forward = jax.jit(jax.jacfwd(_packed), static_argnums=(1, 2))
+slopes_of = both_modes(_packed)
 reverse = jax.jit(jax.jacrev(_packed), static_argnums=(1, 2))
 flow = jax.jit(kepler_flow)
 transfer = jax.jit(lambert, static_argnames=("revolutions", "low"))
@@ -293,11 +294,8 @@ def test_it_arrives_and_can_be_turned_round(r1, r2, duration):
     back = by_normal(jnp.asarray(r2), jnp.asarray(r1), duration, -up)
     y = np.r_[r1, r2, duration, 1.0]
     size = np.r_[np.repeat([np.linalg.norm(r1), np.linalg.norm(r2)], 3), duration, 1.0]
-    bound = (
-        20.0
-        * EPS
-        * (np.linalg.norm(np.asarray(forward(y)) * size) + np.linalg.norm(v1) + np.linalg.norm(v2))
-    )
+    changes = np.asarray(slopes_of(y)[1]) * size
+    bound = 20.0 * EPS * (np.linalg.norm(changes) + np.linalg.norm(v1) + np.linalg.norm(v2))
     np.testing.assert_allclose(back, [-v2, -v1], rtol=0.0, atol=bound)
 
 
@@ -348,12 +346,12 @@ def test_a_short_arc_keeps_the_digits_of_its_chord():
         # Some roundings, and the next order of t. Lengths and directions that are subtracted from
         # each other leave 2e-16 / t.
         near = 1e-14 + 10.0 * size**2
-        values, slopes = (np.asarray(f(y)) for f in (packed, forward))
+        values, slopes, reverse = map(np.asarray, slopes_of(y))
         for sign, v, by in zip((-1, 1), np.split(values, 2), np.split(slopes, 2), strict=True):
             np.testing.assert_allclose(v, velocity + sign * fall * size, rtol=0, atol=near)
             expected = np.hstack([-np.eye(3), np.eye(3)]) / size
             np.testing.assert_allclose(by[:, :6], expected, rtol=0, atol=near / size)
-        np.testing.assert_allclose(reverse(y), slopes, rtol=0, atol=near / size)
+        np.testing.assert_allclose(reverse, slopes, rtol=0, atol=near / size)
 
 
 # Edges
@@ -369,20 +367,21 @@ def test_half_a_turn_stays_in_the_plane_of_the_normal():
         up = jnp.array([0.0, 0.0, 1.0])
         return jnp.concatenate(lambert(y[:3], y[3:6], y[6], y[7], normal=up))
 
-    found = jax.jit(within)(y)
+    derivatives = both_modes(within)
+    found, forward, reverse = derivatives(y)
     np.testing.assert_allclose(
         found, [0.0, np.sqrt(1.2), 0.0, 0.0, -np.sqrt(1.2) / 1.5, 0.0], atol=1e-15
     )
     inside = np.ix_([0, 1, 3, 4], [0, 1, 3, 4, 6, 7])
-    slope = np.asarray(jax.jit(jax.jacfwd(within))(y))
+    slope = np.asarray(forward)
     assert np.all(np.isfinite(slope))
     # In the plane z = 0 the default serves on both sides; exactly opposite it is not asked.
     aside = y + np.array([0, 0, 0, 0, 1e-7, 0, 0, 0])
     np.testing.assert_allclose(slope[inside], differences(aside)[inside], rtol=1e-6, atol=1e-6)
-    np.testing.assert_allclose(jax.jit(jax.jacrev(within))(y), slope, atol=1e-14)
+    np.testing.assert_allclose(reverse, slope, atol=1e-14)
     # Off by a rounding, the places would say another plane.
     off = y + np.array([0, 0, 0, 0, 0, 2e-16, 0, 0])
-    np.testing.assert_allclose(jax.jit(within)(off), found, atol=1e-15)
+    np.testing.assert_allclose(derivatives(off)[0], found, atol=1e-15)
 
 
 X, Y, Z = np.eye(3)
@@ -442,17 +441,16 @@ def test_the_same_direction_is_a_straight_line(duration):
     """A free fall out: straight, and so is the derivative along it; across, it is that of the short
     way."""
     y = np.array([1.0, 0.0, 0.0, 1.5, 0.0, 0.0, duration, 1.0])
-    found = packed(y)
-    assert np.all(np.asarray(found)[[1, 2, 4, 5]] == 0.0)
+    found, slope, reverse = map(np.asarray, slopes_of(y))
+    assert np.all(found[[1, 2, 4, 5]] == 0.0)
     end = flow(jnp.asarray(y[:3]), found[:3], y[6], y[7])
     np.testing.assert_allclose(end, [y[3:6], found[3:]], atol=1e-13)
-    slope = np.asarray(forward(y))
     aside = 1e-6
     short = np.asarray(packed(y + np.array([0, 0, 0, 0, aside, 0, 0, 0])))
     np.testing.assert_allclose(short[[1, 4]] / aside, slope[[1, 4], 4], rtol=1e-5)
     columns = [0, 3, 6, 7]
     np.testing.assert_allclose(slope[:, columns], differences(y)[:, columns], rtol=1e-9, atol=1e-10)
-    np.testing.assert_allclose(reverse(y), slope, atol=1e-14)
+    np.testing.assert_allclose(reverse, slope, atol=1e-14)
 
 
 def _at(x, angle, r1, r2):
@@ -481,11 +479,12 @@ def test_derivatives_by_differences(x, angle):
     and long."""
     y = _at(x, angle, 1.0, 1.3)
     step = 1e-4 * min(1.0, y[6])
-    slope, expected = np.asarray(forward(y)), differences(y, step=step)
+    _, slope, reverse = slopes_of(y)
+    expected = differences(y, step=step)
     assert (
         relative(slope, expected) < 1e-9
     )  # rounding over the step, at 1e-12 / 1e-4 of the velocity
-    np.testing.assert_allclose(reverse(y), slope, rtol=1e-12, atol=1e-12 * np.abs(slope).max())
+    np.testing.assert_allclose(reverse, slope, rtol=1e-12, atol=1e-12 * np.abs(slope).max())
 
 
 # The derivative is by one rule at both roots, whose values the tests above hold.
@@ -532,8 +531,8 @@ def test_single_precision():
     single = packed(y.astype(jnp.float32))
     assert single.dtype == jnp.float32
     np.testing.assert_allclose(single, packed(y), atol=8 * float(jnp.finfo(jnp.float32).eps))
-    slope = forward(y.astype(jnp.float32))
-    np.testing.assert_allclose(slope, forward(y), atol=20 * float(jnp.finfo(jnp.float32).eps))
+    slope = jax.jit(jax.jacfwd(_packed))(y.astype(jnp.float32))
+    np.testing.assert_allclose(slope, slopes_of(y)[1], atol=20 * float(jnp.finfo(jnp.float32).eps))
 
 
 def test_bad_input_is_told():

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from both_modes import both_modes
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation, Slerp
 
@@ -124,7 +125,7 @@ def test_slerp_between_equal_orientations():
         ends = q.then(turn(x[:3])), q.then(turn(x[3:]))
         return q.inverse().then(rotations.interpolation.slerp(*ends, 0.3)).rotation_vector()
 
-    for found in jax.jit(lambda x: (jax.jacfwd(moved)(x), jax.jacrev(moved)(x)))(np.zeros(6)):
+    for found in both_modes(moved)(np.zeros(6))[1:]:
         assert_allclose(found, np.hstack([0.7 * np.eye(3), 0.3 * np.eye(3)]), atol=ROUNDING)
 
 
@@ -221,14 +222,14 @@ def moved_mean(x):
     return q.inverse().then(rotations.mean.mean_attitude(group)).rotation_vector()
 
 
-mean_forward, mean_reverse = (jax.jit(mode(moved_mean)) for mode in (jax.jacfwd, jax.jacrev))
+mean_slopes = both_modes(moved_mean)
 
 
 def test_the_mean_of_equal_orientations_has_slopes():
     """Three of the four eigenvalues are equal there; the mean moves by the mean of the turns, and
     to second order not at all."""
     zero = np.zeros((3, 4))
-    for found in (mean_forward(zero), mean_reverse(zero)):
+    for found in mean_slopes(zero)[1:]:
         assert_allclose(found, 0.25 * np.stack([np.eye(3)] * 4, axis=-1), atol=ROUNDING)
     # Along one direction the mean of angles; its curvature is zero.
     line = jnp.zeros((3, 4)).at[0].set(jnp.array([1.0, -0.5, 2.0, 0.3]))
@@ -240,8 +241,7 @@ def test_slopes_of_the_mean():
     x = np.random.default_rng(6).normal(scale=0.7, size=(3, 4))
     direction = np.random.default_rng(7).normal(size=(3, 4))
     found, reverse = (
-        np.einsum("kij,ij->k", np.asarray(slopes(x)), direction)
-        for slopes in (mean_forward, mean_reverse)
+        np.einsum("kij,ij->k", np.asarray(slopes), direction) for slopes in mean_slopes(x)[1:]
     )
     assert_allclose(reverse, found, atol=1e-12)
 

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from both_modes import both_modes
 from numpy.testing import assert_allclose
 
 from jaxspace.attitude import Top
@@ -23,15 +24,12 @@ A, C, WL = 0.002, 0.0008, 0.3
 
 
 # Kept, so that the cases of a parametrised test share their programs.
-@lru_cache(maxsize=4)
-def _modes(f):
-    """`f`, its forward and its reverse derivative, compiled."""
-    return jax.jit(f), jax.jit(jax.jacfwd(f)), jax.jit(jax.jacrev(f))
+_modes = lru_cache(maxsize=4)(both_modes)
 
 
 def both(f, x):
     """The slopes of a scalar function of a vector in both modes, which must be the same."""
-    forward, reverse = (mode(jnp.asarray(x)) for mode in _modes(f)[1:])
+    _, forward, reverse = _modes(f)(jnp.asarray(x))
     assert not np.isnan(forward).any()
     assert_allclose(reverse, forward, rtol=1e-13, atol=1e-13)
     return np.asarray(forward)
@@ -182,7 +180,7 @@ def test_steady_precession_at_the_least_spin(theta, sense):
     x = [A, C, WL, theta, least]
     for rate, sign in zip(BY_SPIN, (-sense, sense), strict=True):
         double = C * least / (2.0 * A * np.cos(theta))
-        assert_allclose(_modes(rate)[0](jnp.asarray(x)), double, rtol=1e-14)
+        assert_allclose(_modes(rate)(jnp.asarray(x))[0], double, rtol=1e-14)
         tilting = sign * np.inf if theta else 0.0
         expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
         expected[3] = tilting
@@ -196,7 +194,7 @@ def test_steady_precession_at_the_least_momentum(theta, sense):
     least = sense * 2.0 * np.sqrt(A * WL * np.cos(theta))
     x = [A, C, WL, theta, least]
     for rate, sign in zip(BY_MOMENTUM, (-sense, sense), strict=True):
-        assert_allclose(_modes(rate)[0](jnp.asarray(x)), least / (2.0 * A), rtol=1e-14)
+        assert_allclose(_modes(rate)(jnp.asarray(x))[0], least / (2.0 * A), rtol=1e-14)
         expected = sign * np.inf * np.array([-1.0, 1.0, -1.0, 1.0, sense])
         expected[1], expected[3] = 0.0, expected[3] if theta else 0.0
         assert_allclose(both(rate, x), expected)
@@ -244,10 +242,7 @@ def _tensor_function_of(f, x):
     return tensor_function(f, InertiaTensor(x)).tensor
 
 
-FORMS = {
-    f: [jax.jit(way(partial(_tensor_function_of, f))) for way in (partial, jax.jacfwd, jax.jacrev)]
-    for f in (jnp.sqrt, jnp.reciprocal)
-}
+FORMS = {f: both_modes(partial(_tensor_function_of, f)) for f in (jnp.sqrt, jnp.reciprocal)}
 
 
 @pytest.mark.parametrize(
@@ -280,10 +275,10 @@ def test_a_function_of_the_tensor_is_smooth(moments):
         }
         exact = {f: [np.array(x.tolist(), float) for x in pair] for f, pair in exact.items()}
     for f, (value, slope) in exact.items():
-        form, forward, reverse = FORMS[f]
-        assert_allclose(form(tensor), value, rtol=1e-13, atol=1e-14)
-        for jacobian in (forward, reverse):
-            found = np.einsum("ijkl,kl->ij", jacobian(tensor), change)
+        form, *jacobians = FORMS[f](tensor)
+        assert_allclose(form, value, rtol=1e-13, atol=1e-14)
+        for jacobian in jacobians:
+            found = np.einsum("ijkl,kl->ij", jacobian, change)
             assert_allclose(found, slope, rtol=1e-12, atol=1e-13)
 
 

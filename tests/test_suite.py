@@ -1,6 +1,7 @@
 """The division of the tests: what runs after every change holds the basics of every package."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from test_layers import ROOMS
 TESTS = Path(__file__).parent
 
 
+@cache
 def functions(file: Path) -> set[str]:
     """The names of the functions of a file of tests."""
     return {n.name for n in ast.parse(file.read_text()).body if isinstance(n, ast.FunctionDef)}
@@ -39,6 +41,8 @@ def test_a_test_leaves_by_what_it_was_measured_to_take():
     }
     found = [is_quick(f"tests/test_a.py::test_b[{k}]", costs) for k in (1, 2, 3)]
     assert found == [False, True, True]
+    costs["tests/test_a.py::test_b"] = MOST_SECONDS + 1
+    assert not is_quick("tests/test_a.py::test_b[3]", costs)
 
 
 def test_costs_name_tests_that_exist():
@@ -49,7 +53,8 @@ def test_costs_name_tests_that_exist():
 
 def test_a_measurement_of_the_quick_part_adds_to_what_is_known(tmp_path, monkeypatch):
     monkeypatch.setattr("suite.COSTS", tmp_path / "costs.csv")
-    write_costs({"long": 9.0, "short": 0.1, "other": 2.04}, part="all")
-    assert read_costs() == {"long": 9.0, "other": 2.0}
-    write_costs({"short": 4.0}, part="quick")
-    assert read_costs() == {"long": 9.0, "other": 2.0, "short": 4.0}
+    write_costs({"long": 9.0, "short": 0.1, "basic[1]": 2.04}, part="all")
+    assert read_costs() == {"basic[1]": 2.0, "long": 9.0}
+    alone = {"short": 4.0, "basic[1]": 2.0, "case[1]": 0.7, "shares[1]": 3.0}
+    write_costs(alone, part="quick")
+    assert read_costs() == alone | {"long": 9.0, "shares": 3.0}

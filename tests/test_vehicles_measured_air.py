@@ -208,8 +208,9 @@ def test_the_filters_are_exact_at_uneven_nodes_and_have_the_spectra_of_the_stand
         np.testing.assert_allclose(spectrum_of(across, w), v, rtol=1e-6)
 
 
-SEEDS = jnp.arange(3000.0)
-GUSTS = DrydenGusts.of_severity("moderate", SEEDS, top=2500.0)
+@pytest.fixture(scope="module")
+def gusts_of_many_seeds():
+    return DrydenGusts.of_severity("moderate", jnp.arange(3000.0), top=2500.0)
 
 
 def test_scales_and_intensities_of_the_standard():
@@ -228,20 +229,21 @@ def test_scales_and_intensities_of_the_standard():
     assert RMS_HEIGHTS[-1] == FOOT * 80e3
 
 
-def test_gusts_of_many_seeds_have_variances_and_spectra_of_the_standard():
+def test_gusts_of_many_seeds_have_variances_and_spectra_of_the_standard(gusts_of_many_seeds):
     """3000 fields: at heights of both models, at the nodes; the variance errs by 2.6 percent
     (sqrt(2/3000)), the spectrum of 3 frequencies by the same over the root of 2."""
-    heights = np.asarray(GUSTS.heights)
+    many = gusts_of_many_seeds
+    heights, data = np.asarray(many.heights), np.asarray(many.data)
     for height in (15.0, 200.0, 450.0, 1500.0):
         k = int(np.argmin(np.abs(heights - height)))
-        u, w = dryden_intensities(heights[k : k + 1], GUSTS.wind_20_feet, GUSTS.rms_aloft)
-        found = np.std(np.asarray(GUSTS.data[k, :3]), axis=-1)
+        u, w = dryden_intensities(heights[k : k + 1], many.wind_20_feet, many.rms_aloft)
+        found = np.std(data[k, :3], axis=-1)
         np.testing.assert_allclose(found, [u[0], u[0], w[0]], rtol=0.07)
     # Where scale and intensity change least: above 2000 ft on even nodes.
     part = (heights > 650.0) & (heights < 2400.0)
-    x = np.asarray(GUSTS.data)[part, :3]
+    x = data[part, :3]
     spacing = np.diff(heights[part]).mean()
-    sigma = np.asarray(dryden_intensities(heights[part], 0.0, GUSTS.rms_aloft)[0])
+    sigma = np.asarray(dryden_intensities(heights[part], 0.0, many.rms_aloft)[0])
     x = x / sigma[:, None, None]
     n, scale = x.shape[0], 1750.0 * FOOT
     # The expected periodogram, from R, so that neither leakage nor aliasing is an error.
@@ -254,17 +256,18 @@ def test_gusts_of_many_seeds_have_variances_and_spectra_of_the_standard():
             np.testing.assert_allclose(power[j], expected, rtol=0.1)
 
 
-def test_a_field_of_gusts_is_one_smooth_function_of_the_height():
+def test_a_field_of_gusts_is_one_smooth_function_of_the_height(gusts_of_many_seeds):
     """Of a seed, whatever flies with it: each run of a batch is its own seed, the slope is
     continuous, and between the nodes little of the variance is lost."""
+    many = gusts_of_many_seeds
     one = DrydenGusts.of_severity("moderate", 5.0, top=2500.0)
-    np.testing.assert_allclose(one.data, GUSTS.data[..., 5], atol=1e-13)
+    np.testing.assert_allclose(one.data, many.data[..., 5], atol=1e-13)
     slope = jax.jit(jax.vmap(jax.jacfwd(lambda h: jnp.stack(one.at(h)))))
     at = one.heights[1:-1]
     np.testing.assert_allclose(slope(at * (1 - 1e-12)), slope(at * (1 + 1e-12)), atol=1e-6)
-    high = np.asarray(GUSTS.heights)[-40:]
+    high = np.asarray(many.heights)[-40:]
     between = jnp.asarray(0.5 * (high[1:] + high[:-1]))[:, None]
-    lost = 1.0 - np.var(np.stack(GUSTS.at(between))) / np.var(np.asarray(GUSTS.data)[-40:, :3])
+    lost = 1.0 - np.var(np.stack(many.at(between))) / np.var(np.asarray(many.data)[-40:, :3])
     assert 0.0 < lost < 0.06
     single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), one)
     assert all(x.dtype == jnp.float32 for x in single.at(jnp.float32(700.0)))
