@@ -47,8 +47,7 @@ quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
 	@$(PYTEST) --part quick tests/test_$(PACKAGE)*.py
 
 test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
-	@rm -rf .programs
-	@$(PYTEST) $(CHECKED)
+	@$(PYTEST) $(CHECKED) --no-programs
 
 beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests
 	@$(PYTEST) $(CHECKED) --part rest

@@ -1,6 +1,6 @@
 """Prints the sum of the tests of a log, as "N passed, N failed, N skipped".
 
-The log has the closing line of each call of pytest.
+The log has the closing lines of two calls of pytest: the quick tests and the others.
 """
 
 import re
