@@ -50,7 +50,7 @@ ALLOWED = {
         *("solvers", "integration", "simulation", "studies"),
     },
     "dispersion": {"core", "integration", "simulation"},
-    "optimization": {"core", "orbits", "rockets", "simulation"},
+    "optimization": {"core", "orbits", "rockets", "integration", "simulation"},
     "estimation": {"core", "simulation", "studies"},
     # The rooms of physics, whose public names scene files may use, and what runs them.
     "io": {
@@ -85,7 +85,7 @@ OUTSIDE = {
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
     "control": FLOOR | {"diffrax"},
-    "optimization": FLOOR | {"optax"},
+    "optimization": FLOOR,
     "estimation": FLOOR | {"lineax", "optimistix"},
 }
 # Plotting, tables, files and clusters: only where a person asks for them, inside the function that
@@ -473,7 +473,7 @@ def run(code: str) -> str:
 # package, for the `__init__` of the real one imports most rooms, in an order of its own.
 ALONE = """
 import os, sys, traceback, types
-import jax, equinox, diffrax, optax
+import jax, equinox, diffrax
 package = sys.modules["jaxspace"] = types.ModuleType("jaxspace")
 package.__path__ = ["jaxspace"]
 for room in %r:
@@ -508,7 +508,6 @@ import jax, equinox, diffrax
 before = dict(jax.config.values)
 jaxspace.orbits, jaxspace.simulate
 print("on request:", loaded(libraries), loaded(rooms, "jaxspace."))
-import optax
 opened[:] = []
 for name in dir(jaxspace):
     getattr(jaxspace, name)
@@ -529,12 +528,12 @@ def test_importing_the_package_changes_nothing():
     floor = ["diffrax", "equinox", "jax", "numpy"]
     # Each row of the table holds what its rooms import in their turn.
     needed = sorted({"orbits", "simulation"} | ALLOWED["orbits"] | ALLOWED["simulation"])
-    libraries = [*floor, "optax", *sorted(LIGHT)]
+    libraries = [*floor, *sorted(LIGHT)]
     assert run(WATCH % (libraries, ROOMS)).splitlines() == [
         "at once: [] []",
         f"on request: {floor} {needed}",
         "settings: []",
-        f"libraries: {[*floor, 'optax']}",
+        f"libraries: {floor}",
         "files: []",
         "backends: []",
     ]

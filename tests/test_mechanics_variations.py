@@ -91,7 +91,7 @@ def test_direct_minimisation_finds_the_closed_forms():
         "descent": jnp.zeros(8),
         "chain": jnp.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0]),
     }
-    found = minimise(problem, start, method="sqp", exact_hessian=True, tolerance=1e-10)
+    found = minimise(problem, start, exact_hessian=True, tolerance=1e-10)
     assert found.converged, found.sentence()
     x, parts = found.x, found.criterion.report
     t = jnp.linspace(0.0, TIME, 7)

@@ -8,9 +8,6 @@ import pytest
 from jaxspace.core import InputError
 from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
 
-METHODS = ("sqp", "multipliers")
-ONE_METHOD = ("sqp", pytest.param("multipliers", marks=pytest.mark.sweep))
-
 
 def hole(x):
     """A bowl about zero, NaN or infinite to the right of 0.5; without a slope there."""
@@ -34,18 +31,17 @@ NOT_FINITE = [
 ]
 
 
-@pytest.mark.parametrize("method", ONE_METHOD)
-def test_what_is_not_finite_is_no_optimum(method):
+def test_what_is_not_finite_is_no_optimum():
     # One program for all problems.
     @jax.jit
     def searched(number):
         problems = [problem for problem, _ in NOT_FINITE]
-        return minimise(lambda x: jax.lax.switch(number, problems, x), jnp.ones(2), method=method)
+        return minimise(lambda x: jax.lax.switch(number, problems, x), jnp.ones(2))
 
     ends = [(searched(k), said) for k, (_, said) in enumerate(NOT_FINITE)]
     # And a search that is not compiled as a whole, without constraints.
     problem = lambda x: Criterion(jnp.sqrt(x[0] - 1.0) + x[1] ** 2)  # noqa: E731
-    ends.append((minimise(problem, jnp.ones(2), method=method), NOT_FINITE[-1][1]))
+    ends.append((minimise(problem, jnp.ones(2)), NOT_FINITE[-1][1]))
     for found, said in ends:
         assert not found.converged and int(found.reason) == StopReason.NOT_FINITE
         assert said in found.sentence() and int(found.steps) == 0
@@ -60,7 +56,7 @@ def test_the_best_of_several_starts_is_finite():
         return Criterion(jnp.where(outside, jnp.inf, x[0] ** 4), jnp.where(outside, 0.0, x[1] ** 3))
 
     starts = jnp.array([[3.0, 1.0], [1.0, 1.0]])
-    best, every = minimise_from(problem, starts, method="sqp", max_steps=2)
+    best, every = minimise_from(problem, starts, max_steps=2)
     assert not np.any(every.converged) and int(every.reason[0]) == StopReason.NOT_FINITE
     assert np.isfinite(best.criterion.objective)
 
@@ -68,7 +64,7 @@ def test_the_best_of_several_starts_is_finite():
 def test_a_far_optimum_needs_a_small_slope():
     """Of large unknowns a small slope is no rounding. Where |4e-9 (x/1e9 - 1)^3|, times the scale
     of the objective at the start, 1e3, meets the tolerance, 1 - x/1e9 is (2.5e-4)^(1/3)."""
-    found = minimise(lambda x: Criterion((x[0] / 1e9 - 1.0) ** 4), jnp.array([0.5]), method="sqp")
+    found = minimise(lambda x: Criterion((x[0] / 1e9 - 1.0) ** 4), jnp.array([0.5]))
     assert found.converged
     slope = 1e3 * 4e-9 * (1.0 - found.x[0] / 1e9) ** 3
     np.testing.assert_allclose(slope, found.gradient, rtol=1e-6)
@@ -77,21 +73,17 @@ def test_a_far_optimum_needs_a_small_slope():
     flat = minimise(
         lambda x: Criterion(x[0] / 1e6 - jnp.log(x[0])),
         jnp.array([0.5], jnp.float32),
-        method="sqp",
         tolerance=1e-5,
     )
     assert flat.converged and 0.5 * (1.0 / flat.x[0] - 1e-6) < 1.01e-5
 
 
-@pytest.mark.parametrize("method", METHODS)
-def test_an_objective_without_bound_says_so(method):
+def test_an_objective_without_bound_says_so():
     """By few steps; with a constraint that the run away must not make infeasible."""
-    found = minimise(lambda x: Criterion(jnp.sum(x)), 4.0 * jnp.ones(2), method=method)
+    found = minimise(lambda x: Criterion(jnp.sum(x)), 4.0 * jnp.ones(2))
     assert not found.converged and int(found.reason) == StopReason.UNBOUNDED
     assert "fall without bound. Give bounds" in found.sentence() and int(found.steps) < 40
-    held = minimise(
-        lambda x: Criterion(x[1] ** 2 - x[0], x[1] - 1.0), jnp.array([1.0, 0.5]), method=method
-    )
+    held = minimise(lambda x: Criterion(x[1] ** 2 - x[0], x[1] - 1.0), jnp.array([1.0, 0.5]))
     assert int(held.reason) == StopReason.UNBOUNDED
 
 
@@ -112,29 +104,26 @@ def test_the_gradient_at_a_bound_is_probed_within():
         return Criterion(jnp.where(x[0] < 0.0, 9.0, (x[0] - 1.0) ** 2) + x[1] ** 2)
 
     start = jnp.array([0.0, 0.5])
-    found = minimise(problem, start, bounds=BOX, method="sqp")
+    found = minimise(problem, start, bounds=BOX)
     assert found.converged
     np.testing.assert_allclose(found.x, [1.0, 0.0], atol=1e-8)
     with pytest.raises(InputError, match="slope of the objective by 0.3 of it"):
-        minimise(lambda x: Criterion(wrong_square(x)), start, bounds=BOX, method="sqp")
+        minimise(lambda x: Criterion(wrong_square(x)), start, bounds=BOX)
     # A power that has no second derivative at the bound is not known well enough to be refused.
-    root = minimise(
-        lambda x: Criterion((x[0] ** 1.5 - 1.0) ** 2 + x[1] ** 2), start, bounds=BOX, method="sqp"
-    )
+    root = minimise(lambda x: Criterion((x[0] ** 1.5 - 1.0) ** 2 + x[1] ** 2), start, bounds=BOX)
     assert root.converged
 
 
-@pytest.mark.parametrize("method", ONE_METHOD)
-def test_a_wrong_gradient_is_named(method):
+def test_a_wrong_gradient_is_named():
     """Half too large, 1/3 of what is claimed, and of the second inequality."""
 
     def problem(x):
         return Criterion(jnp.sum(x - 1.0) ** 2, None, jnp.stack([x[0], wrong_square(x)]))
 
     with pytest.raises(InputError, match=r"slope of non_negative\[1\] by 0.3 of it"):
-        minimise(problem, jnp.array([1.0, 0.2]), method=method)
+        minimise(problem, jnp.array([1.0, 0.2]))
     # Under `jit` the result says it.
-    found = jax.jit(lambda x: minimise(problem, x, method=method))(jnp.array([1.0, 0.2]))
+    found = jax.jit(lambda x: minimise(problem, x))(jnp.array([1.0, 0.2]))
     assert "is not the slope of non_negative[1]: the search did not" in found.sentence()
 
 
@@ -143,10 +132,8 @@ def test_a_wrong_gradient_is_named(method):
 def test_of_several_starts_a_wrong_gradient_is_refused():
     starts = jnp.array([[1.0, 2.0], [3.0, -1.0]])
     with pytest.raises(InputError, match="slope of the objective by 0.3 of it"):
-        minimise_from(lambda x: Criterion(wrong_square(x)), starts, method="sqp")
-    best, _ = minimise_from(
-        lambda x: Criterion(wrong_square(x)), starts, method="sqp", check_gradient=False
-    )
+        minimise_from(lambda x: Criterion(wrong_square(x)), starts)
+    best, _ = minimise_from(lambda x: Criterion(wrong_square(x)), starts, check_gradient=False)
     assert int(best.reason) != StopReason.WRONG_GRADIENT
 
 
@@ -165,7 +152,6 @@ def constrained(x):
     return Criterion(x @ x, x[0] - 1.0, x)
 
 
-@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(
     ("problem", "start", "options", "said"),
     [
@@ -183,28 +169,23 @@ def constrained(x):
         (lambda x: bare("equal_zero", [x[0]]), jnp.ones(2), {}, "equal_zero as a list: it must be"),
         (lambda x: bare("objective", None), jnp.ones(2), {}, "objective as a NoneType"),
         (bowl, jnp.ones(2), {"max_steps": 0}, "max_steps is 0: it must be at least 1"),
-        (bowl, jnp.ones(2), {"max_rounds": 0}, "max_rounds is 0"),
-        (bowl, jnp.ones(2), {"adam_steps": -1}, "adam_steps is -1: it must be at least 0"),
         (bowl, jnp.ones(2), {"scale": jnp.array([1.0, 0.0])}, "sizes must be positive and finite"),
         (bowl, jnp.ones(2), {"scale": 1.0}, r"scale has the shape \(\): it must be \(2,\)"),
         (bowl, {"a": 1.0}, {"scale": 1.0}, "scale must have the structure of the start"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_by_name(method, problem, start, options, said):
+def test_what_cannot_be_searched_is_refused_by_name(problem, start, options, said):
     with pytest.raises(InputError, match=said):
-        minimise(problem, start, method=method, **options)
+        minimise(problem, start, **options)
 
 
-# How a start and a search that is taken up are read does not depend on the method.
-@pytest.mark.parametrize("method", ONE_METHOD)
-def test_python_floats_are_unknowns(method):
-    found = minimise(bowl, {"a": 1.0}, bounds=({"a": 0.0}, {"a": 2.0}), method=method)
+def test_python_floats_are_unknowns():
+    found = minimise(bowl, {"a": 1.0}, bounds=({"a": 0.0}, {"a": 2.0}))
     assert found.converged
     np.testing.assert_allclose(found.x["a"], 2.0, atol=1e-8)
 
 
-@pytest.mark.parametrize("method", ONE_METHOD)
-def test_a_search_goes_on_with_its_own_constraints_alone(method):
-    begun = minimise(constrained, jnp.array([3.0, 2.0]), method=method, max_steps=1, max_rounds=1)
-    with pytest.raises(InputError, match="of another problem or method"):
-        minimise(lambda x: Criterion(x @ x, None, x), begun, method=method)
+def test_a_search_goes_on_with_its_own_constraints_alone():
+    begun = minimise(constrained, jnp.array([3.0, 2.0]), max_steps=1)
+    with pytest.raises(InputError, match="of another problem"):
+        minimise(lambda x: Criterion(x @ x, None, x), begun)

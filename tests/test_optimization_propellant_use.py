@@ -77,7 +77,7 @@ def test_the_slope_of_the_steering_is_no_free_constant():
         return Criterion(-u, height - 4e5)
 
     # Both constants are free: the optimum has the slope of the erratum.
-    best = jax.jit(lambda x: minimise(problem, x, method="sqp"))(jnp.array([0.8, 2.0]))
+    best = jax.jit(lambda x: minimise(problem, x))(jnp.array([0.8, 2.0]))
     assert best.converged
     start, slope = best.x
     top, T, _ = flown(best.x)
@@ -223,7 +223,7 @@ def searched(velocity, climb, duration, within=(0.1, 10.0), slope=0.3):
         low["duration"], high["duration"] = (jnp.asarray(x) for x in within)
     # The law has no effect in a bin without propellant: differences of gradients would take what
     # they say about it for curvature.
-    return minimise(problem, start, bounds=(low, high), method="sqp", exact_hessian=True)
+    return minimise(problem, start, bounds=(low, high), exact_hessian=True)
 
 
 @pytest.mark.parametrize(

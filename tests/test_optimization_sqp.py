@@ -28,7 +28,7 @@ def hock_71(x):
 def test_bounds_and_constraints():
     """The optimum 17.0140173 with x_0 at its bound, by quadratic programmes; its multipliers are
     the derivatives of the optimum."""
-    found = search(hock_71, jnp.array([1.0, 5.0, 5.0, 1.0]), method="sqp", bounds=(1.0, 5.0))
+    found = search(hock_71, jnp.array([1.0, 5.0, 5.0, 1.0]), bounds=(1.0, 5.0))
     assert found.converged and found.sentence().startswith("Converged after 9 steps")
     np.testing.assert_allclose(found.criterion.objective, 17.0140172891563, rtol=1e-12)
     expected = [1.0, 4.7429996, 3.8211500, 1.3794083]
@@ -40,8 +40,7 @@ def test_bounds_and_constraints():
     assert np.all(np.isfinite(rows[:9])) and np.all(np.isnan(rows[9:]))
 
 
-@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
-def test_units_do_not_matter(method):
+def test_units_do_not_matter():
     """The same problem with other units for unknowns, objective and constraints: the same search,
     with the multipliers in those units. Powers of two change no digit."""
     x, f, c, d = 2.0**20, 2.0**-30, 2.0**15, 2.0**-12
@@ -55,7 +54,7 @@ def test_units_do_not_matter(method):
             return Criterion(f * found.objective, c * equal, d * above)
 
         start = x * jnp.array([1.0, 5.0, 5.0, 1.0])
-        return minimise(rescaled, start, method=method, bounds=(x, 5.0 * x))
+        return minimise(rescaled, start, bounds=(x, 5.0 * x))
 
     plain, other = searched(1.0, 1.0, 1.0, 1.0), searched(x, f, c, d)
     assert plain.converged and other.converged
@@ -70,13 +69,13 @@ def test_units_do_not_matter(method):
     ]
     for one, two in pairs:
         np.testing.assert_allclose(two, one, rtol=1e-12, atol=1e-12)
-    # Those of the other method, which are the textbook's.
+    # The textbook's.
     np.testing.assert_allclose(plain.multipliers.equal_zero, 0.1614686, rtol=1e-6)
     np.testing.assert_allclose(plain.multipliers.non_negative, [0.5522937], rtol=1e-6)
 
 
-def test_bounds_by_smooth_maps():
-    """One number at its lower bound, one within, one above a bound of its own: by descents."""
+def test_bounds_of_a_tree():
+    """One number at its lower bound, one within, one above a bound of its own."""
 
     def problem(p):
         x, y = p["x"], p["y"]
@@ -87,7 +86,7 @@ def test_bounds_by_smooth_maps():
         {"x": jnp.array([1.0, 1.0]), "y": jnp.array(1.5)},
     )
     start = {"x": jnp.array([0.0, 0.9]), "y": jnp.array(-3.0)}
-    found = search(problem, start, bounds=bounds, adam_steps=20)
+    found = search(problem, start, bounds=bounds)
     assert found.converged and int(found.reason) == StopReason.CONVERGED
     np.testing.assert_allclose(found.x["x"], [0.0, 0.3], atol=1e-8)
     np.testing.assert_allclose(found.x["y"], 1.5, atol=1e-8)
@@ -95,8 +94,6 @@ def test_bounds_by_smooth_maps():
     np.testing.assert_allclose(found.bound_multipliers["y"], -1.0, atol=1e-7)
     with pytest.raises(InputError, match="the lower one must be below"):
         minimise(problem, start, bounds=(1.0, 0.0))
-    with pytest.raises(InputError, match="method is 'newton'"):
-        minimise(problem, start, method="newton")
 
 
 def test_an_infeasible_target_ends_at_what_can_be_reached():
@@ -105,7 +102,7 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
     def problem(x):
         return Criterion(x[1] + x[0], None, jnp.stack([1.0 - x[0], x[0] - 2.0 - x[1] ** 2]))
 
-    found = search(problem, jnp.array([0.5, 3.0]), method="sqp")
+    found = search(problem, jnp.array([0.5, 3.0]))
     assert not found.converged and int(found.reason) == StopReason.INFEASIBLE
     sentence = found.sentence()
     assert "cannot be met" in sentence
@@ -119,8 +116,7 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
     assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
 
 
-@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
-def test_of_many_targets_those_out_of_reach_are_named(method):
+def test_of_many_targets_those_out_of_reach_are_named():
     """x within 1 of zero, whose five components are asked to be 3, 0, 4e-6, -7 and 0.5, the third
     in units of 1e-6 of the others; the bounds hold the first, third and fourth."""
     asked = jnp.array([3.0, 0.0, 4e-6, -7.0, 0.5])
@@ -130,7 +126,7 @@ def test_of_many_targets_those_out_of_reach_are_named(method):
         return Criterion(jnp.sum(x * x), unit * x - asked)
 
     # One program for both searches.
-    within = jax.jit(lambda x, most: minimise(problem, x, method=method, bounds=(-most, most)))
+    within = jax.jit(lambda x, most: minimise(problem, x, bounds=(-most, most)))
     found = within(jnp.full(5, 0.1), 1.0)
     assert int(found.reason) == StopReason.INFEASIBLE
     np.testing.assert_array_equal(found.unmet[0], [True, False, True, True, False])
@@ -144,30 +140,27 @@ def on_a_shell(x):
     return Criterion(jnp.sum(x), jnp.stack([x @ x - 40.1, x[0] * x[1] - 1.3]))
 
 
-@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
-def test_a_search_that_stops_short_is_not_infeasible(method):
+def test_a_search_that_stops_short_is_not_infeasible():
     """A problem that can be met, as float64 does: with float32 beyond its digits, and with too few
     steps, the sentence names what is missing and what helps."""
     start = jnp.array([2.0, 3.0, 4.0])
-    assert search(on_a_shell, start, method=method).converged
+    assert search(on_a_shell, start).converged
     # 1e-12 of numbers of the order of one, of which float32 has seven digits.
-    rough = search(on_a_shell, start.astype(jnp.float32), method=method, tolerance=1e-12)
-    ends = {"sqp": StopReason.NO_PROGRESS, "multipliers": StopReason.STEP_LIMIT}
-    assert not rough.converged and int(rough.reason) == ends[method]
+    rough = search(on_a_shell, start.astype(jnp.float32), tolerance=1e-12)
+    assert not rough.converged and int(rough.reason) == StopReason.NO_PROGRESS
     # What is missing may be the gradient alone.
     assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet[0])
     sentence = rough.sentence()
     assert "short of the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
-    few = search(on_a_shell, start, method=method, max_steps=2, max_rounds=1)
+    few = search(on_a_shell, start, max_steps=2)
     assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
     sentence = few.sentence()
     assert "where 0 is asked. Allow more, or begin nearer." in sentence
     assert f"equal_zero[0] is {few.criterion.equal_zero[0]:.3g}" in sentence
 
 
-@pytest.mark.parametrize("method", ["sqp", "multipliers"])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype):
+def test_circles_that_do_not_meet_are_infeasible_in_any_precision(dtype):
     """Unit circles, three apart: on the line between them no step brings one nearer without
     leaving the other, and the gradient of the squared violation vanishes where the multipliers
     end: (x^2 - 1)^2 + ((x - 3)^2 - 1)^2 at x = 3/2 is 2 (5/4)^2. From starts beside the line,
@@ -178,7 +171,7 @@ def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype)
         return Criterion(x[0], jnp.stack([x @ x - 1.0, (x - far) @ (x - far) - 1.0]))
 
     # One program for all starts.
-    search_from = jax.jit(lambda x: minimise(problem, x, method=method))
+    search_from = jax.jit(lambda x: minimise(problem, x))
     for start in ([0.5, 0.5], [-0.48, 0.46], [0.64, -0.79], [2.88, 0.083], [3.17, 0.94]):
         found = search_from(jnp.array(start, dtype))
         assert int(found.reason) == StopReason.INFEASIBLE, start
@@ -189,7 +182,7 @@ def test_circles_that_do_not_meet_are_infeasible_in_any_precision(method, dtype)
 def test_a_far_target_is_no_infeasible_one():
     """A thousand sizes of the unknown away, with four steps: the slope does not vanish, although
     a step reduces little of the violation."""
-    found = search(lambda x: Criterion(x * x, x - 1e5), jnp.asarray(0.5), method="sqp", max_steps=4)
+    found = search(lambda x: Criterion(x * x, x - 1e5), jnp.asarray(0.5), max_steps=4)
     assert int(found.reason) == StopReason.STEP_LIMIT
 
 
@@ -212,7 +205,7 @@ def tangent_burn(x):
 
 def test_linear_tangent_steering_in_the_least_time():
     """0.5545709 (Betts): 1e-5 of the optimum is wanted."""
-    found = search(tangent_burn, jnp.array([0.5, -0.5, 1.0]), method="sqp")
+    found = search(tangent_burn, jnp.array([0.5, -0.5, 1.0]))
     assert found.converged
     exact = minimum_time_steering(100.0, 5.0, 45.0)
     np.testing.assert_allclose(found.x[2], exact.duration, rtol=1e-9)
@@ -227,7 +220,7 @@ def test_several_starts():
         return Criterion(0.05 * (x[0] - 1.0) ** 2 - jnp.cos(3.0 * x[0]), x[1] - x[0])
 
     starts = jnp.stack([jnp.linspace(-5.0, 5.0, 5), jnp.zeros(5)])
-    best, every = minimise_from(problem, starts, method="sqp")
+    best, every = minimise_from(problem, starts)
     assert every.x.shape == (2, 5) and bool(jnp.all(every.converged))
     grid = np.linspace(-5.0, 5.0, 200001)
     lowest = np.min(0.05 * (grid - 1.0) ** 2 - np.cos(3.0 * grid))
@@ -242,7 +235,6 @@ def test_hard_valleys(exact):
     valley = search(
         lambda x: Criterion(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2),
         jnp.array([-1.2, 1.0]),
-        method="sqp",
         exact_hessian=exact,
     )
     assert valley.converged
@@ -250,7 +242,6 @@ def test_hard_valleys(exact):
     ring = search(
         lambda x: Criterion(2.0 * (x @ x - 1.0) - x[0], x @ x - 1.0),
         jnp.array([0.8, 0.6]),
-        method="sqp",
     )
     assert ring.converged and int(ring.steps) < 20
     np.testing.assert_allclose(ring.x, [1.0, 0.0], atol=1e-7)
@@ -261,9 +252,8 @@ def valley(x):
     return Criterion(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2, x[0] + x[1] - 1.5)
 
 
-@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
-def test_a_search_is_watched_and_goes_on(method):
-    """It is interrupted after two steps or rounds, goes on where it stood, and ends where it would
+def test_a_search_is_watched_and_goes_on():
+    """It is interrupted after two steps, goes on where it stood, and ends where it would
     have ended."""
     start, rows = jnp.array([-1.2, 1.0]), []
 
@@ -272,11 +262,11 @@ def test_a_search_is_watched_and_goes_on(method):
         if len(rows) == 2:
             raise KeyboardInterrupt
 
-    straight = minimise(valley, start, method=method)
-    begun = minimise(valley, start, method=method, progress=watch)
+    straight = minimise(valley, start)
+    begun = minimise(valley, start, progress=watch)
     assert int(begun.reason) == StopReason.INTERRUPTED and not begun.converged
     assert begun.sentence().startswith("Interrupted after ")
-    found = minimise(valley, begun, method=method)
+    found = minimise(valley, begun)
     assert found.converged
     np.testing.assert_allclose(found.x, straight.x, rtol=1e-12)
     assert int(found.steps) == int(straight.steps)
@@ -286,9 +276,6 @@ def test_a_search_is_watched_and_goes_on(method):
     # The figure holds what was taken.
     (line,) = found.plot("valley").axes[0].lines
     assert len(line.get_xdata()) == taken
-    with pytest.raises(InputError, match="of another problem or method"):
-        other = {"sqp": "multipliers", "multipliers": "sqp"}[method]
-        minimise(valley, begun, method=other)
 
 
 @pytest.mark.sweep
@@ -298,7 +285,6 @@ def test_maratos_with_the_exact_curvature():
     found = search(
         lambda x: Criterion(2.0 * (x @ x - 1.0) - x[0], x @ x - 1.0),
         jnp.array([0.8, 0.6]),
-        method="sqp",
         exact_hessian=True,
     )
     assert found.converged and int(found.steps) <= 12
@@ -353,7 +339,7 @@ def test_the_least_99_percent_miss_of_dispersed_shots():
             p["miss"], non_negative=jnp.stack([p["miss"] - far, p["miss"] + short, spare(p)])
         )
 
-    found = minimise(problem, AIM | {"miss": jnp.asarray(0.5)}, method="sqp", tolerance=1e-8)
+    found = minimise(problem, AIM | {"miss": jnp.asarray(0.5)}, tolerance=1e-8)
     assert found.converged, found.sentence()
     low, high = np.quantile(PUSH, [0.005, 0.995])
     both = high + low
@@ -376,7 +362,7 @@ def test_the_99_percent_miss_of_a_gun_that_is_too_weak():
 
     # From a shot that falls short: on the way from one beyond the target the quantile has a corner.
     start = {"u": jnp.asarray(0.4), "v": jnp.asarray(0.6)}
-    found = minimise(problem, start, method="sqp", tolerance=1e-8)
+    found = minimise(problem, start, tolerance=1e-8)
     assert found.converged, found.sentence()
     q = -np.quantile(PUSH, 0.01)
     np.testing.assert_allclose(
@@ -396,7 +382,7 @@ def test_the_trade_of_mean_against_spread():
             cost = jnp.mean(m) ** 2 + weight * jnp.var(m)
             return Criterion(100.0 * cost, non_negative=spare(p)[None], report=m)
 
-        return minimise(problem, AIM, method="sqp", tolerance=1e-8)
+        return minimise(problem, AIM, tolerance=1e-8)
 
     # One program for all weights.
     search_with = jax.jit(searched)

@@ -52,23 +52,10 @@ at_least = "8000 km"
 """
 
 
-# What the last step of "sqp" reaches beyond the tolerance of a file, by its quadratic convergence,
-# the descents of "multipliers" have to be asked for.
-METHODS = {"sqp": 1e-6, "multipliers": 1e-8}
-
-
-def with_method(method):
-    lines = f'[optimize]\nmethod = "{method}"\ntolerance = {METHODS[method]}\n'
-    return TRANSFER.replace("[optimize]\n", lines)
-
-
-# A file asks for "sqp" unless it names the other; searches by both have tests of their own.
-@pytest.fixture(
-    scope="module", params=["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)]
-)
-def found(request, tmp_path_factory):
+@pytest.fixture(scope="module")
+def found(tmp_path_factory):
     path = tmp_path_factory.mktemp("optimize") / "transfer.toml"
-    path.write_text(with_method(request.param))
+    path.write_text(TRANSFER)
     steps = []
     return load(path).optimize(progress=lambda *row: steps.append(row)), steps
 
@@ -217,12 +204,10 @@ def test_compact_flight():
         simulate_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
 
 
-# What a report says of it does not depend on the method.
-@pytest.mark.parametrize("method", ["sqp", pytest.param("multipliers", marks=pytest.mark.sweep)])
-def test_a_target_out_of_reach_is_said(tmp_path, method):
+def test_a_target_out_of_reach_is_said(tmp_path):
     """The greatest apoapsis within the bounds lies at both upper ones; the slopes are empty."""
     path = tmp_path / "far.toml"
-    path.write_text(with_method(method).replace('"8000 km"', '"80000 km"'))
+    path.write_text(TRANSFER.replace('"8000 km"', '"80000 km"'))
     best = load(path).optimize()
     up, along = RADIAL, 8500.0
     rate = R1 * along

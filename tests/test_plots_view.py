@@ -20,7 +20,7 @@ from jaxspace import Scene, simulate
 from jaxspace.attitude import ReactionWheels, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
-from jaxspace.orbits import TwoBody
+from jaxspace.orbits import CircularPath, TwoBody
 from jaxspace.plots import show_run, view_page
 from jaxspace.plots._view_page import _momentum
 from jaxspace.plots._view_shapes import faces_of, top_faces, wheel_faces
@@ -163,6 +163,19 @@ def test_what_attracts_is_a_planet(tmp_path):
         for radius in (None, 6e6)
     ]
     np.testing.assert_allclose(planets, [7e6 / 3.0, 6e6])
+
+
+def test_the_sun_is_where_its_path_has_it(tmp_path):
+    """A quarter of a circle in the time of the run: from x to y."""
+    shown = spacecraft(wheels=False)
+    assert data_of(view_page(shown, tmp_path / "dark.html"))["sun"] is None
+    rate = 0.5 * np.pi / TIMES[-1]
+    shown.system.effects = (SimpleNamespace(sun=CircularPath(1.5e11, rate)),)
+    angle = rate * TIMES
+    expected = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    sun = data_of(view_page(shown, tmp_path / "run.html"))["sun"]
+    # To the digits that are written.
+    np.testing.assert_allclose(sun, expected, atol=6e-6)
 
 
 def test_long_run_is_thinned_out(tmp_path):

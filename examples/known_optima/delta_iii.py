@@ -104,7 +104,7 @@ def search():
     start = {"end": jnp.asarray(920.0 / SECONDS), "vectors": jnp.asarray(vectors)}
     sizes = {"end": jnp.asarray(0.05), "vectors": jnp.full(vectors.shape, 0.5)}
     options = {"scale": sizes, "tolerance": 3e-6, "max_steps": 400}
-    return minimise(problem, start, method="sqp", **options)
+    return minimise(problem, start, **options)
 
 
 def optimum(found):

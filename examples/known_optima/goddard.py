@@ -68,7 +68,7 @@ def search():
     high = {"full": 0.1, "arc": 0.2, "coast": 0.3, "thrust": np.inf}
     high = jax.tree.map(lambda x, b: jnp.full(x.shape, b), start, high)
     # The altitude is flat in the last coefficients: 1e-6 of the slope leaves 1e-10 of it.
-    return minimise(problem, start, bounds=(low, high), method="sqp", tolerance=2e-6)
+    return minimise(problem, start, bounds=(low, high), tolerance=2e-6)
 
 
 def optimum(found):

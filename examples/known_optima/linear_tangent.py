@@ -45,7 +45,7 @@ def problem(x):
 def search():
     """From a straight line of thrust, 30 degrees upwards."""
     start = {"angle": jnp.zeros(TERMS).at[-1].set(0.5), "lasts": jnp.asarray(0.7)}
-    return minimise(problem, start, method="sqp", tolerance=1e-8)
+    return minimise(problem, start, tolerance=1e-8)
 
 
 def optimum(found):

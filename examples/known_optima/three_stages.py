@@ -87,7 +87,7 @@ def search():
     high = {"vectors": np.inf, "coast": 0.5, "last": 235.0 / TIME}
     bounds = tuple(jax.tree.map(lambda x, b: jnp.full(x.shape, b), start, b) for b in (low, high))
     options = {"scale": sizes, "tolerance": 1e-6, "max_steps": 400}
-    return minimise(problem, start, bounds=bounds, method="sqp", **options)
+    return minimise(problem, start, bounds=bounds, **options)
 
 
 def optimum(found):

@@ -71,7 +71,7 @@ def search():
     }
     sizes = {"burn": 0.1 / ACCELERATION, "coast": 1.0, "phi": 1.0, "omega": 1.0}
     sizes = jax.tree.map(lambda x, s: jnp.full(x.shape, s), start, sizes)
-    return minimise(problem, start, method="sqp", scale=sizes, tolerance=1e-6)
+    return minimise(problem, start, scale=sizes, tolerance=1e-6)
 
 
 def optimum(found):

@@ -33,7 +33,6 @@ def optimise(
         lambda x: criterion(file, task, x, each),
         x0,
         bounds=bounds,
-        method=table["method"],
         tolerance=table["tolerance"],
         max_steps=table["max_steps"],
         scale={free.path: jnp.asarray(_size(free)) for free in task.free},

@@ -22,7 +22,7 @@ from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._output_entries import read_output, unit_of
 from ._outputs import BEGAN, OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
-from ._value_kinds import ListOf, Measure, Number, OneName, Whole
+from ._value_kinds import ListOf, Measure, Number, Whole
 from .units import WrittenUnits, in_unit, read_number
 
 GOALS = ("minimise", "maximise")
@@ -105,7 +105,6 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
             ),
             # The intervals between the breaks of a phase share its steps.
             "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
-            "method": Entry(OneName(("sqp", "multipliers")), "sqp", doc="of the search"),
             "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
             "max_steps": Entry(Whole(), 200, doc="how many steps the search may take"),
         }

@@ -17,6 +17,7 @@ from jax import lax
 from jaxtyping import Array
 
 from ..core.tracing import is_traced
+from ..integration.compiling import QUICK
 
 # What a search carries from step to step, and what is evaluated for it.
 S = TypeVar("S", bound=Any)
@@ -66,7 +67,7 @@ def _watched(
         state = advance(state, found)
         return state, unfinished(state)
 
-    move = eqx.filter_jit(move)
+    move = eqx.filter_jit(move, **QUICK)
     # A search that is taken up may have nothing left to do.
     more, taken = bool(unfinished(state)), int(state.taken)
     try:

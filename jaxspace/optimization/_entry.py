@@ -69,15 +69,10 @@ def check_scale(scale: Any, start: Point) -> None:
             raise InputError(f"scale{keystr(path)} is {size}: sizes must be positive and finite.")
 
 
-def check_counts(max_steps: int, max_rounds: int, adam_steps: int) -> None:
+def check_steps(max_steps: int) -> None:
     """Raises `InputError` for a number of steps that is none."""
-    for name, count, least in (
-        ("max_steps", max_steps, 1),
-        ("max_rounds", max_rounds, 1),
-        ("adam_steps", adam_steps, 0),
-    ):
-        if count < least:
-            raise InputError(f"{name} is {count}: it must be at least {least}.")
+    if max_steps < 1:
+        raise InputError(f"max_steps is {max_steps}: it must be at least 1.")
 
 
 def _kind(value: Any) -> str:

@@ -15,8 +15,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.flatten_util import ravel_pytree
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core import InputError
 
@@ -103,16 +102,6 @@ def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
     slope = (4.0 * fine - coarse) / 3.0
     beyond = jnp.maximum(jnp.abs(slope - claimed) - ALLOWANCE * jnp.abs(fine - coarse), 0.0)
     return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
-
-
-def sizes_of(point: PyTree[Float[Array, "..."]]) -> Float[Array, " n"]:
-    """Size of each unknown: the largest magnitude in its part of the point, or 1 for zero."""
-
-    def leaf(x: Array) -> Array:
-        largest = jnp.max(jnp.abs(x), initial=0.0)
-        return jnp.broadcast_to(jnp.where(largest > 0.0, largest, 1.0), x.shape)
-
-    return ravel_pytree(jax.tree.map(leaf, point))[0]
 
 
 def refuse(error: float, what: str = "the objective") -> None:

@@ -174,9 +174,8 @@ def _search(
     if form == "time":
         # As a share of the first guess, of order one as the other unknowns are.
         start["duration"] = jnp.ones_like(first)
-    options = {"method": "sqp", "tolerance": tolerance, "max_steps": max_steps}
     # The corners of the law are breaks of the burn: its gradient needs no check.
-    found = minimise(problem, start, check_gradient=False, **options)
+    found = minimise(problem, start, tolerance=tolerance, max_steps=max_steps, check_gradient=False)
     T, end, error = found.criterion.report
     dual = found.multipliers.equal_zero
     assert dual is not None

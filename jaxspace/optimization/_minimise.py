@@ -2,12 +2,8 @@
 
     minimise f(x)   subject to   c(x) = 0,   d(x) >= 0,   a <= x <= b
 
-    method           how                                                      for
-    "multipliers"    L-BFGS inside the method of multipliers                  many unknowns
-    "sqp"            quadratic programmes with the full Jacobian              up to about a hundred
-
-Files: `_scaling.py`, `_by_multipliers.py`, `_by_sqp.py`, `_bounds.py`. Valid for smooth functions.
-`f` may be infinite outside its domain: both methods turn back.
+Files: `_scaling.py`, `_search.py`, `_sqp.py`, `_bounds.py`. Valid for smooth functions of up to
+a few hundred unknowns. `f` may be infinite outside its domain: the search turns back.
 """
 
 import functools
@@ -21,16 +17,12 @@ from jaxtyping import PyTree
 from ..core import InputError, Scalar
 from ..core.tracing import is_traced
 from ._bounds import as_bounds
-from ._by_multipliers import by_multipliers
-from ._by_sqp import by_sqp
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress
-from ._entry import as_point, check_counts, check_scale
+from ._entry import as_point, check_scale, check_steps
 from ._gradient_check import refuse
 from ._scaling import scaled_problem
-from ._search import Common
-
-METHODS = ("multipliers", "sqp")
+from ._search import search
 
 
 def minimise(
@@ -38,13 +30,9 @@ def minimise(
     start: PyTree | Minimum,
     *,
     bounds: tuple[PyTree, PyTree] | None = None,
-    method: str = "multipliers",
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
-    max_rounds: int = 20,
     check_gradient: bool = True,
-    adam_steps: int = 0,
-    adam_rate: Scalar = 0.03,
     exact_hessian: bool = False,
     scale: PyTree | None = None,
     progress: Progress | None = None,
@@ -57,34 +45,29 @@ def minimise(
     - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` that ended
       before its time, whose search goes on with the same options.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
-    - `method`: "multipliers" or "sqp".
     - `tolerance`: for the gradient and for the violation, both scaled.
-    - `max_steps`: of one descent, or of "sqp"; `max_rounds`: number of descents.
+    - `max_steps`: after how many it ends at the latest.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
       objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
       the search ends there with the reason `WRONG_GRADIENT`.
-    - `adam_steps`, `adam_rate`: steps of Adam before the first descent of "multipliers", for flat
-      or rough starts; the rate is that of the scaled unknowns.
-    - `exact_hessian`: of "sqp": curvature by second derivatives in place of BFGS, for problems that
-      are cheap to differentiate twice.
+    - `exact_hessian`: whether to take the curvature by second derivatives in place of BFGS, for
+      problems that are cheap to differentiate twice.
     - `scale`: sizes of the unknowns, a tree like `start`; by default the range of the bounds, or
       the larger of the start and 1. Objective and constraints are scaled by their derivatives at
       the start.
-    - `progress`: called after each round or step with its number, objective, scaled violation and
+    - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with what it has reached.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
     `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
     and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
 
-    **Raises** `InputError` for an unknown method, bounds or a scale that do not fit, unknowns that
-    are no floats, a problem that returns no `Criterion` of arrays, a `Minimum` of another problem,
-    or a gradient that is not the slope.
+    **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are no floats, a
+    problem that returns no `Criterion` of arrays, a `Minimum` of another problem, or a gradient
+    that is not the slope.
     """
-    if method not in METHODS:
-        raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     before = start if isinstance(start, Minimum) else None
-    check_counts(max_steps, max_rounds, adam_steps)
+    check_steps(max_steps)
     x = as_point(start.x if isinstance(start, Minimum) else start)
     if scale is not None:
         check_scale(scale, x)
@@ -93,13 +76,9 @@ def minimise(
     problem = jax.jit(problem)
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
-    common = Common(problem, x, limits, tolerance, check_gradient and before is None, progress)
-    scaled = scaled_problem(common, scale, before)
-    if method == "sqp":
-        found = by_sqp(common, scaled, max_steps, exact_hessian, before)
-    else:
-        rounds = (max_steps, max_rounds, adam_steps, adam_rate)
-        found = by_multipliers(common, scaled, bounds is not None, rounds, before)
+    check = check_gradient and before is None
+    scaled = scaled_problem(problem, x, limits, scale, before)
+    found = search(scaled, tolerance, max_steps, exact_hessian, check, progress, before)
     if check_gradient and not is_traced(found.gradient_error):
         refuse(float(found.gradient_error), worst_number(found))
     return found
@@ -110,13 +89,9 @@ def minimise_from(
     starts: PyTree,
     *,
     bounds: tuple[PyTree, PyTree] | None = None,
-    method: str = "multipliers",
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
-    max_rounds: int = 20,
     check_gradient: bool = True,
-    adam_steps: int = 0,
-    adam_rate: Scalar = 0.03,
     exact_hessian: bool = False,
     scale: PyTree | None = None,
 ) -> tuple[Minimum, Minimum]:
@@ -133,21 +108,17 @@ def minimise_from(
 
     **Raises** `InputError` as `minimise` does, for a wrong gradient at any of the starts.
     """
-    search = functools.partial(
+    one = functools.partial(
         minimise,
         problem,
         bounds=bounds,
-        method=method,
         tolerance=tolerance,
         max_steps=max_steps,
-        max_rounds=max_rounds,
         check_gradient=check_gradient,
-        adam_steps=adam_steps,
-        adam_rate=adam_rate,
         exact_hessian=exact_hessian,
         scale=scale,
     )
-    in_one_batch = eqx.filter_jit(jax.vmap(search, in_axes=-1, out_axes=-1))
+    in_one_batch = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))
     every = in_one_batch(as_point(starts, "starts"))
     if check_gradient and not is_traced(every.gradient_error):
         # As of one start: a search in a batch cannot be refused before it ends.

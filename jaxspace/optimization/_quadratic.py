@@ -15,6 +15,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 from jax import lax
+from jax.scipy.linalg import lu_factor, lu_solve
 from jaxtyping import Array, Bool, Float, Int
 
 # From a cold start ten to twenty steps reach rounding.
@@ -70,9 +71,11 @@ def _step(p: Programme, at: _Place) -> _Place:
     # A trace of the identity: elastic unknowns are held by their inequalities alone.
     matrix = matrix + 1e-15 * jnp.max(jnp.abs(matrix)) * jnp.eye(z.size, dtype=z.dtype)
 
+    factors = lu_factor(matrix)
+
     def newton(target: Float[Array, " m"]) -> tuple[Array, Array, Array]:
         push = (target - s * nu) / s - weight * primal
-        dz = jnp.linalg.solve(matrix, p.G.T @ push - dual)
+        dz = lu_solve(factors, p.G.T @ push - dual)
         ds = p.G @ dz + primal
         return dz, ds, (target - s * nu) / s - weight * ds
 

@@ -50,7 +50,7 @@ def least_rendezvous(
     intercept_only: bool = False,
     revolutions: int = 0,
     low: bool = True,
-    tolerance: Scalar = 1e-9,
+    tolerance: Scalar = 1e-7,
 ) -> Rendezvous:
     """A local minimum of the sum of both impulses over departure and arrival.
 

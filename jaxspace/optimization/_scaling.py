@@ -1,4 +1,4 @@
-"""A minimisation problem, scaled to numbers of order one for both methods of `minimise`.
+"""A minimisation problem, scaled to numbers of order one.
 
     z = x / size        f, c, d -> weight * (f, c, d)
 
@@ -9,17 +9,16 @@ The multipliers of the problem itself follow: a multiplier is the quotient of tw
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Float, PyTree
 
-from ..core import Scalar
+from ._bounds import Bounds
 from ._criterion import Criterion, Minimum, Point
 from ._entry import shapes_of
-from ._search import Common, joined_rows, reason_of
 
 # Near the optimum the slope vanishes and cannot set the scale: there the value does.
 LEAST_SLOPE = 1e-3
@@ -49,80 +48,27 @@ class ScaledProblem(NamedTuple):
         parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
         return jnp.concatenate([jnp.ravel(x) for x in parts if x is not None]), criterion
 
-    def minimum(
-        self,
-        last: Any,
-        criterion: Criterion,
-        z: Array,
-        slope: Array,
-        ends: tuple[Array, Array, Array, Array, bool],
-        tolerance: Scalar,
-        before: Minimum | None,
-    ) -> Minimum:
-        """Build the result of a search from its `last` state, in the units of the problem.
 
-        **Arguments**
-
-        - `last`: state of the search, in scaled numbers.
-        - `criterion`, `z`: objective and constraints at the scaled unknowns z.
-        - `slope`: gradient of the scaled Lagrangian in z.
-        - `ends`: five flags: the numbers are finite; the steps are used up; the violation is at a
-          minimum; the unknowns have diverged; the search was interrupted.
-        - `tolerance`: largest gradient and violation, scaled, at which the search has converged.
-        - `before`: result of the search that this one continues, or `None`."""
-        finite, limited, least, astray, interrupted = ends
-        c, d = criterion.equal_zero, criterion.non_negative
-        weight = last.weight
-        y = last.y * weight[1 : 1 + self.me] / weight[0]
-        nu = last.nu * weight[1 + self.me :] / weight[0]
-        violation = jnp.zeros_like(last.gradient)
-        if c is not None:
-            violation = jnp.maximum(violation, jnp.max(jnp.abs(c)))
-        if d is not None:
-            violation = jnp.maximum(violation, jnp.max(-d))
-        missed = last.violation > tolerance
-        # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
-        # have a gradient of zero.
-        converged = (last.gradient <= tolerance) & ~missed & finite
-        return Minimum(
-            x=self.unravel(self.size * z),
-            criterion=criterion,
-            multipliers=Criterion(
-                jnp.ones_like(last.gradient),
-                None if c is None else y.reshape(c.shape),
-                None if d is None else nu.reshape(d.shape),
-            ),
-            gradient=last.gradient,
-            violation=violation,
-            steps=last.steps,
-            converged=converged,
-            gradient_error=last.wrong,
-            reason=reason_of(
-                last.wrong, interrupted, finite, converged, limited, missed & least, astray
-            ),
-            bound_multipliers=self.unravel(slope / (weight[0] * self.size)),
-            history=joined_rows(before, last.rows),
-            search=last,
-            tolerance=jnp.asarray(tolerance, last.gradient.dtype),
-        )
-
-
-def scaled_problem(common: Common, scale: PyTree | None, before: Minimum | None) -> ScaledProblem:
+def scaled_problem(
+    problem: Callable[[Point], Criterion],
+    start: Point,
+    limits: Bounds,
+    scale: PyTree | None,
+    before: Minimum | None,
+) -> ScaledProblem:
     """The problem of `minimise` in scaled unknowns: those of the search `before`, if given."""
-    x0, unravel = ravel_pytree(common.start)
-    low, high = (ravel_pytree(b)[0] for b in common.limits)
+    x0, unravel = ravel_pytree(start)
+    low, high = (ravel_pytree(b)[0] for b in limits)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0].astype(x0.dtype)
     if before is not None:
         size = getattr(before.search, "size", size)
-    shapes = shapes_of(common.problem, common.start)
+    shapes = shapes_of(problem, start)
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     me = 0 if shapes.equal_zero is None else shapes.equal_zero.size
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size
     # A start far outside of the bounds would leave the first programme without a solution.
     z0 = jnp.clip(x0, low, high) / size
-    return ScaledProblem(
-        common.problem, z0, size, low / size, high / size, unravel, blank, me, mi
-    )  # fmt: skip
+    return ScaledProblem(problem, z0, size, low / size, high / size, unravel, blank, me, mi)
 
 
 def weights(objective: Float[Array, ""], rows: Float[Array, " rows"]) -> Float[Array, " rows"]:

@@ -1,65 +1,153 @@
-"""What the methods of `minimise` share: their arguments, the reason of an end, and how a search
-that ended before its time goes on."""
+"""A scaled problem searched by quadratic programmes (`_sqp.py`), from its start, or from where a
+search ended before its time, to a `Minimum` in the units of the problem."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any, ParamSpec, TypeVar
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ._bounds import Bounds
-from ._criterion import Criterion, Minimum, Point, StopReason, stop_reason
-from ._drive import Progress
+from ..core.tracing import is_traced
+from ..integration.compiling import QUICK
+from . import _sqp as sqp
+from . import _sqp_state as sqp_state
+from ._criterion import Criterion, Minimum, StopReason, farthest, stop_reason
+from ._drive import Progress, drive
 from ._gradient_check import GRADIENT_TOLERANCE
+from ._scaling import ScaledProblem
+from ._sqp_measures import at_least_violation, slope
+
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
-class Common(NamedTuple):
-    """Arguments that both methods share."""
+def search(
+    scaled: ScaledProblem,
+    tolerance: Scalar,
+    max_steps: int,
+    exact_hessian: bool,
+    check: bool,
+    progress: Progress | None,
+    before: Minimum | None,
+) -> Minimum:
+    """The minimum of a scaled problem; the arguments are those of `minimise`, `check` whether the
+    gradient at the start is compared with differences, `before` the search that goes on."""
+    z0 = scaled.start
+    me = scaled.me
+    mi = scaled.mi
 
-    problem: Callable[[Point], Criterion]
-    start: Point
-    limits: Bounds
-    tolerance: Scalar
-    check: bool
-    progress: Progress | None
+    def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
+        stacked, criterion = scaled.numbers(z)
+        return stacked, (stacked, criterion)
+
+    # Forward mode costs a run for each unknown, reverse mode several for each number, and more to
+    # compile.
+    mode = jax.jacfwd if z0.size <= 16 * (1 + me + mi) else jax.jacrev
+    derivatives = mode(numbers, has_aux=True)
+
+    def evaluate(s: sqp_state.SqpState) -> sqp_state.Found:
+        jacobian, (values, criterion) = derivatives(s.trial)
+        return sqp_state.Found(values, jacobian, criterion)
+
+    curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
+    least = jnp.asarray(tolerance, z0.dtype)
+    limits = sqp_state.Limits(scaled.low, scaled.high, least, farthest(z0))
+    state = _at_once(
+        sqp_state.begin, z0, scaled.size, me, mi, scaled.blank, max_steps, check, limits
+    )
+    if before is not None:
+        state = _taken_up(before, state)
+    last, interrupted = drive(
+        evaluate,
+        lambda s, found: sqp.advance(s, found, limits, curvature),
+        lambda s: sqp_state.unfinished(s, limits),
+        state,
+        progress,
+    )
+    found = _at_once(_minimum, last, limits, scaled.size, interrupted)
+    history = found.history
+    if before is not None:
+        # Rows that were not taken are NaN, and would stand between both searches.
+        old = before.history
+        history = jnp.concatenate([old[~jnp.isnan(old[:, 0])], history])
+    x, held = scaled.unravel(found.x), scaled.unravel(found.bound_multipliers)
+    places = lambda m: (m.x, m.bound_multipliers, m.history)  # noqa: E731
+    return eqx.tree_at(places, found, (x, held, history))
 
 
-def reason_of(
-    wrong: Array,
+def _at_once(f: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """f(*args) as one program where its numbers are known: each of its many operations would be a
+    program of its own."""
+    return f(*args, **kwargs) if is_traced(args) else eqx.filter_jit(f, **QUICK)(*args, **kwargs)
+
+
+def _minimum(
+    last: sqp_state.SqpState,
+    limits: sqp_state.Limits,
+    size: Float[Array, " n"],
     interrupted: bool,
-    finite: Array,
-    converged: Array,
-    limited: Array,
-    infeasible: Array,
-    astray: Array,
-) -> Int[Array, ""]:
-    """The reason of the end, of which a wrong gradient and an interruption come first."""
-    reason = stop_reason(finite, converged, limited, infeasible, astray)
+) -> Minimum:
+    """The result of a search from its `last` state, in the units of the problem, with x as one
+    array."""
+    at = last.at
+    c, d = at.report.equal_zero, at.report.non_negative
+    weight = last.weight
+    y = last.y * weight[1 : 1 + last.y.size] / weight[0]
+    nu = last.nu * weight[1 + last.y.size :] / weight[0]
+    violation = jnp.zeros_like(last.gradient)
+    if c is not None:
+        violation = jnp.maximum(violation, jnp.max(jnp.abs(c)))
+    if d is not None:
+        violation = jnp.maximum(violation, jnp.max(-d))
+    missed = last.violation > limits.tolerance
+    finite = at.sound()
+    # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
+    # have a gradient of zero.
+    converged = (last.gradient <= limits.tolerance) & ~missed & finite
+    reason = stop_reason(
+        finite,
+        converged,
+        last.taken >= last.rows.shape[0],
+        missed & at_least_violation(last, limits),
+        sqp_state.astray(last, limits),
+    )
+    # A wrong gradient and an interruption come first.
     if interrupted:
         reason = jnp.full_like(reason, StopReason.INTERRUPTED)
-    return jnp.where(wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason).astype(int)
+    reason = jnp.where(last.wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason)
+    return Minimum(
+        x=size * last.x,
+        criterion=at.report,
+        multipliers=Criterion(
+            jnp.ones_like(last.gradient),
+            None if c is None else y.reshape(c.shape),
+            None if d is None else nu.reshape(d.shape),
+        ),
+        gradient=last.gradient,
+        violation=violation,
+        steps=last.steps,
+        converged=converged,
+        gradient_error=last.wrong,
+        reason=reason.astype(int),
+        bound_multipliers=slope(at, last.y, last.nu) / (weight[0] * size),
+        history=last.rows,
+        search=last,
+        tolerance=limits.tolerance,
+    )
 
 
-def taken_up(before: Minimum, blank: Any) -> Any:
+def _taken_up(before: Minimum, blank: sqp_state.SqpState) -> sqp_state.SqpState:
     """The state in which a search ended, with room for as many further steps."""
     last = before.search
     # Other numbers of constraints make other arrays; the rows are those of the new limits.
-    if type(last) is not type(blank) or _shapes(last) != _shapes(blank):
-        raise InputError("start is a Minimum of another problem or method: start from its x.")
+    if _shapes(last) != _shapes(blank):
+        raise InputError("start is a Minimum of another problem: start from its x.")
     # What was pending when it ended is evaluated first.
     return last._replace(rows=blank.rows, taken=jnp.asarray(0))
 
 
 def _shapes(state: Any) -> list[tuple[int, ...]]:
     return [x.shape for x in jax.tree.leaves(state._replace(rows=None))]
-
-
-def joined_rows(before: Minimum | None, rows: Array) -> Float[Array, "rows 3"]:
-    """The history, with that of the search that was taken up before it."""
-    if before is None:
-        return rows
-    old = before.history
-    # Rows that were not taken are NaN, and would stand between both searches.
-    return jnp.concatenate([old[~jnp.isnan(old[:, 0])], rows])

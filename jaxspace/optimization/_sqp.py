@@ -134,12 +134,15 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     after = trial.f + s.rho * penalty(trial.c, trial.d)
     model = s.at.f + s.at.g @ p + 0.5 * p @ s.B @ p + s.rho * penalty(c, d)
     predicted = before - model
-    # Where both are rounding, the step is a success.
-    noise = 10.0 * jnp.finfo(p.dtype).eps * (jnp.abs(before) + jnp.abs(s.at.f) + 1e-3)
+    # Where both are rounding, also that of the programme in the constraints, the step is a success.
+    rounded = jnp.abs(before) + jnp.abs(s.at.f) + 1e-3 + 10.0 * s.rho
+    noise = 10.0 * jnp.finfo(p.dtype).eps * rounded
     gain = before - after
     finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
-    take = ratio > 1e-4
+    # Of rounding alone a step may be made of, too, which then has to reduce the gradient.
+    ahead = s._replace(x=s.trial, at=trial, y=y, nu=nu)
+    take = (ratio > 1e-4) & ((predicted > noise) | (gradient(ahead, limits) < s.gradient))
     # A programme that could not be solved gives no step: only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
@@ -160,6 +163,10 @@ def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
     least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
     hopeless = (far - reached < least) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
+    # A weight far above the multipliers follows a curved constraint in tiny steps.
+    largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=0.0)
+    eased = jnp.minimum(s.rho, jnp.maximum(0.25 * s.rho, 2.0 * largest))
+    rho = jnp.where(take & (reached <= 0.01 * far), eased, rho)
     B = jnp.where(take, damped_bfgs(s, trial, p, y, nu), s.B)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
     shift = (trial.c - c, trial.d - d)

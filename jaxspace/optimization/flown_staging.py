@@ -175,7 +175,6 @@ def _search(
         start,
         bounds=(low, high),
         scale=scale,
-        method="sqp",
         tolerance=tolerance,
         # The phases end where steps do: there are no kinks that a gradient could miss.
         check_gradient=False,

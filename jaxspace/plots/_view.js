@@ -18,7 +18,7 @@ const UNRESOLVED = data.coarse.length ? `The saved times do not resolve the ${da
 const TOO_FAST = "Something turns faster than the screen shows: choose a slower speed.";
 // Seconds of a whole run at speed 1.
 const SHOWN = 12;
-// The light comes from over the reader's left shoulder.
+// Where no sun is stated, the light comes from over the reader's left shoulder: right, up, towards.
 const LIGHT = [-0.35, 0.45, 0.82];
 
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
@@ -71,9 +71,14 @@ function draw() {
   const unit = 0.43 * Math.min(w, h) * state.zoom / extent;
   const project = (p) => [w / 2 + unit * dot(axes[0], p), h / 2 - unit * dot(axes[1], p), dot(axes[2], p)];
   const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now, coarse.attitude) };
+  const sun = data.sun && between(data.sun, now, false);
+  scene.light = sun ? axes.map((axis) => dot(axis, sun)) : LIGHT;
   if (data.ground) ground(scene, extent);
   frame(scene, extent);
+  // Behind what is drawn, or in front of it.
+  if (sun && scene.light[2] < 0) sunAt(scene, sun, extent);
   if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
+  if (sun && scene.light[2] >= 0) sunAt(scene, sun, extent);
   $("clock").textContent = "t = " + state.t.toPrecision(6) + " s" + (data.phases ? ", " + phase() : "");
   $("note").textContent = UNRESOLVED || (tooFast(now) ? TOO_FAST : "");
   state.frames += 1;
@@ -114,6 +119,18 @@ function frame({ project }, extent) {
     pen.font = "12px system-ui, sans-serif";
     pen.fillText(name, b[0] + 3, b[1] - 3);
   });
+}
+
+// The direction of the sun, at the edge of what is seen.
+function sunAt({ project }, sun, extent) {
+  const at = project(scale(sun, extent));
+  line([project(scale(sun, state.near ? 0 : data.planet)), at], colour("sun"), 1, [2, 4]);
+  pen.fillStyle = colour("sun");
+  pen.beginPath();
+  pen.arc(at[0], at[1], 7, 0, 7);
+  pen.fill();
+  pen.font = "12px system-ui, sans-serif";
+  pen.fillText("sun", at[0] + 11, at[1] + 4);
 }
 
 // A trace up to now; `front` picks the half that lies towards the reader; of what is not resolved
@@ -174,7 +191,8 @@ function ground({ project }, extent) {
 }
 
 // Faces from the far ones to the near ones.
-function faces({ axes, project, attitude, now }, centre, size) {
+function faces(scene, centre, size) {
+  const { axes, project, attitude, now } = scene;
   const q = attitude || [1, 0, 0, 0];
   const found = [];
   for (const face of data.faces) {
@@ -192,7 +210,7 @@ function faces({ axes, project, attitude, now }, centre, size) {
     const length = Math.hypot(...normal) || 1;
     const towards = dot(axes[2], normal) / length;
     if (towards <= 0 && !face.both) continue;
-    const light = axes.reduce((sum, axis, i) => sum + LIGHT[i] * dot(axis, normal) / length, 0);
+    const light = axes.reduce((sum, axis, i) => sum + scene.light[i] * dot(axis, normal) / length, 0);
     const seen = world.map(project);
     found.push({ seen, light, order, kind: face.kind, depth: seen.reduce((s, p) => s + p[2], 0) / seen.length });
   }
@@ -245,19 +263,20 @@ function drawOrbit(scene, extent) {
   }
   if (at[2] < 0) body();
   if (data.rod) line([centre, at], colour("muted"), 1.5);
-  else if (radius > 0) sphere(centre, radius);
+  else if (radius > 0) sphere(scene, centre, radius);
   if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true, coarse.orbit);
   if (at[2] >= 0) body();
 }
 
-function sphere(centre, radius) {
+function sphere({ light }, centre, radius) {
   const size = Math.max(radius, 2);
   pen.fillStyle = colour("planet");
   pen.beginPath();
   pen.arc(centre[0], centre[1], size, 0, 7);
   pen.fill();
-  const shade = pen.createRadialGradient(centre[0] - 0.35 * size, centre[1] - 0.45 * size, 0.1 * size,
-    centre[0], centre[1], size);
+  // A sun behind the planet lights a rim of it.
+  const [x, y] = [centre[0] + 0.8 * size * light[0], centre[1] - 0.8 * size * light[1]];
+  const shade = pen.createRadialGradient(x, y, 0.1 * size, x, y, (1.2 + 0.8 * Math.max(-light[2], 0)) * size);
   shade.addColorStop(0, "rgba(255,255,255,0.35)");
   shade.addColorStop(1, "rgba(0,0,0,0.35)");
   pen.fillStyle = shade;

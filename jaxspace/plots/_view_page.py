@@ -46,7 +46,8 @@ def view_page(
     """Write a page that plays a run in three dimensions; it needs no network.
 
     It shows the position with its orbit, the attitude as the homogeneous body of the same moments
-    of inertia (a box, a cylinder, a top), and the wheels of effects that state their `speeds`.
+    of inertia (a box, a cylinder, a top), the wheels of effects that state their `speeds`, and the
+    sun of one that states its path as `sun`, from which the light then comes.
     Drag to look from elsewhere. The view interpolates between the saved times. Where these are too
     few for the motion, as of a fast spin, a run with a closed form or with `dense=True` is shown at
     more times; any other one stands still from one time to the next, and the page says so. It also
@@ -171,6 +172,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
         "turned": np.round(np.cumsum(np.append(0.0, turned)), 3).tolist(),
         **_orbit(phases[0], joined, rows, planet),
         **_body(phases[0], drawn[0], rows, times, pick),
+        "sun": _sun(phases[0].system, times[pick]),
     }
 
 
@@ -281,6 +283,15 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
         if "position" not in rows
         else {"attitude": rows["attitude"], **reach}
     )
+
+
+def _sun(system: Any, times: np.ndarray) -> list | None:
+    """The directions of the sun from the origin at the times; `None` where no effect states it."""
+    paths = [effect.sun for effect in getattr(system, "effects", ()) if hasattr(effect, "sun")]
+    if not paths:
+        return None
+    place = np.asarray(jax.vmap(paths[0], out_axes=-1)(jnp.asarray(times)))
+    return _listed(place / np.linalg.norm(place, axis=0))
 
 
 def _faces(phase: Any) -> list[dict[str, Any]]:
