@@ -1,0 +1,77 @@
+"""Students' rockets whose apogee was measured, flown with the air of the day."""
+
+import sys
+from pathlib import Path
+
+import diffrax
+import numpy as np
+
+from jaxspace import Accuracy, simulate_mission_batch
+from jaxspace.vehicles import sounding_flight
+
+from ._row import Row, compared
+
+ABOUT = """## Model rockets beside their flights
+
+Eleven rockets of students whose apogee was measured, from the examples of RocketPy, to which their
+teams gave them: `examples/model_rockets/measured.py` has their numbers and whose they are. Each is
+flown from its rail to its apogee with six degrees of freedom, all of them by one program. There are
+three rows for each: beside RocketPy with the same numbers, beside the simulation that RocketPy
+publishes, and beside the altimeter.
+
+What a simulator misses here lies in the numbers and not in the equations: with the same numbers
+both agree to a thousandth, and both miss the altimeter by the same 0.4 to 9 percent. Without drag
+the apogee goes with the square of the speed at burnout, so that two percent of the impulse are up
+to four percent of the height. Thrust is that of the maker's test or of one burn on a stand; drag is
+a curve of another program from before the flight, for seven of them the same with the motor on and
+off; masses are those of drawings. Astra, Erebus and Lince fly 7 to 9 percent higher than such
+numbers give, Andromeda, Genesis and Prometheus 4 to 5 percent lower.
+
+The published simulations differ where their air does: RocketPy has a wind for Juno III, and one of
+the same day a year later for Prometheus, of which none is at hand here. These two and Valetudo fly
+through calm standard air, all others through the air of the day. The page of Valetudo has thrust
+and drag that are not thinned.
+"""
+ROCKETS = Path(__file__).parents[1] / "examples" / "model_rockets"
+# Of `measured.APOGEES`: source, the share that is allowed, and why.
+SOURCES = (
+    ("RocketPy 1.13, the same numbers", 0.002, "0.2 percent: models that differ, as above"),
+    ("RocketPy's page", 0.04, "4 percent: other winds, and older versions of RocketPy"),
+    ("altimeter", 0.1, "10 percent: to which mass, thrust, drag and wind were known"),
+)
+# Of the tables by the Mach number and by time, so that all rockets are one batch.
+POINTS = 37
+
+
+def apogees() -> tuple[np.ndarray, dict[str, tuple[float, ...]]]:
+    """The apogees above the ground, m, by one program, same structure and other numbers; and those
+    of `examples/model_rockets/measured.py`, by the names of the flights."""
+    if str(ROCKETS) not in sys.path:
+        sys.path.insert(0, str(ROCKETS))
+    from measured import APOGEES, FLIGHTS
+    from rockets import site, stacked, vehicle
+
+    vehicles = stacked([vehicle(flight, POINTS) for flight in FLIGHTS.values()])
+    sites = stacked([site(flight) for flight in FLIGHTS.values()])
+    mission, y0 = sounding_flight(vehicles, sites, ascent_within=60.0)
+    accuracy = Accuracy(rtol=1e-6, method=diffrax.Tsit5())
+    run = simulate_mission_batch(mission, y0, 0.0, accuracy=accuracy, throw=True)
+    return np.asarray(run.final.position[2]), APOGEES
+
+
+def rows() -> list[Row]:
+    """A row for each flight and each of the `SOURCES`."""
+    found, known = apogees()
+    return [
+        compared(
+            ours,
+            theirs,
+            share * theirs,
+            what=name,
+            source=source,
+            quantity="apogee above the ground, m",
+            why=why,
+        )
+        for ours, (name, others) in zip(found, known.items(), strict=True)
+        for theirs, (source, share, why) in zip(others, SOURCES, strict=True)
+    ]
