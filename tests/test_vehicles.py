@@ -30,6 +30,7 @@ from jaxspace.rockets import BackPressure, Gimbal, Separation, Thrust
 from jaxspace.rockets.steering import AlongVelocity, FixedDirection
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
+from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import (
     Aerodynamics,
     AirDrag,
@@ -426,9 +427,10 @@ def test_a_parachute_descends_at_its_steady_rate():
     np.testing.assert_allclose(-run.final.velocity[2], expected, rtol=1e-5)
 
 
-def test_a_rocket_without_fins_goes_straight_up_in_calm_air_and_comes_down_at_its_rail(tmp_path):
-    """Without drag up to the closed form of a rocket in uniform gravity (Thomson 8.1), and down at
-    the steady rate of its parachute."""
+@pytest.mark.sweep
+def test_a_bare_tube_goes_straight_up_in_calm_air_and_comes_down_at_its_rail(tmp_path):
+    """Without fins, nose and drag up to the closed form of a rocket in uniform gravity (Thomson
+    8.1), and down at the steady rate of its parachute."""
     (tmp_path / "motor.csv").write_text("0,500\n2,500\n")
     rocket = Vehicle.model_rocket(
         tmp_path / "motor.csv",
@@ -444,11 +446,10 @@ def test_a_rocket_without_fins_goes_straight_up_in_calm_air_and_comes_down_at_it
         exit_station=-0.7,
         exit_radius=0.01,
         drag=0.0,
-        nose=NoseCone.of_shape(0.05, 1.0, 0.3, "ogive"),
     )
     at = LaunchSite(5.0, 0.5 * jnp.pi)
     mission, y0 = sounding_flight(rocket, at, [Recovery(2.0)], ascent_within=60.0)
-    accuracy = Accuracy(rtol=1e-8, method=diffrax.Tsit5())
+    accuracy = Accuracy(rtol=1e-8, method=Tsit5())
     run = simulate_mission(mission, y0, accuracy=accuracy)
     u, tau, ratio, g = 500.0 * 2.0 / 0.5, 2.0, 5.0 / 4.5, STANDARD_GRAVITY
     speed = u * np.log(ratio) - g * tau

@@ -3,10 +3,10 @@
 import sys
 from pathlib import Path
 
-import diffrax
 import numpy as np
 
 from jaxspace import Accuracy, simulate_mission_batch
+from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import sounding_flight
 
 from ._row import Row, compared
@@ -23,8 +23,8 @@ What a simulator misses here lies in the numbers and not in the equations: with 
 both agree to a thousandth, and both miss the altimeter by the same 0.4 to 9 percent. Without drag
 the apogee goes with the square of the speed at burnout, so that two percent of the impulse are up
 to four percent of the height. Thrust is that of the maker's test or of one burn on a stand; drag is
-a curve of another program from before the flight, for seven of them the same with the motor on and
-off; masses are those of drawings. Astra, Erebus and Lince fly 7 to 9 percent higher than such
+a curve of another program from before the flight, for eight of them the same with the motor on and
+off; masses are what the teams say. Astra, Erebus and Lince fly 7 to 9 percent higher than such
 numbers give, Andromeda, Genesis and Prometheus 4 to 5 percent lower.
 
 The published simulations differ where their air does: RocketPy has a wind for Juno III, and one of
@@ -54,7 +54,7 @@ def apogees() -> tuple[np.ndarray, dict[str, tuple[float, ...]]]:
     vehicles = stacked([vehicle(flight, POINTS) for flight in FLIGHTS.values()])
     sites = stacked([site(flight) for flight in FLIGHTS.values()])
     mission, y0 = sounding_flight(vehicles, sites, ascent_within=60.0)
-    accuracy = Accuracy(rtol=1e-6, method=diffrax.Tsit5())
+    accuracy = Accuracy(rtol=1e-6, method=Tsit5())
     run = simulate_mission_batch(mission, y0, 0.0, accuracy=accuracy, throw=True)
     return np.asarray(run.final.position[2]), APOGEES
 

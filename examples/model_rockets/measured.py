@@ -6,9 +6,9 @@ Copyright (c) 2018 Giovani Hidalgo Ceotto), to which the teams gave them. Digiti
 are averaged over 0.02 of the Mach number and thinned to within 0.006, long thrust curves to within
 1.2 percent of their peak at the same impulse; the files of motors are complete.
 
-The air (`measured/*_air.csv`) is that of ERA5, at the hour of the flight and between the four points
-about the site, at its pressure levels from 1000 to 600 hPa: contains modified Copernicus Climate
-Change Service information 2020, 2022 and 2023. Neither the European Commission nor ECMWF is
+The air (`measured/*_air.csv`) is that of ERA5, at the hour of the flight and between the four
+points about the site, at its pressure levels from 1000 to 600 hPa: contains modified Copernicus
+Climate Change Service information 2020, 2022 and 2023. Neither the European Commission nor ECMWF is
 responsible for any use of it. Where a rocket has none, the air is the standard, and calm.
 
 Stations are along the axis towards the nose, m, from the origin of the original, as in `rockets`.

@@ -16,7 +16,7 @@ from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar
 from ..core.groups import on_group, project
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
-from ..solvers.protocol import bind, solver_traits
+from ..solvers.protocol import bind, field_of_step, solver_traits
 from ..solvers.regularised_step import evaluations_of
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
@@ -319,6 +319,7 @@ def take_step(
     field = ScaledVectorField(system, segments)
     settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
     method = settings.method
-    state = method.init(TERM, u[0], u[1], y, field)
-    y1, *_ = method.step(TERM, u[0], u[1], y, field, state, jnp.array(False))
+    seen = field_of_step(method, field, u[0], u[1])
+    state = method.init(TERM, u[0], u[1], y, seen)
+    y1, *_ = method.step(TERM, u[0], u[1], y, seen, state, jnp.array(False))
     return y1
