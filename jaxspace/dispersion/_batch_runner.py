@@ -83,7 +83,7 @@ class BatchRunner:
         With the exact part of the motion beside the steps, where these run out otherwise. Warns of
         times that none of the runs of the trial reaches. **Raises** `SimulationError` when the
         nominal run fails, and `InputError` for outputs that are no numbers of single runs."""
-        expected = placeholders(expected_steps(campaign, accuracy))
+        expected = placeholders(expected_steps(campaign, accuracy, samples))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)

@@ -21,7 +21,8 @@ FINEST = 8.0
 # a similar campaign finds it compiled.
 PADDING = 2**14
 
-# The plan of each phase; `None` for a closed form.
+# The plan of each phase; `None` for a closed form, and for a phase whose steps are searched for its
+# end.
 Plans: TypeAlias = tuple[Array | None, ...]
 
 
@@ -57,7 +58,7 @@ def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
 
 def placeholders(steps: Sequence[Any]) -> Plans:
     """Plans of the length that most have, one step a segment, for phases whose recorded `steps`
-    look like this; `None` for a closed form."""
+    look like this; `None` for one without a plan."""
     return tuple(None if x is None else jnp.arange(PADDING, dtype=x.dtype) for x in steps)
 
 

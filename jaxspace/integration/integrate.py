@@ -147,18 +147,20 @@ def integrate(
 def locates_events(
     config: IntegrationConfig, system: AbstractSystem, y0: State, t0: Scalar
 ) -> bool:
-    """Whether the steps of the method can be searched for events as they are taken.
+    """Whether the steps of a run can be searched for events as they are taken: by a method that
+    `searches_steps`, where the system hides nothing in closures."""
+    return searches_steps(config) and not closes_over_tracers(system, t0, y0)
 
-    They need a polynomial, and the system may hide nothing in closures."""
+
+def searches_steps(config: IntegrationConfig) -> bool:
+    """Whether the steps of the method can be searched for events: they need a polynomial."""
     if config.method == "closed_form" or config.adjoint is not None or config.decoupled:
         return False
     traits = solver_traits(config.solver)
     if not traits.replayable or traits.own_steps or traits.fixed_step:
         return False
     interpolation = cast(type, config.solver.interpolation_cls)
-    if traits.lands_on_save_times or not issubclass(interpolation, AbstractDenseOutput):
-        return False
-    return not closes_over_tracers(system, t0, y0)
+    return not traits.lands_on_save_times and issubclass(interpolation, AbstractDenseOutput)
 
 
 def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> FoundEvents:
