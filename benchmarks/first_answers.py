@@ -7,7 +7,7 @@ in 5, the gradient of an orbit by RKN 12(10) in 2 and its Hessian in 8. Most of 
 whose time goes with the length of its program. Two things keep that short: the stages of a step are
 a loop where one run is differentiated, or runs of a large vector field are, and a stage of that
 loop is evaluated once more backwards, in place of hundreds of buffers for what it computed. A
-mission to be optimised is flown by `fly_compact`: `simulate_mission`, which chooses its steps,
+mission to be optimised is flown by `simulate_compact`: `simulate_mission`, which chooses its steps,
 records them and searches for the ends of the phases, is a program of twice the length. The pad's
 phases fly through the standard atmosphere with wind, tables of drag and thrust against its
 pressure, those of the ascent through an exponential one.
@@ -28,7 +28,7 @@ import json, time, jax, jax.numpy as jnp, numpy as np
 jax.config.update("jax_enable_x64", True)
 from jaxspace import BodyState, Scene, load, simulate, simulate_mission
 from jaxspace.orbits import Oblateness, PointGravity
-from jaxspace.simulation import Accuracy, fly_compact
+from jaxspace.simulation import Accuracy, simulate_compact
 from jaxspace.solvers import RKN1210
 jax.block_until_ready(jnp.ones(3) + 1.0)
 """
@@ -52,7 +52,7 @@ file = load("examples/scenes/pad_to_orbit.toml")
 mission, y0 = file.mission, file.y0
 mass = lambda y: y.mass
 def apoapsis(m):
-    flight = fly_compact(mission, eqx.tree_at(mass, y0, m), steps=40)
+    flight = simulate_compact(mission, eqx.tree_at(mass, y0, m), steps=40)
     return jnp.linalg.norm(flight.final.position)
 """
 ASCENT = """
@@ -106,7 +106,7 @@ answer = lambda: file.optimize().objective
     "gradient of four phases from the pad, compact": PAD
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",
     "gradient of four phases from the pad, adaptive steps": PAD.replace(
-        "fly_compact(mission, eqx.tree_at(mass, y0, m), steps=40)",
+        "simulate_compact(mission, eqx.tree_at(mass, y0, m), steps=40)",
         "simulate_mission(mission, eqx.tree_at(mass, y0, m))",
     )
     + "answer = lambda: jax.jit(jax.grad(apoapsis))(y0.mass)\n",

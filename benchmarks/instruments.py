@@ -43,7 +43,7 @@ def _walk() -> dict:
     """The drift of the outer gimbal, of its own size, against the quadrature."""
     gyro = TwoGimbalGyro(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015)
     walk = gyro.walk(1.0471975511965976, 2.0)
-    span, y0 = 1e5 * walk.period(), gyro.state(1.0471975511965976, 0.0, 2.0, 0.0)
+    span, y0 = 1e5 * walk.period, gyro.state(1.0471975511965976, 0.0, 2.0, 0.0)
 
     def drift() -> Array:
         accuracy = Accuracy(1e-12, max_steps=STEPS, method=DOP853())
@@ -51,7 +51,7 @@ def _walk() -> dict:
 
     rows = in_turn({"gimbal walk, 1e5 nutations: DOP853 1e-12": drift}, 1, repeats=1)
     for row in rows.values():
-        row["error_of_the_worst_run"] = abs(float(drift() / walk.drift()) - 1.0)
+        row["error_of_the_worst_run"] = abs(float(drift() / walk.drift) - 1.0)
     return rows
 
 

@@ -49,7 +49,7 @@ def measure() -> dict:
     start = starts()
     y0 = BodyState(omega=jnp.asarray(start[:3]), attitude=Quaternion(jnp.asarray(start[3:])))
     # As many nutations of the mean run.
-    span = 100.0 * float(jnp.mean(TOP.nutation(y0).period()))
+    span = 100.0 * float(jnp.mean(TOP.nutation(y0).period))
     ts = jnp.array([0.0, span])
 
     def ours(accuracy):

@@ -146,7 +146,8 @@ def _number(value) -> str:
 
 
 def _name(used) -> str:
-    """The public name of a function, class or method of the library."""
+    """The public name of a function, class, method or property of the library."""
+    used = getattr(used, "fget", used)
     room, file = used.__module__.split(".")[1:3]
     given = vars(importlib.import_module(f"jaxspace.{room}"))
     # What the root does not give, a public module does.

@@ -78,7 +78,7 @@ def top():
         x, y, _ = np.asarray(
             states.attitude.rotate(jnp.array([[0.0], [0.0], [1.0]]))
         )
-        for angle in system.nutation(y0).turning_points():
+        for angle in system.nutation(y0).turning_points:
             panel.plot(
                 np.sin(angle) * np.cos(circle),
                 np.sin(angle) * np.sin(circle),
@@ -371,7 +371,7 @@ def two_gimbal_gyro():
     )
     tilt, rate = jnp.radians(60.0), 60.0
     walk = gyro.walk(tilt, rate)
-    ts = jnp.linspace(0.0, 12.0 * walk.period(), 2000)
+    ts = jnp.linspace(0.0, 12.0 * walk.period, 2000)
     run = simulate(gyro, gyro.state(tilt, 0.0, rate, 0.0), ts, accuracy=1e-10)
     figure, (left, right) = plt.subplots(
         1, 2, figsize=(9.0, 3.6), layout="constrained"
@@ -379,7 +379,7 @@ def two_gimbal_gyro():
     left.plot(ts * 1e3, jnp.degrees(run.states.psi), label="simulated")
     left.plot(
         ts * 1e3,
-        jnp.degrees(walk.drift() * ts),
+        jnp.degrees(walk.drift * ts),
         "--",
         color="C3",
         label="closed form of the drift",

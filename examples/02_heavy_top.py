@@ -22,21 +22,21 @@ print(
 # takes, and how far it precesses meanwhile; the integration agrees.
 y0 = top.state(angles=[0.0, tilt, 0.0], rates=[0.0, 0.0, spin])
 nutation = top.nutation(y0)
-highest, lowest = nutation.turning_points()
-run = simulate(top, y0, jnp.linspace(0.0, nutation.period(), 201), accuracy=1e-11)
+highest, lowest = nutation.turning_points
+run = simulate(top, y0, jnp.linspace(0.0, nutation.period, 201), accuracy=1e-11)
 theta, psi = top.angles(run.states)[1], continuous_precession(run.states)
 print("\nlet go at rest          closed form    integrated")
 print(f"upper circle, deg     {jnp.degrees(highest):13.8f} {jnp.degrees(theta.min()):13.8f}")
 print(f"lower circle, deg     {jnp.degrees(lowest):13.8f} {jnp.degrees(theta.max()):13.8f}")
 print(
-    f"precession, deg       {jnp.degrees(nutation.precession()):13.8f}"
+    f"precession, deg       {jnp.degrees(nutation.precession):13.8f}"
     f" {jnp.degrees(psi[-1] - psi[0]):13.8f}"
 )
 print(
-    f"after a period of {nutation.period():.6f} s the tilt is back to"
+    f"after a period of {nutation.period:.6f} s the tilt is back to"
     f" {jnp.abs(theta[-1] - tilt):.0e} rad"
 )
-assert abs(psi[-1] - psi[0] - nutation.precession()) < 1e-8 and abs(theta.max() - lowest) < 1e-8
+assert abs(psi[-1] - psi[0] - nutation.precession) < 1e-8 and abs(theta.max() - lowest) < 1e-8
 print(
     "largest relative drift:",
     {name: f"{jnp.max(values):.0e}" for name, values in run.drift().items()},
@@ -68,9 +68,9 @@ C_n, A = 6.0e-4 * 35.0, 1.0e-3
 precession = C_n * (1.0 - 1e-6 - jnp.cos(tilt)) / (A * jnp.sin(tilt) ** 2)
 y0 = top.state([0.0, tilt, 0.0], [precession, 0.0, 35.0 - precession * jnp.cos(tilt)])
 nutation = top.nutation(y0)
-run = simulate(top, y0, jnp.linspace(0.0, nutation.period(), 20001), accuracy=1e-11)
+run = simulate(top, y0, jnp.linspace(0.0, nutation.period, 20001), accuracy=1e-11)
 fastest = jnp.max(jnp.abs(top.rates(run.states)[0]))
-nearest = nutation.turning_points()[0]
+nearest = nutation.turning_points[0]
 print(
     f"\nnear-vertical pass: {jnp.degrees(nearest):.6f} deg from the vertical,"
     f" where psi' = {fastest:.0f} rad/s;"

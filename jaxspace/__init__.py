@@ -1,6 +1,6 @@
 """jaxspace: differentiable space dynamics in JAX.
 
-The rooms, from the ground up:
+The packages, from the ground up:
 
     constants       numbers with unit and source
     core            what all stand on: the interface of a system, declared quantities, checks

@@ -345,7 +345,7 @@ SAMPLES = [
         0.1,
         sweep=True,
     ),
-    Sample("platform_axis", AXIS, AXIS.at_rest(), 0.1, sweep=True),
+    Sample("platform_axis", AXIS, AXIS.at_rest, 0.1, sweep=True),
     Sample("simple_pendulum", PLANE, PLANE.state(1.2, 0.4), 3.0, sweep=True),
     Sample("elastic_pendulum", ELASTIC, ELASTIC.state(0.95, 0.3), 2.0, sweep=True),
     Sample("bar_on_string", STRING, STRING.state(0.3, -0.4, 0.5), 2.0, sweep=True),

@@ -69,7 +69,7 @@ def test_node_axes():
 def held(masses, places, shaft, stations, rate, acceleration):
     body = particles(masses, places)
     return bearing_reactions(
-        body.inertia(), body.mass, body.centre, shaft, stations, rate, acceleration
+        body.inertia, body.mass, body.centre, shaft, stations, rate, acceleration
     )
 
 

@@ -172,7 +172,7 @@ FLIPPING = np.array([1.0, 1.7, 2.5])
 
 def time_of_a_flip(log_tilt):
     omega = 1.3 * jnp.stack([jnp.exp(log_tilt), jnp.ones(()), 0.0 * log_tilt])
-    return 0.5 * Polhode.of(jnp.asarray(FLIPPING), omega).period()
+    return 0.5 * Polhode.of(jnp.asarray(FLIPPING), omega).period
 
 
 SLOPES_OF_TIME = jax.jit(jax.jacfwd(time_of_a_flip)), jax.jit(jax.jacrev(time_of_a_flip))

@@ -75,7 +75,7 @@ def slopes(values, rows=slice(None)):
 def swing(v):
     y = BodyState(attitude=Quaternion(v[3:7]), omega=v[7:])
     nutation = Top(v[0], v[1], v[2]).nutation(y)
-    return jnp.stack([*nutation.turning_points(), nutation.period(), nutation.precession()])
+    return jnp.stack([*nutation.turning_points, nutation.period, nutation.precession])
 
 
 FORWARD, REVERSE = jax.jit(jax.jacfwd(swing)), jax.jit(jax.jacrev(swing))
@@ -200,7 +200,7 @@ def test_the_upright_top_below_its_critical_spin_never_returns(spin):
     assert period == np.inf
     assert psi == (np.sign(spin) * np.inf if spin else 0.0)
     y = BodyState(attitude=Quaternion(v[3:7]), omega=jnp.asarray(v[7:]))
-    assert_allclose(Top(*SLOW).nutation(y).mean_precession_rate(), 0.5 * N, rtol=1e-15)
+    assert_allclose(Top(*SLOW).nutation(y).mean_precession_rate, 0.5 * N, rtol=1e-15)
     for slope in (FORWARD(v), REVERSE(v)):
         assert np.isfinite(slope).all()
 
@@ -228,4 +228,4 @@ def test_pendulum_period(amplitude):  # T5.12-P7
     """The axis of a hanging top swings past the lowest place twice in a period."""
     top = Top(1.0, 1e-3, -9.80665)
     nutation = top.nutation(top.state([0.0, amplitude, 0.0], [0.0, 0.0, 0.0]))
-    assert_allclose(2.0 * nutation.period(), PERIODS[amplitude], rtol=1e-9)
+    assert_allclose(2.0 * nutation.period, PERIODS[amplitude], rtol=1e-9)

@@ -163,7 +163,7 @@ def test_the_vertices_touch_at_the_herpolhode_radii():
     vertices = jnp.stack(polhode.vertices, axis=1)
     plane, *_ = contact(moments, jnp.array([[0.6], [0.0], [0.8], [0.0]]), vertices)
     radii = np.linalg.norm(plane.herpolhode, axis=0)
-    assert_allclose(radii, polhode.herpolhode_radii(), rtol=1e-13)
+    assert_allclose(radii, polhode.herpolhode_radii, rtol=1e-13)
     assert_allclose(plane.distance, polhode.plane_distance, rtol=1e-14)
 
 

@@ -54,7 +54,7 @@ def test_steady_circles():
     assert_allclose(kappa, (ends[0] - ends[1]) / (2 * step), rtol=1e-8)
     # The limits of the motions that stand upright are those where kappa vanishes.
     upright = 0.5 * np.pi
-    least = disk.least_rolling_spin(), disk.least_standing_spin()
+    least = disk.least_rolling_spin, disk.least_standing_spin
     assert_allclose(disk.tilt_stiffness(upright, 0.0, least[0]), 0.0, atol=1e-12)
     assert_allclose(disk.tilt_stiffness(upright, least[1], 0.0), 0.0, atol=1e-12)
 

@@ -66,7 +66,7 @@ def test_it_is_the_heavy_top_without_spin():
     spin = -rates[1] * np.cos(theta)  # so that the rate about the top's own axis is zero
     nutation = top.nutation(Top.state([0.3, theta, 0.1], [rates[1], rates[0], spin]))
     y0 = PENDULUM.state(np.pi - theta, 0.3, -rates[0], rates[1])
-    period = float(nutation.period())
+    period = float(nutation.period)
     ts = jnp.linspace(0.0, period, 3)
     run = simulate(PENDULUM, y0, ts, accuracy=1e-12)
     assert float(run.final.direction[2]) == pytest.approx(np.cos(theta), abs=1e-9)

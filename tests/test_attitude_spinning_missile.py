@@ -11,10 +11,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from jaxspace.attitude import SpinningMissile
-from jaxspace.attitude.spinning_missile import _mean_ramp, angle_of_attack, principal_tilt
+from jaxspace.attitude.spinning_missile import _mean_ramp, principal_tilt
 from jaxspace.attitude.torque_free import symmetric_flow
 from jaxspace.bodies import BodyState, InertiaTensor
-from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.rotations import Quaternion
+from jaxspace.rotations.tilt import complex_tilt
 
 START, ANGLE = jnp.array([0.03, -0.02]), jnp.array([0.01, 0.02])
 MOMENT, TILT = jnp.array([0.4, -0.7]), jnp.array([0.02, -0.01])
@@ -28,7 +29,7 @@ BODIES = jnp.array(
 def motion(body, t, frequency, start=START, angle=ANGLE, moment=MOMENT, tilt=TILT):
     missile = SpinningMissile(*body)
     rate = missile.transverse_rate(t, start, moment, frequency)
-    return rate, missile.attack_angle(t, angle, start, moment, frequency, tilt)
+    return rate, missile.complex_tilt(t, angle, start, moment, frequency, tilt)
 
 
 def test_the_closed_forms_solve_their_equations():
@@ -71,13 +72,13 @@ def test_any_moment_is_integrated():
         ]
         rate, angle = (a + b for a, b in zip(*by_parts, strict=True))
         assert_allclose(missile.transverse_rate(t, zero, pulse), rate, rtol=1e-11, atol=1e-16)
-        assert_allclose(missile.attack_angle(t, zero, zero, pulse), angle, rtol=1e-11, atol=1e-16)
+        assert_allclose(missile.complex_tilt(t, zero, zero, pulse), angle, rtol=1e-11, atol=1e-16)
 
 
 def test_resonance_grows_with_time():
     missile = SpinningMissile(*BODIES[0])
     t = jnp.array([10.0, 100.0, 1e4])
-    w, _ = motion(BODIES[0], t, missile.nutation_rate(), jnp.zeros(2))
+    w, _ = motion(BODIES[0], t, missile.nutation_rate, jnp.zeros(2))
     assert_allclose(jnp.hypot(*w), jnp.hypot(*MOMENT) / 40.0 * t, rtol=1e-12)
 
 
@@ -109,20 +110,11 @@ def test_the_closed_forms_are_the_exact_motion_for_small_angles():
         _, expected = motion(
             BODIES[1], 4.0, 0.0, size * START, size * ANGLE, jnp.zeros(2), size * TILT
         )
-        return float(jnp.max(jnp.abs(angle_of_attack(end) - expected))) / size
+        return float(jnp.max(jnp.abs(complex_tilt(end) - expected))) / size
 
     errors = [error(s) for s in (1.0, 0.1)]
     assert errors[0] < 1e-3
     assert_allclose(errors[0] / errors[1], 100.0, rtol=0.1)
-
-
-def test_angle_of_attack_by_euler_angles():
-    for theta in (1e-9, 1e-3, 0.03, 0.7, 3.0):
-        attitude = from_euler_angles(jnp.array([0.8, theta, -1.1]))
-        expected = theta * np.array([np.cos(0.8), np.sin(0.8)])
-        assert_allclose(angle_of_attack(attitude), expected, rtol=1e-12, atol=1e-16)
-    slope = jax.jacfwd(lambda x: angle_of_attack(Quaternion.from_rotation_vector(x)))(jnp.zeros(3))
-    assert_allclose(slope, np.eye(3)[:2], atol=1e-15)
 
 
 def test_the_tilt_of_a_tensor():

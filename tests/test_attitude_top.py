@@ -94,13 +94,13 @@ def test_nutation_in_closed_form(case):
     constants = [nutation.N, nutation.beta, gamma, alpha]
     assert_allclose(constants, case["constants"], rtol=CASE)
     for theta, expected, tol in zip(
-        nutation.turning_points(), case["theta"], case["tol"], strict=True
+        nutation.turning_points, case["theta"], case["tol"], strict=True
     ):
         assert_allclose(theta, expected, rtol=tol)
-    assert_allclose(nutation.third_root() / nutation.beta, case["u3"], rtol=CASE)
-    assert_allclose(nutation.period(), case["period"], rtol=CASE)
-    assert_allclose(nutation.precession(), case["psi"], rtol=CASE)
-    assert_allclose(nutation.mean_precession_rate(), case["mean"], rtol=CASE)
+    assert_allclose(nutation.third_root / nutation.beta, case["u3"], rtol=CASE)
+    assert_allclose(nutation.period, case["period"], rtol=CASE)
+    assert_allclose(nutation.precession, case["psi"], rtol=CASE)
+    assert_allclose(nutation.mean_precession_rate, case["mean"], rtol=CASE)
 
 
 @pytest.mark.parametrize("case", NUTATIONS.values(), ids=NUTATIONS)
@@ -212,9 +212,9 @@ def test_small_nutation():  # T6.1
     assert_allclose(TOP.precession_per_nutation(FIFTY, slow, 150.0), 74.01011702964495, rtol=CASE)
     # The large nutation tends to it as the square of its size, 1e-8 rad^2 here.
     nutation = TOP.nutation(released(FIFTY, 150.0, slow, 1e-4 * 56.7))
-    assert_allclose(nutation.period(), 0.11075745390849574, rtol=1e-7)
-    assert_allclose(nutation.mean_precession_rate(), slow, rtol=1e-5)
-    low, high = nutation.turning_points()
+    assert_allclose(nutation.period, 0.11075745390849574, rtol=1e-7)
+    assert_allclose(nutation.mean_precession_rate, slow, rtol=1e-5)
+    low, high = nutation.turning_points
     assert_allclose([low - FIFTY, high - FIFTY], [-1e-4, 1e-4], rtol=1e-3)
 
 
@@ -278,7 +278,7 @@ def test_pseudo_potential_and_its_minimum():  # H4.11
 def test_pseudo_potential_ends_at_the_nutation_s_turning_points():
     y = released(0.7, 150.0, 0.0)
     h_Z = C * 150.0 * np.cos(0.7)
-    for end in TOP.nutation(y).turning_points():
+    for end in TOP.nutation(y).turning_points:
         # Let go at rest: its energy is that of the height.
         V = TOP.pseudo_potential(end, h_Z, 150.0)
         assert_allclose(V, WL * np.cos(0.7), rtol=1e-12)
@@ -331,7 +331,7 @@ def test_precession_time_against_the_first_rate():  # H4.25
     slow, _ = TOP.steady_precession_rates(theta, 150.0)
     assert_allclose(slow, 2.5853369301824585, rtol=CASE)
     starts = [released(theta, 150.0, float(slow) * f) for f in (0.0, 0.5, 1.0, 1.5, 2.0)]
-    ratios = [slow / TOP.nutation(y).mean_precession_rate() for y in starts]
+    ratios = [slow / TOP.nutation(y).mean_precession_rate for y in starts]
     expected = [1.001796148866467, 1.0006692079247508, 1.0, 0.9997915655656495, 1.0000467850988592]
     assert_allclose(ratios, expected, rtol=CASE)
 
@@ -378,8 +378,8 @@ def test_through_the_vertical():
     assert np.all(np.isfinite(rates_of(states)))
     assert max(drifts(TOP, states, ts).values()) < 1e-11
     nutation = TOP.nutation(y)
-    assert_allclose(nutation.turning_points()[0], 0.0, atol=1e-12)
-    assert np.isfinite(nutation.period()) and np.isfinite(nutation.precession())
+    assert_allclose(nutation.turning_points[0], 0.0, atol=1e-12)
+    assert np.isfinite(nutation.period) and np.isfinite(nutation.precession)
 
 
 def test_without_weight_it_is_the_free_symmetric_body():
@@ -398,11 +398,11 @@ def test_without_weight_it_is_the_free_symmetric_body():
     nutation = top.nutation(
         y
     )  # about Z, from which h is inclined: one turn about h is one nutation
-    assert_allclose(nutation.period(), 2.0 * np.pi * 2.0 / jnp.linalg.norm(momentum), rtol=1e-13)
+    assert_allclose(nutation.period, 2.0 * np.pi * 2.0 / jnp.linalg.norm(momentum), rtol=1e-13)
     tilt = jnp.arctan2(jnp.hypot(momentum[0], momentum[1]), momentum[2])
     axis = y.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
     cone = jnp.arccos(axis @ momentum / jnp.linalg.norm(momentum))
-    assert_allclose(nutation.turning_points(), [abs(tilt - cone), tilt + cone], rtol=1e-12)
+    assert_allclose(nutation.turning_points, [abs(tilt - cone), tilt + cone], rtol=1e-12)
 
 
 @given(
@@ -427,12 +427,12 @@ def INVARIANT_RATES(top, y):
 def test_mean_precession_is_that_of_the_motion():
     y = released(1.1, 90.0, -4.0, 3.0)
     nutation = TOP.nutation(y)
-    period = float(nutation.period())
+    period = float(nutation.period)
     states = run(TOP, y, np.linspace(0.0, period, 65))
     theta = np.asarray(angles_of(states)[1])
     assert_allclose(theta[-1], 1.1, atol=1e-10)
-    assert_allclose(precession_of(states)[-1], nutation.precession(), atol=1e-10)
-    low, high = nutation.turning_points()
+    assert_allclose(precession_of(states)[-1], nutation.precession, atol=1e-10)
+    low, high = nutation.turning_points
     assert low <= theta.min() + 1e-12 and theta.max() <= high + 1e-12
     assert_allclose(
         [theta.min(), theta.max()], [low, high], atol=2e-3
@@ -501,11 +501,11 @@ def test_derivatives_of_the_closed_forms():
                 *(
                     top.sleeping_growth_rate(0.1 * n),
                     top.momentum_angle(theta, slow, n),
-                    *nutation.turning_points(),
+                    *nutation.turning_points,
                 ),
                 *(
-                    nutation.period(),
-                    nutation.precession(),
+                    nutation.period,
+                    nutation.precession,
                     *top.precession_rates_from_momentum(theta, v[1] * n),
                 ),
             ]
@@ -547,7 +547,7 @@ def test_single_precision_stays():
 
     @jax.jit
     def period(y):
-        return TOP.nutation(y).period()
+        return TOP.nutation(y).period
 
     @jax.jit
     def everything(y, theta, n):
@@ -555,7 +555,7 @@ def test_single_precision_stays():
         return (
             *(y, TOP.vector_field(0.0, y), TOP.invariants(0.0, y)),
             *(Top.angles(y), Top.rates(y), nutation),
-            *(nutation.turning_points(), nutation.period(), nutation.precession()),
+            *(nutation.turning_points, nutation.period, nutation.precession),
             TOP.steady_precession_rates(theta, n),
             continuous_precession(jax.tree.map(lambda x: x[..., None], y)),
         )
@@ -578,8 +578,8 @@ def test_a_batch_is_a_loop():
         forms = (
             top.steady_precession_rates(v[4], 9.0),
             top.least_spin(v[4]),
-            nutation.turning_points(),
-            nutation.precession(),
+            nutation.turning_points,
+            nutation.precession,
         )
         return (
             y,
@@ -587,7 +587,7 @@ def test_a_batch_is_a_loop():
             top.invariants(0.0, y),
             Top.angles(y),
             Top.rates(y),
-            nutation.period(),
+            nutation.period,
             forms,
         )
 
@@ -617,7 +617,7 @@ def test_bad_input_is_named():
 def swing(v):
     """Turning angles, period and precession from N, alpha, beta and gamma."""
     nutation = Nutation.of(*v)
-    return jnp.stack([*nutation.turning_points(), nutation.period(), nutation.precession()])
+    return jnp.stack([*nutation.turning_points, nutation.period, nutation.precession])
 
 
 SLOPES = jax.jit(jax.jacfwd(swing)), jax.jit(jax.jacrev(swing))

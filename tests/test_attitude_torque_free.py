@@ -124,7 +124,7 @@ def test_poinsot():  # T5.10
     two_t, h = 2.0 * kept["energy"], jnp.linalg.norm(kept["angular_momentum"])
     assert_allclose([two_t, h], [4.48, 2.3323807579381204], rtol=CASE)
     assert_allclose(polhode.plane_distance, 1.920784153596099, rtol=CASE)
-    assert_allclose(polhode.herpolhode_radii(), [0.6859943405700354, 0.5573044368153888], rtol=CASE)
+    assert_allclose(polhode.herpolhode_radii, [0.6859943405700354, 0.5573044368153888], rtol=CASE)
     moments = np.array([3.0, 2.0, 1.0])
     assert_allclose(
         np.sqrt(two_t / moments),
@@ -139,7 +139,7 @@ def test_poinsot():  # T5.10
 def test_the_herpolhode_keeps_its_digits_beside_a_steady_turn():
     a, b, c = moments = (3.0, 2.0, 1.0)
     for omega in ((1.0, 1e-9, 2e-9), (1e-7, 3e-7, 1.0)):
-        radii = Polhode.of(jnp.array(moments), jnp.array(omega)).herpolhode_radii()
+        radii = Polhode.of(jnp.array(moments), jnp.array(omega)).herpolhode_radii
         with mpmath.workdps(50):
             w = [mpmath.mpf(x) for x in omega]
             two_t, h2 = (sum(m**n * x * x for m, x in zip(moments, w, strict=True)) for n in (1, 2))
@@ -209,7 +209,7 @@ ASYMMETRIC = {
 def test_asymmetric_body(case):
     body, y = TorqueFreeBody([3.0, 2.0, 1.0]), start(case["omega"])
     polhode = Polhode.of(jnp.array([3.0, 2.0, 1.0]), y.omega)
-    period = float(polhode.period())
+    period = float(polhode.period)
     ts = (
         [0.0, 1.0, case["period"], 5.0, 20.0]
         if case["period"] < 5.0
@@ -265,7 +265,7 @@ def test_moments_in_rising_order():  # T5.12-P9
     moments, omega = [1.0, 2.0, 3.0], [2.0, 0.0, 0.4]
     polhode = Polhode.of(jnp.array(moments), jnp.array(omega))
     expected = [0.12, 1.1547005383792515, 5.616670588052069]
-    assert_allclose([polhode.modulus_squared, polhode.rate, polhode.period()], expected, rtol=CASE)
+    assert_allclose([polhode.modulus_squared, polhode.rate, polhode.period], expected, rtol=CASE)
     state = run(TorqueFreeBody(moments), start(omega), [0.0, 5.0]).omega[:, -1]
     assert_allclose(state, [1.948886943666043, -0.4492657129227982, 0.3044997641991259], rtol=CASE)
 
@@ -390,9 +390,9 @@ def test_derivatives_of_the_polhode_and_the_cones():
         polhode = Polhode.of(v[:3], v[3:])
         return jnp.stack(
             [
-                polhode.period(),
+                polhode.period,
                 polhode.plane_distance,
-                *polhode.herpolhode_radii(),
+                *polhode.herpolhode_radii,
                 *cone_angles(v[3:], v[0], v[2]),
             ]
         )
@@ -413,7 +413,7 @@ def test_single_precision_stays():
     ):
         assert {x.dtype for x in jax.tree.leaves(tree)} == {jnp.dtype("float32")}
     polhode = Polhode.of(body.inertia.moments, y.omega)
-    assert polhode.period().dtype == jnp.float32
+    assert polhode.period.dtype == jnp.float32
 
 
 def test_a_batch_is_a_loop():
@@ -430,7 +430,7 @@ def test_a_batch_is_a_loop():
             body.vector_field(0.0, y),
             body.invariants(0.0, y),
             polhode,
-            polhode.herpolhode_radii(),
+            polhode.herpolhode_radii,
             flow,
         )
 

@@ -94,10 +94,10 @@ def test_a_dipole_is_turned_along_the_field():
 
 def test_a_pinned_body_stands_out_beyond_the_critical_rate():
     slow = ShaftPendulum(0.1, 0.02, 2.94)
-    critical = float(slow.critical_rate())
+    critical = float(slow.critical_rate)
     for ratio in (0.5, 1.0, 1.5):
         system = ShaftPendulum(0.1, 0.02, 2.94, ratio * critical)
-        theta = system.equilibrium()
+        theta = system.equilibrium
         assert_allclose(jnp.cos(theta), min(1.0, ratio**-2), rtol=1e-12)
         push = lambda x, s=system: s.vector_field(0.0, s.state(x)).tilt_rate  # noqa: E731
         assert_allclose(push(theta), 0.0, atol=1e-12)
@@ -194,11 +194,11 @@ def test_kinds_of_paths():
         y = top.state(jnp.array([0.0, 0.7, 0.0]), jnp.array([rate, 0.0, spin]))
         nutation = top.nutation(y)
         assert isinstance(nutation, Nutation)
-        upper, lower = nutation.circle_rates()
+        upper, lower = nutation.circle_rates
         if kind == 0.0:
             assert_allclose(upper, 0.0, atol=1e-12)
         else:
-            assert nutation.loops() == kind
+            assert nutation.loops == kind
         # Of the two circles the start is one.
         assert_allclose(min(abs(upper - rate), abs(lower - rate)), 0.0, atol=1e-9)
 

@@ -71,7 +71,7 @@ def test_six_weights():  # T5.5-P4
     )
     np.testing.assert_allclose(np.diag(body.tensor) * 32.2, [800.0, 1220.0, 580.0], rtol=1e-9)
     # The longest semi-axis, along z, first.
-    semi_axes, axes = bodies.mass_properties.inertia_ellipsoid(body.inertia())
+    semi_axes, axes = bodies.mass_properties.inertia_ellipsoid(body.inertia)
     longest = [0.23562096973595187, 0.2006240264773888, 0.16246058790657758]
     np.testing.assert_allclose(semi_axes, longest, rtol=1e-9)
     np.testing.assert_allclose(np.abs(axes), np.eye(3)[[1, 2, 0]], atol=1e-15)
@@ -87,7 +87,7 @@ def test_skewed_disk():  # T5.5-P6
     np.testing.assert_allclose(j[0, 0], 0.04587161184138783, rtol=1e-9)
     np.testing.assert_allclose(j[1, 1], 0.045, rtol=1e-9)
     np.testing.assert_allclose(abs(j[0, 2]), 0.006201840505882482, rtol=1e-9)
-    moments, _ = bodies.principal_axes.principal_axes(disk.inertia())
+    moments, _ = bodies.principal_axes.principal_axes(disk.inertia)
     np.testing.assert_allclose(moments, m * radius**2 * np.array([0.25, 0.25, 0.5]), rtol=1e-13)
 
 
@@ -96,7 +96,7 @@ def test_cube():  # T5.5-P7
     cube = bodies.solids.box(m, c * jnp.ones(3))
     diagonal, corner = jnp.ones(3), c / 2.0 * jnp.ones(3)
     np.testing.assert_allclose(cube.moment_about(diagonal, jnp.zeros(3)), 0.08, rtol=1e-9)
-    about_corner = bodies.inertia.parallel_axes(cube.inertia(), m, corner)
+    about_corner = bodies.inertia.parallel_axes(cube.inertia, m, corner)
     moments, _ = bodies.principal_axes.principal_axes(about_corner)
     np.testing.assert_allclose(moments, [0.08, 0.44, 0.44], rtol=1e-9)
     np.testing.assert_allclose(cube.moment_about(diagonal, corner), 0.08, rtol=1e-9)
@@ -235,7 +235,7 @@ def test_linear_acceleration():
 
 def test_absent_parts_are_no_leaves():
     state = bodies.BodyState(position=jnp.zeros(3), velocity=jnp.ones(3))
-    assert state.present() == ("position", "velocity")
+    assert state.present == ("position", "velocity")
     assert len(jax.tree.leaves(state)) == 2
 
 

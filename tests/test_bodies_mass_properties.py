@@ -229,7 +229,7 @@ def test_turned_axes_and_the_ellipsoid(key):
         bodies.solids.box(2.0, jnp.array([0.5, 1.0, 2.0])),
         bodies.solids.cylinder(1.0, 0.3, 1.0).moved(jnp.array([1.0, 0.4, -0.2])),
     )
-    semi_axes, axes = bodies.mass_properties.inertia_ellipsoid(body.inertia())
+    semi_axes, axes = bodies.mass_properties.inertia_ellipsoid(body.inertia)
     for i in range(3):
         radius = 1.0 / jnp.sqrt(bodies.mass_properties.moment_along(body.tensor, axes[:, i]))
         assert_allclose(semi_axes[i], radius, rtol=1e-13)
@@ -248,7 +248,7 @@ def test_impact_keeps_the_momentum_about_the_pivot(arm):
     inertia = bodies.solids.box(50.0, jnp.array([2.0, 3.0, 1.5])).turned(
         Quaternion.from_rotation_vector(jnp.array([0.3, 0.2, -0.5]))
     )
-    j, r = inertia.inertia(), jnp.array(arm)
+    j, r = inertia.inertia, jnp.array(arm)
     v, w = jnp.array([-4.0, 0.3, -6.0]), jnp.array([0.2, -0.4, 0.7])
     hit = jax.jit(bodies.mass_properties.pivot_impact)(j, 50.0, r, v, w)
     assert_allclose(hit.velocity, np.cross(hit.omega, r), atol=1e-13)
@@ -310,7 +310,7 @@ def test_a_rod_is_caught_at_a_point_of_its_axis(jit):
             lambda: bodies.solids.simplex(1.0, jnp.ones((3, 5))),
             "number of vertices is 5: it must be 1, 2",
         ),
-        (lambda: bodies.solids.cylinder(1.0, 0.0, 1.0).inertia(), "it must be positive definite"),
+        (lambda: bodies.solids.cylinder(1.0, 0.0, 1.0).inertia, "it must be positive definite"),
     ],
 )
 def test_impossible_parts(build, message):

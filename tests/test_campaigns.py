@@ -307,14 +307,14 @@ def test_an_unfinished_store_says_so(tmp_path):
     """Of a campaign under way or interrupted: when it is opened, and when it is asked."""
     place = tmp_path / "s.zarr"
     write(place)
-    assert open_store(place).lacking == ""
+    assert open_store(place).missing_runs == ""
     (place / ".manifest" / "1.json").unlink()
     told = r"15 of 25 planned runs are in the store: `disperse\(\.\.\., resume=True\)` computes"
     with pytest.warns(UserWarning, match=told):
         kept = open_store(place)
-    assert kept.store == str(place) and kept.doubts() == (kept.lacking,)
+    assert kept.store == str(place) and kept.warnings == (kept.missing_runs,)
     write(place, resume=True)
-    assert open_store(place).doubts() == ()
+    assert open_store(place).warnings == ()
 
 
 def test_a_flipped_bit_of_the_metadata_is_told_and_mended(tmp_path, monkeypatch):

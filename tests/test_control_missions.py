@@ -76,7 +76,7 @@ def test_a_loop_between_two_coasts():
     end = coasting(half(0.0, alone.final), 2.0)
     np.testing.assert_allclose(run.final.position, end.position, atol=ROUNDING)
     np.testing.assert_allclose(run.end, 3.0 + 5 * T)
-    assert run.status == Status.COMPLETED and int(run.evaluations()) > 0
+    assert run.status == Status.COMPLETED and int(run.evaluations) > 0
 
 
 # Until it falls through a height; a landing under a law that only brakes.

@@ -78,7 +78,7 @@ def test_the_end_does_not_depend_on_the_order_of_chunks(seed):
 def test_a_campaign_ends_when_its_limit_is_known(ended):
     kept = open_store(ended)
     assert 2 * CHUNK <= kept.runs < MOST / 2 and kept.runs % CHUNK == 0
-    assert kept.enough == kept.wanted == kept.runs
+    assert kept.enough == kept.planned_runs == kept.runs
     limit = kept.percentile("x", 0.95)
     distance = abs(limit.value - kept.table()[0].mean)
     assert 0.5 * (limit.high - limit.low) <= 0.03 * distance
@@ -111,7 +111,7 @@ def test_a_restart_ends_with_the_same_run(ended, tmp_path):
 
     with pytest.raises(KeyboardInterrupt):
         fly(store, progress=stop)
-    assert open_store(store).runs == 2 * CHUNK and open_store(store).wanted == MOST
+    assert open_store(store).runs == 2 * CHUNK and open_store(store).planned_runs == MOST
     fly(store, resume=True)
     assert files_of(store) == files_of(ended)
     # A chunk that is lost comes back, and the end stays where it was.

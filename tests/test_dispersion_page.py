@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from browser import BROWSER, open_page
 
-from jaxspace.dispersion import Dispersion, Flights
+from jaxspace.dispersion import Dispersion, RunPaths
 from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.plots._bins import bins
 from jaxspace.simulation import Status
@@ -80,11 +80,11 @@ def dispersion(runs, requirements=True):
     return Dispersion(inputs, outputs, status, np.ones(runs, int), units, 5, 9.0, record)
 
 
-def flights():
+def paths():
     t = np.linspace(0.0, 6.0, 40)
     circle = np.stack([7e6 * np.cos(t), 7e6 * np.sin(t), 0.0 * t])
     positions = np.stack([circle, 1.01 * circle, np.full_like(circle, np.nan)], axis=-1)
-    return Flights(np.array([-1, 0, 3]), np.stack([t] * 3, axis=-1), positions)
+    return RunPaths(np.array([-1, 0, 3]), np.stack([t] * 3, axis=-1), positions)
 
 
 def data_of(page):
@@ -234,9 +234,7 @@ def test_bins_hold_every_value(x):
 
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
 def test_page_draws_and_its_pickers_work(tmp_path):
-    path = dispersion_page(
-        dispersion(1000), tmp_path / "d.html", nominal=NOMINAL, flights=flights()
-    )
+    path = dispersion_page(dispersion(1000), tmp_path / "d.html", nominal=NOMINAL, paths=paths())
     with open_page(path.as_uri(), tmp_path, 400) as page:
         # One thing changes at a time, and the page that is open follows.
         for width, dark in ((400, False), (400, True), (1600, True), (1600, False)):

@@ -120,7 +120,7 @@ def test_means_leave_infinite_values_out_and_say_so():
     finite = np.delete(finite, 3)
     assert row.mean == np.mean(finite) and row.std == np.std(finite, ddof=1)
     assert row.high == row.max == np.inf and row.min == -np.inf and np.isfinite(row.low)
-    (told,) = d.doubts()
+    (told,) = d.warnings
     assert "x is ∞ in 598, -∞ in 2, not a number in 3 of 3999 good runs" in told
     assert "leave them out, limits count the infinite ones" in told
     for statistic in (d.covariance, d.ellipsoid):
@@ -129,9 +129,9 @@ def test_means_leave_infinite_values_out_and_say_so():
     assert d.percentile("x", 0.95).value == np.inf
     assert d.violation("x", at_most=1e9).count == 598 + 3 + 1
     assert d.violation("x", at_least=-1e9).count == 2 + 3 + 1
-    assert dispersion(x=np.zeros(4000)).doubts() == ()
+    assert dispersion(x=np.zeros(4000)).warnings == ()
     lost = dispersion(x=np.full(4000, np.nan))
-    assert lost.table()[0].undefined == 3999 and "No statistic counts them" in lost.doubts()[0]
+    assert lost.table()[0].undefined == 3999 and "No statistic counts them" in lost.warnings[0]
     far = dispersion(x=np.full(4000, np.inf)).table()[0]
     assert far.low == far.high == np.inf and np.isnan(far.mean) and np.isnan(far.std)
 
@@ -174,12 +174,12 @@ def test_a_part_of_the_planned_runs_says_so():
 
     part = of(1488, planned_runs=2000, scene_file="a.toml")
     sentence = "1488 of 2000 planned runs are in the store: `jaxspace resume out/a.zarr` computes"
-    assert part.lacking.startswith(sentence) and part.doubts() == (part.lacking,)
-    assert "`disperse(..., resume=True)` computes" in of(1488, planned_runs=2000).lacking
+    assert part.missing_runs.startswith(sentence) and part.warnings == (part.missing_runs,)
+    assert "`disperse(..., resume=True)` computes" in of(1488, planned_runs=2000).missing_runs
     # Whole, of unknown size, and ended by its rule.
     for whole in (of(20, planned_runs=20), of(20), of(20, planned_runs=90, enough_runs=20)):
-        assert whole.lacking == "" and whole.doubts() == ()
-    assert "5 of 20 planned" in of(5, planned_runs=90, enough_runs=20).lacking
+        assert whole.missing_runs == "" and whole.warnings == ()
+    assert "5 of 20 planned" in of(5, planned_runs=90, enough_runs=20).missing_runs
 
 
 def test_ellipsoids():

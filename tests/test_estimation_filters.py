@@ -113,7 +113,7 @@ def test_consistent_over_many_runs(kind):
         SWING, start, P, TS, readings, position, noise=np.array([r]),
         process=jnp.diag(jnp.array([q, 0.0])), kind=kind, batch=True, accuracy=FAST,
     )  # fmt: skip
-    nees, nis = np.asarray(found.nees(truth)), np.asarray(found.nis())
+    nees, nis = np.asarray(found.nees(truth)), np.asarray(found.nis)
     assert nees.shape == (TS.size, runs) and found.covariance.shape == (2, 2, TS.size, runs)
     # By chance outside in one of a thousand cases; the seed is fixed.
     low, high = chi2.ppf([5e-4, 1.0 - 5e-4], 2 * runs) / runs

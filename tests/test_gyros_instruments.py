@@ -33,19 +33,19 @@ def test_gyrocompass_linearised_is_the_book_s():
 
     @eqx.filter_jit
     def found(compass):
-        y = compass.state(compass.rest_tilt(), compass.rest_azimuth())
+        y = compass.state(compass.rest_tilt, compass.rest_azimuth)
         return modes(compass, y).frequencies, compass.vector_field(0.0, y)
 
     frequencies, rate = found(COMPASS)
-    slow, fast = COMPASS.frequencies()
+    slow, fast = COMPASS.frequencies
     # The stiffness wl cos(alpha) at the rest tilt of 2e-3 rad differs by 2e-6.
     assert_allclose(frequencies, [slow, slow, fast, fast], rtol=1e-5)
     # The moments of the inertias leave the square of the earth's rate.
     assert abs(float(rate.azimuth_rate)) < 1e-8 and abs(float(rate.tilt_rate)) < 1e-8
     # A ship to the north turns the meridian to the west.
     moving = Gyrocompass(339.0, 0.2, 0.2, 8.5, 0.8, speed=8.0)
-    assert_allclose(moving.heading_error(), moving.rest_azimuth(), rtol=1e-12)
-    assert moving.rest_azimuth() > 0.0
+    assert_allclose(moving.heading_error, moving.rest_azimuth, rtol=1e-12)
+    assert moving.rest_azimuth > 0.0
 
 
 def test_the_offset_of_the_bail_damps():
@@ -60,10 +60,10 @@ def test_the_offset_of_the_bail_damps():
     def rate(x):
         return compass.vector_field(0.0, GyrocompassState(*x))
 
-    found = jacobian(jnp.stack([compass.rest_tilt(), compass.rest_azimuth(), 0.0, 0.0]))
+    found = jacobian(jnp.stack([compass.rest_tilt, compass.rest_azimuth, 0.0, 0.0]))
     assert_allclose(found[3, 0], -0.17 / 0.25, rtol=1e-4)
     slow = np.sort(np.abs(np.linalg.eigvals(found).real))[-2:]
-    decay = float(compass.damping_ratio() * compass.slow_frequency())
+    decay = float(compass.damping_ratio * compass.slow_frequency)
     assert_allclose(slow, decay, rtol=1e-3)
 
 
@@ -93,7 +93,7 @@ def test_gyrocompass_over_a_million_radians_by_default():
 def test_tuned_gyropendulum():
     radius = 6.371e6
     pendulum = Gyropendulum(1.0, 1e-3, 0.01, gravity=9.8, acceleration_theta=0.02).tuned(radius)
-    slow, fast = pendulum.frequencies()
+    slow, fast = pendulum.frequencies
     assert_allclose(slow, np.sqrt(9.8 / radius), rtol=1e-13)
 
     @eqx.filter_jit
@@ -133,9 +133,9 @@ def test_errors_of_a_rate_gyro():
         spin_force=4.9,
     )
     torque = 2e-6 + 1e-7 * 9.8 - 2e-7 * 4.9 + 1e-9 * 9.8 * 4.9
-    assert_allclose(gyro.drift_rate(), torque / 0.05, rtol=1e-13)
-    assert_allclose(gyro.steady_angle(), (0.05 * 1.01 * 0.1 + torque) / 0.2, rtol=1e-13)
-    assert_allclose(gyro.step_response(5.0), gyro.steady_angle(), rtol=1e-8)
+    assert_allclose(gyro.drift_rate, torque / 0.05, rtol=1e-13)
+    assert_allclose(gyro.steady_angle, (0.05 * 1.01 * 0.1 + torque) / 0.2, rtol=1e-13)
+    assert_allclose(gyro.step_response(5.0), gyro.steady_angle, rtol=1e-8)
 
 
 def test_one_flow_serves_rate_and_integrating_gyros():

@@ -94,7 +94,7 @@ def test_a_perfect_navigator_knows_a_wild_path_over_the_ellipsoid(gimballed):
 
 
 def test_gravity_of_the_ellipsoid():
-    earth = InertialNavigator(0.0).earth()
+    earth = InertialNavigator(0.0).earth
     # Of WGS 84 at the equator and at a pole; without J_4, which takes 15/8 and 5 times 2.4e-6.
     assert_allclose(earth.gravity(0.0, 0.0)[2], -9.7803253359, rtol=5e-6)
     assert_allclose(earth.gravity(0.5 * jnp.pi, 0.0)[2], -9.8321849378, rtol=1.3e-5)

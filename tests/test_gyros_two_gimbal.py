@@ -82,11 +82,11 @@ def test_gimbal_walk(rate, second_order, exact, period):  # T6.3-walk
     walk = HEAVY.walk(SIXTY, rate)
     assert_allclose(HEAVY.outer_inertia(SIXTY), 0.003475, rtol=CASE)
     assert_allclose(
-        [HEAVY.nutation_frequency(SIXTY), walk.frequency()], [115.24618148307799] * 2, rtol=CASE
+        [HEAVY.nutation_frequency(SIXTY), walk.frequency], [115.24618148307799] * 2, rtol=CASE
     )
-    assert_allclose(walk.drift_to_second_order(), second_order, rtol=CASE)
-    assert_allclose(walk.drift(), exact, rtol=CASE)
-    assert_allclose(walk.period(), period, rtol=CASE)
+    assert_allclose(walk.drift_to_second_order, second_order, rtol=CASE)
+    assert_allclose(walk.drift, exact, rtol=CASE)
+    assert_allclose(walk.period, period, rtol=CASE)
     # The motion itself, over ten periods from the start at theta_0: psi is then drift times time.
     states = long_run(HEAVY, state(HEAVY, SIXTY, 0.3, rate, 0.0), 10.0 * period, 400)
     assert_allclose(states.theta[-1], SIXTY, atol=1e-12)
@@ -96,9 +96,9 @@ def test_gimbal_walk(rate, second_order, exact, period):  # T6.3-walk
 
 def test_mean_of_theta():  # T6.3-P5
     walk = HEAVY.walk(SIXTY, 0.2)
-    assert_allclose(walk.offset_to_second_order(), -1.2196524436630843e-07, rtol=CASE)
-    assert_allclose(walk.offset(), -1.219669868774932e-07, rtol=1e-5)
-    period = float(walk.period())
+    assert_allclose(walk.offset_to_second_order, -1.2196524436630843e-07, rtol=CASE)
+    assert_allclose(walk.offset, -1.219669868774932e-07, rtol=1e-5)
+    period = float(walk.period)
     theta = long_run(HEAVY, state(HEAVY, SIXTY, 0.0, 0.2, 0.0), 100.0 * period, 4000).theta
     assert_allclose(jnp.mean(theta[1:]) - SIXTY, -1.219669868774932e-07, rtol=1e-5)
     assert_allclose(
@@ -109,14 +109,12 @@ def test_mean_of_theta():  # T6.3-P5
 def test_walk_vanishes_where_it_must():
     """At 90 deg by symmetry, without gimbal mass because psi' then averages out; it changes sign
     from theta to 180 - theta."""
-    assert_allclose(HEAVY.walk(UPRIGHT, 2.0).drift(), 0.0, atol=1e-16)
-    assert_allclose(
-        HEAVY.walk(np.pi - SIXTY, 2.0).drift(), -HEAVY.walk(SIXTY, 2.0).drift(), rtol=1e-12
-    )
-    assert_allclose(HEAVY.walk(SIXTY, -2.0).drift(), HEAVY.walk(SIXTY, 2.0).drift(), rtol=1e-12)
-    assert_allclose(BARE.walk(SIXTY, 2.0).drift_to_second_order(), 0.0, atol=0.0)
+    assert_allclose(HEAVY.walk(UPRIGHT, 2.0).drift, 0.0, atol=1e-16)
+    assert_allclose(HEAVY.walk(np.pi - SIXTY, 2.0).drift, -HEAVY.walk(SIXTY, 2.0).drift, rtol=1e-12)
+    assert_allclose(HEAVY.walk(SIXTY, -2.0).drift, HEAVY.walk(SIXTY, 2.0).drift, rtol=1e-12)
+    assert_allclose(BARE.walk(SIXTY, 2.0).drift_to_second_order, 0.0, atol=0.0)
     # The axis of a free body runs round a circle and back to its start: no drift to any order.
-    assert_allclose(BARE.walk(SIXTY, 2.0).drift(), 0.0, atol=1e-13)
+    assert_allclose(BARE.walk(SIXTY, 2.0).drift, 0.0, atol=1e-13)
 
 
 @given(
@@ -203,11 +201,11 @@ def walk_results(v):
     w = TwoGimbalGyro(*v[:7]).walk(v[7], v[8])
     return jnp.stack(
         [
-            w.drift(),
-            w.period(),
-            w.offset(),
-            w.drift_to_second_order(),
-            w.offset_to_second_order(),
+            w.drift,
+            w.period,
+            w.offset,
+            w.drift_to_second_order,
+            w.offset_to_second_order,
         ]
     )
 
@@ -222,8 +220,8 @@ def test_a_gimbal_that_passes_the_pole_does_not_walk():
     """Whether it passes changes at the greatest rate; from there on the exact results say so, and
     so do their derivatives."""
     gyro = TwoGimbalGyro(2.0, 0.8, 5.0, 0.6, 0.5, 0.4, 1.5)
-    limit = float(gyro.walk(0.9, 0.1).greatest_rate())
-    slope_of_drift = jax.jit(jax.value_and_grad(lambda rate: gyro.walk(0.9, rate).drift()))
+    limit = float(gyro.walk(0.9, 0.1).greatest_rate)
+    slope_of_drift = jax.jit(jax.value_and_grad(lambda rate: gyro.walk(0.9, rate).drift))
     for rate, passes in ((0.999 * limit, False), (1.001 * limit, True)):
         theta = run(gyro, state(gyro, 0.9, 0.0, -rate, 0.0), np.linspace(0.0, 20.0, 401)).theta
         assert (np.min(theta) < 0.0) == passes
@@ -238,8 +236,8 @@ def test_single_precision_stays():
         y,
         HEAVY.vector_field(0.0, y),
         HEAVY.invariants(0.0, y),
-        walk.drift(),
-        walk.period(),
+        walk.drift,
+        walk.period,
     ):
         assert {x.dtype for x in jax.tree.leaves(tree)} == {jnp.dtype("float32")}
 
@@ -256,9 +254,9 @@ def test_a_batch_is_a_loop():
             y,
             gyro.vector_field(0.3, y),
             gyro.invariants(0.3, y),
-            walk.drift(),
-            walk.offset(),
-            walk.period(),
+            walk.drift,
+            walk.offset,
+            walk.period,
         )
 
     batch = everything(jnp.asarray(values))
@@ -268,7 +266,7 @@ def test_a_batch_is_a_loop():
             lambda a, b, i=i: assert_allclose(a[..., i], b, rtol=1e-12, atol=1e-14), batch, one
         )
     assert HEAVY.vector_field(0.0, jax.tree.map(lambda x: x[:3], batch[0])).theta.shape == (3,)
-    assert HEAVY.walk(jnp.ones(3), 0.5).drift().shape == (3,)
+    assert HEAVY.walk(jnp.ones(3), 0.5).drift.shape == (3,)
 
 
 def test_bad_input_is_named():
@@ -285,7 +283,7 @@ def test_the_means_of_a_small_nutation_keep_their_digits(name):
 
     def mean(rate, exact):
         walk = GimbalWalk(*map(jnp.asarray, (1.1, rate, 1.0, 1.0, 0.6, 1.3)))
-        return getattr(walk, name if exact else f"{name}_to_second_order")()
+        return getattr(walk, name if exact else f"{name}_to_second_order")
 
     # What follows the second order is the square of the rate, 1e-14, times some ten.
     assert_allclose(mean(1e-7, True), mean(1e-7, False), rtol=1e-12)
@@ -298,7 +296,7 @@ def test_second_harmonic_of_the_gimbal_walk():
     it in the limit of a small nutation: the step of Runge and Kutta is a two-thousandth of it."""
     H, J, I1, I2, theta, rate = 0.4, 0.0026, 0.0019, 0.004, np.pi / 3.0, 0.02
     walk = GimbalWalk(*map(jnp.asarray, (theta, rate, H, J, I1, I2)))
-    scaled, _ = jax.jit(GimbalWalk.second_harmonic)(
+    scaled, _ = jax.jit(lambda walk: walk.second_harmonic)(
         GimbalWalk(*map(jnp.asarray, (theta, 2.0, H, J, I1, I2)))
     )
     assert_allclose(scaled, 0.003118, atol=5e-7)  # the digits of the case
@@ -313,7 +311,7 @@ def test_second_harmonic_of_the_gimbal_walk():
         return np.array([y[1], (bend - H * psi_rate * np.sin(y[0])) / J])
 
     steps, y, path = 2000, np.array([theta, rate]), []
-    h = float(walk.period()) / steps
+    h = float(walk.period) / steps
     for _ in range(steps):
         path.append(y[0])
         a = field(y)
@@ -323,12 +321,12 @@ def test_second_harmonic_of_the_gimbal_walk():
     path = np.array(path)
     wave = 2.0 / steps * np.cos(4.0 * np.pi / steps * np.arange(steps))
     # Fourth-order terms: the amplitude 1.7e-4 squared; of psi', first harmonics cancel to 1e-7.
-    for found, series in zip(walk.second_harmonic(), (outer(path), path - theta), strict=True):
+    for found, series in zip(walk.second_harmonic, (outer(path), path - theta), strict=True):
         assert_allclose(found, series @ wave, rtol=1e-6)
     # Of second order in the rate, in both modes.
     turning = lambda walk: walk.theta_rate  # noqa: E731
     for mode in (jax.jacfwd, jax.jacrev):
-        slope = mode(lambda r: eqx.tree_at(turning, walk, r).second_harmonic()[0])(jnp.array(2.0))
+        slope = mode(lambda r: eqx.tree_at(turning, walk, r).second_harmonic[0])(jnp.array(2.0))
         assert_allclose(slope, scaled, rtol=1e-13)
 
 

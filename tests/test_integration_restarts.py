@@ -159,7 +159,7 @@ def test_what_is_refused():
     how = dict(accuracy=1e-9)
     with pytest.raises(InputError, match="only collected"):
         simulate(Fall(G), ball(jnp.array(1.0)), TS, events=(floor(0.5), collected), **how)
-    with pytest.raises(InputError, match="keeps no steps"):
+    with pytest.raises(InputError, match="stores no steps"):
         simulate(Fall(G), ball(jnp.array(1.0)), TS, events=(floor(0.5),), dense=True, **how)
     drop = Event(height, terminal=False, then=lambda t, y: BodyState(y.position))
     with pytest.raises(InputError, match="must be the same"):

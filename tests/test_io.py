@@ -694,7 +694,7 @@ def test_what_is_hardly_meant_is_a_warning(scene, entry, words):
         "[dispersion.inputs]", f"[dispersion.inputs]\ninitial.orbit.{entry}"
     )
     file = scene(text)
-    assert len(file.doubts()) == 1
+    assert len(file.warnings) == 1
     with pytest.warns(UserWarning) as told:
         file.campaign()
     for word in words:

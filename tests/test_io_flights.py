@@ -58,7 +58,7 @@ def test_a_factor_of_the_thrust_keeps_the_propellant_and_one_of_the_drag_the_bod
     thrust = made.motor.thrust(jnp.asarray(1.0), 20.0)
     expected = 1.1 * plain.motor.thrust(jnp.asarray(1.0), 20.0)
     np.testing.assert_allclose(thrust, expected, rtol=1e-14)
-    air = building.make("site").air()
+    air = building.make("site").air
     areas = [rocket.as_body(air)[1].area for rocket in (made, plain)]
     np.testing.assert_allclose(areas[0] / areas[1], 1.2, rtol=1e-14)
 
@@ -69,7 +69,7 @@ def test_a_file_is_flown_in_the_phases_of_its_parachutes(landing):
     assert [phase.name for phase in landing.mission.phases] == names
     # On the rail it rests, and points along it.
     axis = landing.y0.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
-    np.testing.assert_allclose(axis, landing.parsed.building().make("site").direction(), atol=1e-15)
+    np.testing.assert_allclose(axis, landing.parsed.building().make("site").direction, atol=1e-15)
 
 
 def changed(tmp_path, *changes):

@@ -39,7 +39,7 @@ def test_ellipses_are_those_of_the_normal_distribution():
     found = campaign().footprint()
     assert found.points.shape == (2, RUNS - RUNS // 100)
     for share, (probability, east, north, long, short, bearing, inside) in zip(
-        (0.5, 0.9, 0.99), found.rows(), strict=True
+        (0.5, 0.9, 0.99), found.rows, strict=True
     ):
         # P(chi^2_2 <= k^2) = 1 - exp(-k^2/2).
         k = np.sqrt(-2.0 * np.log(1.0 - share))
@@ -68,7 +68,7 @@ def test_without_landings_there_is_no_footprint():
 
 def test_landings_without_a_scatter_are_a_point():
     still = campaign(east=np.full(RUNS, 10.0), north=np.full(RUNS, -3.0))
-    (_, east, north, long, short, _, inside), *_ = still.footprint().rows()
+    (_, east, north, long, short, _, inside), *_ = still.footprint().rows
     np.testing.assert_allclose([east, north, long, short], [10.0, -3.0, 0.0, 0.0], atol=1e-9)
     assert inside == 1.0
     footprint_figure(still).canvas.draw()

@@ -1,14 +1,22 @@
 """Who may import whom, and what importing costs: the arrows between the rooms point downwards."""
 
 import ast
+import dataclasses
 import functools
 import importlib
+import inspect
 import re
 import subprocess
 import sys
+import types
+import typing
 from pathlib import Path
 
+import jax
 import pytest
+
+from jaxspace.core import AbstractParameters
+from jaxspace.core.modules import public_names
 
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "jaxspace"
@@ -308,7 +316,7 @@ def given(room: str) -> list[str]:
     """The names that the root of a package gives, without its modules."""
     file = PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")
     return [
-        alias.asname
+        alias.name
         for node in ast.walk(ast.parse(file.read_text()))
         # `from . import elements as elements` is a module; of the package itself a name.
         if isinstance(node, ast.ImportFrom) and (node.module or room == "__init__")
@@ -371,6 +379,85 @@ def test_every_public_name_stands_in_the_reference_a_page_or_an_example(room):
         texts = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/**/*.py"), ROOT / "README.md"]
         words = set(re.findall(r"\w+", " ".join(text.read_text() for text in texts)))
         assert not set(given(room)) - words
+
+
+# What a value is made of that is read off an object, and not made from it.
+VALUE = {
+    *("Array", "Bool", "Complex", "Flag", "Float", "Int", "Matrix", "Scalar", "Vector"),
+    *("NoneType", "bool", "float", "int"),
+}
+# Public methods without an argument that return numbers, and yet are methods.
+NO_PROPERTY = {
+    "the same thing in another form": "Quaternion.axis_angle "
+    "Quaternion.matrix Quaternion.rotation_vector Quaternion.xyzw",
+    "runs through the whole motion": "Trajectory.drift",
+    "computes in many digits": "Case.conditioning Case.truth",
+    "raises for a search that has not converged": "Optimum.sensitivities",
+    "a time of the parameters, which a phase of a mission takes as its end": "Thrust.burnout "
+    "GimballedThrust.burnout SteeredThrust.burnout",
+}
+
+
+def public_classes() -> list[type]:
+    """The classes that the packages give their users."""
+    packages = [importlib.import_module(f"jaxspace.{room}") for room in PACKAGES if room != "cli"]
+    found = [thing for package in packages for thing in public_names(package).values()]
+    return [thing for thing in dict.fromkeys(found) if isinstance(thing, type)]
+
+
+def is_value(annotation: object) -> bool:
+    """Whether an annotation is that of numbers, or of tuples and dictionaries of them or of names.
+
+    A text alone is another form of an object."""
+    parts = typing.get_args(annotation)
+    if parts:
+        return all(part in (str, ...) or is_value(part) for part in parts)
+    return getattr(annotation, "__name__", "").partition("[")[0] in VALUE
+
+
+def test_what_needs_no_argument_is_a_property():
+    """In every public class; what authors fill in is declared by an abstract class."""
+    allowed = set(" ".join(NO_PROPERTY.values()).split())
+    found = set()
+    for cls in public_classes():
+        abstract = [base for base in cls.__mro__ if base.__name__.startswith("Abstract")]
+        filled_in = {name for base in abstract for name in vars(base)}
+        for name, method in vars(cls).items():
+            if name.startswith("_") or name in filled_in or not inspect.isfunction(method):
+                continue
+            signature = inspect.signature(method)
+            if len(signature.parameters) == 1 and is_value(signature.return_annotation):
+                found.add(f"{cls.__name__}.{name}")
+    assert found == allowed
+
+
+def test_arguments_stand_in_the_docstring():
+    """Of every public function with more than one; and what it raises, where it raises."""
+    packages = [importlib.import_module(f"jaxspace.{room}") for room in PACKAGES if room != "cli"]
+    things = [thing for package in packages for thing in public_names(package).values()]
+    silent = []
+    for thing in filter(inspect.isfunction, things):
+        said, source = inspect.getdoc(thing) or "", inspect.getsource(inspect.unwrap(thing))
+        several = len(inspect.signature(thing).parameters) > 1
+        raises = re.search(r"^\s+raise (InputError|SimulationError|StoreError)", source, re.M)
+        if (several and "**Arguments**" not in said) or (raises and "aise" not in said):
+            silent.append(f"{thing.__module__}.{thing.__name__}")
+    assert not silent
+
+
+def test_plain_numbers_are_taken_wherever_arrays_are():
+    """By every field of numbers in a public system, effect or state."""
+    for cls in public_classes():
+        if not issubclass(cls, AbstractParameters) and not cls.__name__.endswith("State"):
+            continue
+        taken = inspect.signature(cls).parameters
+        for field in dataclasses.fields(cls):
+            # Of an optional field, the array is one of the alternatives.
+            one = field.type.__args__[0] if isinstance(field.type, types.UnionType) else field.type
+            if field.name in taken and str(one).startswith("<class 'jaxtyping.Float[Array"):
+                for plain in (0.5, [0.5, 1.0]):
+                    given = field.metadata["converter"](plain)
+                    assert isinstance(given, jax.Array), f"{cls.__name__}.{field.name}"
 
 
 def run(code: str) -> str:

@@ -94,12 +94,12 @@ def test_redundant_and_vanishing_constraints():
 
 
 def test_symmetries_are_found_and_none_wrongly():
-    assert FRAMED.cyclic() == ("phi",)
+    assert FRAMED.cyclic == ("phi",)
     kept = FRAMED.invariants(0.0, FRAMED.state(0.4, 0.1, 0.0, 2.0))
     assert set(kept) == {"energy", "momentum_phi"}
-    assert SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6).cyclic() == ("x", "y")
+    assert SliderCarrier(10.0, 4.0, 1.0, 30.0, 0.6).cyclic == ("x", "y")
     # Rolling holds x, y and phi; the heading is free.
-    assert InclineDisk(1.0, 0.5, 0.2, 9.8).cyclic() == ("psi",)
+    assert InclineDisk(1.0, 0.5, 0.2, 9.8).cyclic == ("psi",)
 
     def make(function, **more):
         system = Lagrangian(function, ("x", "z"), 9.8, **more)
@@ -181,7 +181,7 @@ def test_gyrocompass_is_its_routhian():
     """The hand-written instrument against derivatives of I_h w_h^2/2 + I_e w_e^2/2 + H w_u less the
     potential of the bail."""
     compass = Gyrocompass(3.0, 0.8, 1.1, 75.0, 0.8, speed=300.0, course=0.4)
-    east, north, up = (float(x) for x in compass.frame_rate())
+    east, north, up = (float(x) for x in compass.frame_rate)
 
     def routhian(t, q, v, p):
         (sa, ca), (sp, cp) = (jnp.sin(q[0]), jnp.cos(q[0])), (jnp.sin(q[1]), jnp.cos(q[1]))
@@ -365,9 +365,9 @@ def test_a_bar_on_a_string():
     limits of a short string (physical pendulum, w^2 = 3 g/(2 b)) and of a short bar (g/a)."""
     m, a, b, g = 2.0, 0.7, 1.2, 9.8
     bar = BarOnString(m, a, b, g)
-    assert_allclose(bar.frequencies(), swings(bar, jnp.zeros(2)), rtol=1e-10)
-    assert_allclose(BarOnString(m, 1e-9, b, g).frequencies()[0], np.sqrt(1.5 * g / b), rtol=1e-8)
-    assert_allclose(BarOnString(m, a, 1e-9, g).frequencies()[0], np.sqrt(g / a), rtol=1e-8)
+    assert_allclose(bar.frequencies, swings(bar, jnp.zeros(2)), rtol=1e-10)
+    assert_allclose(BarOnString(m, 1e-9, b, g).frequencies[0], np.sqrt(1.5 * g / b), rtol=1e-8)
+    assert_allclose(BarOnString(m, a, 1e-9, g).frequencies[0], np.sqrt(g / a), rtol=1e-8)
     q, v = np.array([0.4, -0.7]), np.array([0.9, 1.3])
     acceleration = bar.vector_field(0.0, GeneralisedState(jnp.asarray(q), jnp.asarray(v))).rates
     apart = q[0] - q[1]
@@ -382,10 +382,10 @@ def test_a_bar_on_a_spring():
     m, k, l0, b, g = 2.0, 300.0, 0.5, 1.2, 9.8
     bar = BarOnSpring(m, k, l0, b, g)
     r = l0 + m * g / k
-    assert_allclose(bar.rest_length(), r, rtol=1e-15)
+    assert_allclose(bar.rest_length, r, rtol=1e-15)
     found = swings(bar, jnp.array([r, 0.0, 0.0]))
-    assert_allclose(np.sort(bar.frequencies()), found, rtol=1e-10)
-    assert_allclose(bar.frequencies()[1:], BarOnString(m, r, b, g).frequencies(), rtol=1e-15)
+    assert_allclose(np.sort(bar.frequencies), found, rtol=1e-10)
+    assert_allclose(bar.frequencies[1:], BarOnString(m, r, b, g).frequencies, rtol=1e-15)
     # Of the velocity of the middle in Cartesian coordinates.
     (r, ph, th), (r_rate, ph_rate, th_rate) = np.array([[0.6, 0.3, -0.4], [0.2, 0.7, 1.1]])
     x = r_rate * np.sin(ph) + r * ph_rate * np.cos(ph) + 0.5 * b * th_rate * np.cos(th)

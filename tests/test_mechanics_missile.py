@@ -17,7 +17,7 @@ MISSILE = FlexibleMissile(2e4, 20.0, 2e8, 1.5, 0.0, THRUST, actuator_stiffness=3
 def test_masses_and_thrust_are_those_about_the_mean_axis():
     """The factor (1 - C_2): the engine's deflection less its rigid part, by quadrature."""
     missile = MISSILE
-    engine, hinge, length = missile.engine(), float(missile.lever()), 20.0
+    engine, hinge, length = missile.engine, float(missile.lever), 20.0
     nodes, weights = np.polynomial.legendre.leggauss(40)
 
     def integral(function, start, end):
@@ -33,12 +33,12 @@ def test_masses_and_thrust_are_those_about_the_mean_axis():
         return integral(function, -10.0, -hinge) + integral(function, -hinge, 10.0)
 
     def shape(k):
-        return lambda x: beam_shape("free-free", missile.roots()[k], jnp.asarray(0.5 + x / length))
+        return lambda x: beam_shape("free-free", missile.roots[k], jnp.asarray(0.5 + x / length))
 
     # It has no momentum and no angular momentum.
     assert_allclose(whole(deflection), 0.0, atol=1e-8)
     assert_allclose(whole(lambda x: x * deflection(x)), 0.0, atol=1e-7)
-    m, k = missile.matrices()
+    m, k = missile.matrices
     assert_allclose(whole(lambda x: deflection(x) ** 2), m[0, 0], rtol=1e-12)
     for i in range(3):
         assert_allclose(whole(lambda x, i=i: deflection(x) * shape(i)(x)), m[0, i + 1], rtol=1e-9)
@@ -51,10 +51,10 @@ def test_tail_wags_dog_is_a_zero_of_the_pitch():
     stiff = eqx.tree_at(lambda m: m.bending_stiffness, MISSILE, jnp.asarray(2e14))
     found = modes(stiff, stiff.state(), inputs=("command",), outputs=("pitch",))
     zeros = np.asarray(found.zeros())
-    expected = float(stiff.tail_wags_dog_frequency())
+    expected = float(stiff.tail_wags_dog_frequency)
     # Nothing bends at these frequencies but by 1e-6.
     assert np.abs(zeros - 1j * expected).min() < 1e-4 * expected
-    engine = stiff.engine()
+    engine = stiff.engine
     by_hand = THRUST * (8.5 + engine["shift"]) / (engine["moment"] + engine["mass"] * 8.5 * 0.75)
     assert_allclose(expected, np.sqrt(by_hand), rtol=1e-14)
 
@@ -77,10 +77,10 @@ def test_slosh_without_mass_follows_and_with_mass_keeps_the_momentum():
     y = eqx.tree_at(lambda y: y.slosh, loop.state(engine=0.02), jnp.asarray(0.1))
     rate = loop.vector_field(0.0, y)
     force = 1500.0 * 2.5**2 * 0.1
-    engine = MISSILE.engine()
+    engine = MISSILE.engine
     mean_turn = rate.missile.pitch_rate + engine["turn"] * rate.missile.engine_rate
     # Without thrust the missile feels the slosh alone, and the slosh its reaction.
-    assert_allclose(mean_turn, 3.0 * force / MISSILE.inertia(), rtol=1e-12)
+    assert_allclose(mean_turn, 3.0 * force / MISSILE.inertia, rtol=1e-12)
     across = MISSILE.across(3.0)
     bent = jnp.concatenate([rate.missile.engine_rate[None], rate.missile.bending_rate])
     place = force / 2e4 + 3.0 * mean_turn + across @ bent
@@ -109,7 +109,7 @@ def test_stability_of_the_loop_by_modes():
     assert damped < 0.0
     # The rigid loop: th'' = -a (k_p th + k_r th'), within the delay of the actuator.
     missile = LOOP.missile
-    authority = THRUST * (missile.lever() + missile.engine()["shift"]) / missile.inertia()
+    authority = THRUST * (missile.lever + missile.engine["shift"]) / missile.inertia
     assert np.abs(np.abs(roots) / np.sqrt(authority) - 1.0).min() < 0.05
     # At the nose the second mode grows, at the tail the first one does.
     assert growth(gyro=9.9)[0] > 1.0

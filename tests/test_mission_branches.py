@@ -31,7 +31,7 @@ from jaxspace.dispersion import Campaign, Normal, disperse
 from jaxspace.orbits import UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import Accuracy, fly_compact
+from jaxspace.simulation import Accuracy, simulate_compact
 from jaxspace.solvers import Tsit5
 from jaxspace.studies import propagate_covariance
 
@@ -221,9 +221,9 @@ def test_parts_cost_what_each_costs_alone():
     # A branch is a mission that runs by itself, from the state of the whole.
     for branch in three_parts(400.0).phases[0].branches:
         part = simulate_mission(branch, whole.final, whole.ts[-1], accuracy=ACCURACY)
-        evaluations.append(part.evaluations())
+        evaluations.append(part.evaluations)
         assert_allclose(part.end, run[branch.name].end, rtol=1e-12)
-    assert int(run.evaluations()) == sum(map(int, evaluations))
+    assert int(run.evaluations) == sum(map(int, evaluations))
 
 
 BATCH = jnp.array([110.0, 120.0, 130.0]), jnp.array([100.0, 400.0, 900.0])
@@ -346,11 +346,11 @@ def test_studies_of_one_sequence_refuse_branches():
     mission, start = three_parts(400.0), thrown(jnp.array(120.0))
     with pytest.raises(InputError, match="propagate_covariance takes one sequence of phases"):
         propagate_covariance(mission, start, 0.0)
-    with pytest.raises(InputError, match="fly_compact takes one sequence of phases"):
-        fly_compact(mission, start)
+    with pytest.raises(InputError, match="simulate_compact takes one sequence of phases"):
+        simulate_compact(mission, start)
     begins = Mission([Phase(FALLING, 1.0)], start=Detached(1.0, jnp.zeros(3)))
-    with pytest.raises(InputError, match=r"fly_compact starts from y0 itself"):
-        fly_compact(begins, start)
+    with pytest.raises(InputError, match=r"simulate_compact starts from y0 itself"):
+        simulate_compact(begins, start)
 
 
 @pytest.mark.parametrize(

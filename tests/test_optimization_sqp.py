@@ -112,7 +112,7 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
     np.testing.assert_allclose(found.x[1], 0.0, atol=1e-5)
     # Every constraint that is not met with its value, and no other.
     for k, (value, unmet) in enumerate(
-        zip(found.criterion.non_negative, found.unmet()[1], strict=True)
+        zip(found.criterion.non_negative, found.unmet[1], strict=True)
     ):
         assert bool(unmet) == bool(value < -1e-5)
         assert (f"non_negative[{k}] is {value:.3g} where at least 0 is asked" in sentence) == unmet
@@ -133,10 +133,10 @@ def test_of_many_targets_those_out_of_reach_are_named(method):
     within = jax.jit(lambda x, most: minimise(problem, x, method=method, bounds=(-most, most)))
     found = within(jnp.full(5, 0.1), 1.0)
     assert int(found.reason) == StopReason.INFEASIBLE
-    np.testing.assert_array_equal(found.unmet()[0], [True, False, True, True, False])
+    np.testing.assert_array_equal(found.unmet[0], [True, False, True, True, False])
     assert "equal_zero[2] is -3e-06 where 0 is asked, equal_zero[3] is 6" in found.sentence()
     converged = within(0.1 * asked, jnp.inf)
-    assert converged.converged and not np.any(converged.unmet()[0])
+    assert converged.converged and not np.any(converged.unmet[0])
 
 
 def on_a_shell(x):
@@ -155,7 +155,7 @@ def test_a_search_that_stops_short_is_not_infeasible(method):
     ends = {"sqp": StopReason.NO_PROGRESS, "multipliers": StopReason.STEP_LIMIT}
     assert not rough.converged and int(rough.reason) == ends[method]
     # What is missing may be the gradient alone.
-    assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet()[0])
+    assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet[0])
     sentence = rough.sentence()
     assert "short of the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
     few = search(on_a_shell, start, method=method, max_steps=2, max_rounds=1)

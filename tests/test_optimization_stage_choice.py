@@ -69,7 +69,7 @@ def test_the_best_number_of_stages():
     for n in (2, 6):
         one = optimal_staging(np.full(n, 3000.0), np.full(n, 0.1), 9500.0, np.full(n, 0.5))
         np.testing.assert_allclose(seen.initial_mass[n - 1], one.initial_mass, rtol=1e-12)
-    free = number_of_stages(3000.0, 0.1, 9500.0, 0.0, most=7)
+    free = number_of_stages(3000.0, 0.1, 9500.0, most=7)
     exact = [1.0 / equal_stages_payload(9500.0, 3000.0, 0.1, n) for n in range(2, 8)]
     np.testing.assert_allclose(free.initial_mass[1:], exact, rtol=1e-10)
 

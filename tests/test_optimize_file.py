@@ -16,7 +16,7 @@ from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.io import SceneError
 from jaxspace.io.report import optimum_report, sensitivity_report
-from jaxspace.simulation import Event, Mission, Phase, Status, fly_compact
+from jaxspace.simulation import Event, Mission, Phase, Status, simulate_compact
 
 MU, R1, R2, RADIAL = 3.986004418e14, 6.678137e6, 8.0e6, 1e3
 
@@ -196,7 +196,7 @@ def test_compact_flight():
         fall = Fall(jnp.asarray(3.0), begins)
         bounce = lambda t, y: y * jnp.array([1.0, -1.0])  # noqa: E731
         mission = Mission([Phase(fall, ground, bounce), Phase(fall, 0.5, name="rise")])
-        found = fly_compact(mission, jnp.stack([h, 0.0 * h]), steps=20)
+        found = simulate_compact(mission, jnp.stack([h, 0.0 * h]), steps=20)
         return jnp.stack([found.final[0], found.end]), found
 
     def exact(h):
@@ -214,7 +214,7 @@ def test_compact_flight():
     assert bool(found.phases[0].happened) and found.error < 1e-12
     np.testing.assert_allclose(found.phases[0].before[0], 0.0, atol=1e-12)
     with pytest.raises(InputError, match="steps = 0"):
-        fly_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
+        simulate_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
 
 
 # What a report says of it does not depend on the method.
@@ -327,7 +327,7 @@ def test_what_a_run_refutes_is_no_optimum(tmp_path, steps, good):
     path.write_text(best.text())
     file = load(path)
     run = file.nominal_mission()
-    judged = best.judged(run, best.confirmed(run, file))
+    judged = best.checked(run, best.confirmed(run, file))
     assert judged.converged == good
     assert ("The 80 steps of a phase are too coarse" in judged.sentence()) != good
 

@@ -7,6 +7,7 @@ import mpmath as mp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.special import eval_legendre
 
 from jaxspace import Accuracy, Scene, load, simulate
@@ -23,6 +24,7 @@ from jaxspace.orbits import (
     SolarPressure,
     TabulatedPath,
     ThirdBody,
+    UniformGravity,
     Zonals,
 )
 from jaxspace.orbits.elements import elements_from_state
@@ -278,6 +280,28 @@ def test_turning_axes_and_inertial_space_agree():
     push = RotatingFrame(w).load(0.0, BodyState(r0, v0), BODY).acceleration_N
     _, _, inertial = frame.to_inertial(r0, v0, push)
     np.testing.assert_allclose(inertial, 0.0, atol=1e-14 * float(jnp.linalg.norm(push)))
+
+
+def test_coriolis_force_beside_the_gravity_of_a_plumb_line():
+    """Without the centrifugal force v' = g - 2 w x v, which the exponential of a matrix solves; a
+    dropped body goes east by W g cos(lat) t^3/3 to first order (Thomson 2.6-4)."""
+    rate, latitude, t = 0.02, 0.6, 3.0
+    w = rate * np.array([np.cos(latitude), 0.0, np.sin(latitude)])  # North, west, up.
+    gravity = np.array([0.0, 0.0, -9.8])
+    scene = Scene((UniformGravity(gravity), RotatingFrame(w, centrifugal=False)))
+    run = simulate(scene, BodyState(np.zeros(3), np.zeros(3)), jnp.array([0.0, t]), accuracy=1e-12)
+    # State r, v, 1.
+    matrix = np.zeros((7, 7))
+    matrix[:3, 3:6] = np.eye(3)
+    matrix[3:6, 3:6] = -2.0 * np.cross(w, np.eye(3), axisb=0, axisc=0)
+    matrix[3:6, 6] = gravity
+    exact = expm(t * matrix)[:6, 6]
+    np.testing.assert_allclose(run.final.position, exact[:3], atol=1e-11)
+    np.testing.assert_allclose(run.final.velocity, exact[3:], atol=1e-11)
+    assert float(run.drift()["energy"].max()) < 1e-10
+    east = rate * 9.8 * np.cos(latitude) * t**3 / 3.0
+    # The next terms are (2 W t)^2/20 of it.
+    np.testing.assert_allclose(-run.final.position[1], east, rtol=(2.0 * rate * t) ** 2 / 20.0)
 
 
 @pytest.mark.slow

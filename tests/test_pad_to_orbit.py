@@ -14,7 +14,7 @@ import scipy.integrate
 from jaxspace import load, simulate_mission_batch
 from jaxspace.bodies import StandardAtmosphere
 from jaxspace.constants import MU_EARTH
-from jaxspace.simulation import Status, fly_compact
+from jaxspace.simulation import Status, simulate_compact
 
 pytestmark = pytest.mark.sweep
 
@@ -49,7 +49,7 @@ def changed(given, x):
 
 def apoapsis(given, x):
     """Its distance from the centre, m, where the mission ends."""
-    flight = fly_compact(*changed(given, x), steps=60)
+    flight = simulate_compact(*changed(given, x), steps=60)
     return jnp.linalg.norm(flight.final.position), flight.error
 
 
@@ -78,7 +78,7 @@ def test_many_runs_from_the_pad(pad):
     assert run.final.position.shape == (3, 4) and run.end.shape == (4,)
     assert all(phase.states.velocity.shape == (3, 2, 4) for phase in run.phases)
     assert np.all(np.isnan(run.final.position[:, 3])) and np.all(np.isfinite(run.end[:3]))
-    alone = jax.jit(jax.vmap(lambda x: fly_compact(*changed(pad, x), steps=60)))(x.T[good])
+    alone = jax.jit(jax.vmap(lambda x: simulate_compact(*changed(pad, x), steps=60)))(x.T[good])
     # Both err by some 1e-5 where the flight crosses the kinks of its tables.
     np.testing.assert_allclose(run.final.position[:, good].T, alone.final.position, atol=1e3)
     np.testing.assert_allclose(run.end[:3], alone.end, rtol=1e-4)
@@ -113,7 +113,7 @@ def test_a_kick_and_a_gravity_turn_from_a_file():
     """The phases of the file up to the last burnout, against SciPy's steps of the equations written
     out above, with the kick as a turn by three degrees towards the east."""
     file = load(SCENES / "gravity_turn.toml")
-    flown = fly_compact(file.mission, file.y0, steps=60)
+    flown = simulate_compact(file.mission, file.y0, steps=60)
     first = 9250.0 * 311.0 * 9.80665 / 190e3
     last = 2050.0 * 343.0 * 9.80665 / 25.8e3
     y = np.array([RADIUS, 0.0, 0.0, 0.0, 465.1, 0.0, 12744.0])

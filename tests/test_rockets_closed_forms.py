@@ -20,7 +20,7 @@ from jaxspace.rockets import (
     SpinningRocket,
     SteeredThrust,
 )
-from jaxspace.rockets.angle_of_attack import angle_of_attack, complex_angle_of_attack
+from jaxspace.rockets.angle_of_attack import angle_of_attack
 from jaxspace.rockets.gravity_turn import gravity_turn, gravity_turn_after
 from jaxspace.rockets.jet_damping import jet_damping_ratio
 from jaxspace.rockets.rocket_equation import rocket_equation
@@ -31,6 +31,7 @@ from jaxspace.rockets.variable_mass import (
     variable_mass_acceleration,
 )
 from jaxspace.rotations import Quaternion
+from jaxspace.rotations.tilt import complex_tilt
 
 DEG = np.pi / 180.0
 TURNS = [c for c in thomson_8.CASES if c.id.startswith("T8.5-n") or "retro" in c.id]
@@ -267,8 +268,8 @@ rocket_motion = jax.jit(
         rocket.transverse_rate(t, w),
         rocket.spin_rate(t),
         rocket.spin_angle(t),
-        rocket.angle_of_attack(t, w),
-        rocket.angle_of_attack(t, w, axes="body"),
+        rocket.complex_tilt(t, w),
+        rocket.complex_tilt(t, w, axes="body"),
     )
 )
 # T7.9-Ex1: ring, time; w_xy, w_z, angle of spin, theta_XY of the small-angle theory.
@@ -307,13 +308,11 @@ def test_a_slender_spinning_rocket():
     found = rocket_motion(rocket, jnp.asarray(40.0), start)[3]
     path = 0.02 * 125.0 / 4.0 * (1.0 - 0.68**4)
     np.testing.assert_allclose(found, [path, 0.0], rtol=1e-13, atol=1e-16)
-    slopes = jax.jit(jax.grad(lambda r: jnp.sum(r.angle_of_attack(jnp.asarray(40.0), start))))(
-        rocket
-    )
+    slopes = jax.jit(jax.grad(lambda r: jnp.sum(r.complex_tilt(jnp.asarray(40.0), start))))(rocket)
     assert all(np.all(np.isfinite(x)) for x in jax.tree.leaves(slopes))
 
 
-def test_complex_angle_of_attack():
+def test_complex_tilt():
     """From Euler's angles, in both axes, near the vertical too; and the plain angle."""
     psi, phi = 0.7, -1.9
 
@@ -321,7 +320,7 @@ def test_complex_angle_of_attack():
     def angles(theta):
         q = Quaternion.about(2, psi).then(Quaternion.about(0, theta)).then(Quaternion.about(2, phi))
         plain = angle_of_attack(q, jnp.array([0.0, 0.0, 3.0]))
-        return complex_angle_of_attack(q), complex_angle_of_attack(q, "body"), plain
+        return complex_tilt(q), complex_tilt(q, "body"), plain
 
     for theta in (0.0, 1e-9, 0.02, 0.04, 1.3, 3.0):
         inertial, body, plain = angles(theta)
@@ -333,14 +332,14 @@ def test_complex_angle_of_attack():
     q = Quaternion.identity()
     rocket = SpinningRocket(10.0, 1.0 / 125.0, 2.0)
     for refused in (
-        lambda: complex_angle_of_attack(q, "air"),
-        lambda: rocket.angle_of_attack(jnp.asarray(40.0), jnp.array([0.02, 0.0]), axes="air"),
+        lambda: complex_tilt(q, "air"),
+        lambda: rocket.complex_tilt(jnp.asarray(40.0), jnp.array([0.02, 0.0]), axes="air"),
     ):
         with pytest.raises(InputError, match="axes is 'air': it must be one of inertial, body"):
             refused()
 
     def of_turn(vector):
-        return complex_angle_of_attack(Quaternion.from_rotation_vector(vector))
+        return complex_tilt(Quaternion.from_rotation_vector(vector))
 
     # The complex angle is the rotation vector itself, to first order.
     for mode in (jax.jacfwd, jax.jacrev):

@@ -132,7 +132,7 @@ def test_a_load_is_traced_once_for_each_make_of_a_scene():
     traces = []
 
     def load(t, y, body):
-        traces.append(y.present())
+        traces.append(y.present)
         return Load(acceleration_N=-1.0 * y.position / norm(y.position))
 
     for mu in (1.0, 2.0, 3.0):

@@ -44,7 +44,7 @@ CASES = {
     "q.coordinate_rate(rows, q)": "Quaternion.coordinate_rate: local",
     "wrong.matrix()": "Quaternion.wxyz has the shape (201, 4)",
     "wrong.xyzw()": "Quaternion.wxyz",
-    "wrong.norm_squared()": "Quaternion.wxyz",
+    "wrong.norm_squared": "Quaternion.wxyz",
     "wrong.normalised()": "Quaternion.wxyz",
     "wrong.inverse()": "Quaternion.wxyz",
     "wrong.then(q)": "Quaternion.wxyz",

@@ -491,7 +491,7 @@ def test_a_scene_of_one_point_takes_the_closed_form():
     ("call", "sentence"),
     [
         (lambda: simulate(3.0, start(), SPAN), "system is of type float"),
-        (lambda: simulate(KEPLER, [1.0, 2.0], SPAN), "y0 holds 1.0 of type float"),
+        (lambda: simulate(KEPLER, ["a"], SPAN), "y0 holds 'a' of type str"),
         (lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="rk4")), '"rk4"'),
         (
             lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="closed_form")),

@@ -109,7 +109,7 @@ def test_the_ratio_of_rates_when_all_mass_is_gone(form, arm, value, slope):
 
 
 def polhode_period(x):
-    return Polhode.of(x[:3], x[3:]).period()
+    return Polhode.of(x[:3], x[3:]).period
 
 
 @pytest.mark.parametrize(

@@ -218,7 +218,7 @@ def test_fast_motion_that_is_not_linear_is_seen():
     )
     assert small.stats["steps"] < 50
     assert large.stats["steps"] > 200
-    drift = gyro.walk(1.05, 1.0).drift()
+    drift = gyro.walk(1.05, 1.0).drift
     assert (
         abs(large.final.psi / ts[-1] / drift - 1.0) < 1e-3
     )  # the nutations are whole only to the second order

@@ -49,6 +49,10 @@ def start(turning=False, dtype=jnp.float64):
     )
 
 
+def runs(count):
+    return jax.tree.map(lambda x: jnp.stack([x] * count, axis=-1), start())
+
+
 TERM = diffrax.ODETerm(lambda t, y, system: system.vector_field(t, y))
 # Both families; states of several blocks compile for twice as long.
 METHODS = [
@@ -161,10 +165,6 @@ def test_derivatives_of_one_run_are_those_of_the_same_run_in_a_batch(method):
         np.testing.assert_allclose(b, jnp.stack([a, a], axis=-1), rtol=1e-9, atol=1e-11)
 
 
-def runs(count):
-    return jax.tree.map(lambda x: jnp.stack([x] * count, axis=-1), start())
-
-
 def end(y, additions, accuracy, ts=(0.0, 1.5)):
     """The end of one run, or of those of a batch."""
     of = simulate if y.position.ndim == 1 else simulate_batch
@@ -172,12 +172,17 @@ def end(y, additions, accuracy, ts=(0.0, 1.5)):
 
 
 @pytest.mark.parametrize(
-    ("batch", "additions", "looped"),
-    [(False, 100, False), (False, 300, True), (True, 300, False), (True, 900, True)],
+    ("y", "additions", "looped"),
+    [
+        pytest.param(start(), 100, False, id="one run"),
+        pytest.param(start(), 300, True, id="one run of a large field"),
+        pytest.param(runs(1), 300, True, id="one on an axis"),
+        pytest.param(runs(2), 300, False, id="many"),
+        pytest.param(runs(2), 900, True, id="many of a very large field"),
+    ],
 )
-def test_runs_of_a_large_field_are_a_small_program(batch, additions, looped):
+def test_runs_of_a_large_field_are_a_small_program(y, additions, looped):
     """One run sooner than many, which are there to be fast."""
-    y = runs(2) if batch else start()
     accuracy = Accuracy(1e-6, method=DOP853(dense=False))
     program = jax.jit(lambda y: end(y, additions, accuracy)).lower(y).as_text()
     # Besides the stages, the first step is chosen by a loop of two evaluations.

@@ -84,7 +84,7 @@ def circling(speed):
 
 
 def at_rest(compass):
-    return compass.state(compass.rest_tilt(), compass.rest_azimuth())
+    return compass.state(compass.rest_tilt, compass.rest_azimuth)
 
 
 SHAFT = ShaftPendulum(0.1, 0.02, 2.0, 8.0)
@@ -95,10 +95,10 @@ STEADY = {
     "gyros.Gyrocompass.rest_tilt": (COMPASS, lambda: at_rest(COMPASS), whole, 1e-8),
     "gyros.Gyrocompass.rest_azimuth": (SOUTHERN, lambda: at_rest(SOUTHERN), whole, 1e-8),
     "gyros.RateGyro.steady_angle": (
-        *(GYRO, lambda: RateGyroState(GYRO.steady_angle(), jnp.zeros(())), whole),
+        *(GYRO, lambda: RateGyroState(GYRO.steady_angle, jnp.zeros(())), whole),
         1e-12,
     ),
-    "gyros.PlatformAxis.at_rest": (SERVO, SERVO.at_rest, whole, 0.0),
+    "gyros.PlatformAxis.at_rest": (SERVO, lambda: SERVO.at_rest, whole, 0.0),
     "attitude.RollingDisk.steady_spin": (
         *(DISK, lambda: on_circles(1.2, 2.0), about_the_vertical),
         1e-12,
@@ -124,7 +124,7 @@ STEADY = {
         1e-10,
     ),
     "attitude.ShaftPendulum.equilibrium": (
-        *(SHAFT, lambda: SHAFT.state(SHAFT.equilibrium()), whole),
+        *(SHAFT, lambda: SHAFT.state(SHAFT.equilibrium), whole),
         1e-13,
     ),
     "attitude.SphericalPendulum.conical_rate": (
@@ -133,16 +133,16 @@ STEADY = {
     ),
     "mechanics.RotatingHoop.rest_angle": (
         HOOP,
-        lambda: HOOP.state(HOOP.rest_angle()),
+        lambda: HOOP.state(HOOP.rest_angle),
         whole,
         1e-13,
     ),
     "mechanics.BarOnSpring.rest_length": (
-        *(BAR, lambda: BAR.state(BAR.rest_length(), 0.0, 0.0), whole),
+        *(BAR, lambda: BAR.state(BAR.rest_length, 0.0, 0.0), whole),
         1e-13,
     ),
     "mechanics.ArmPendulum.rest": (
-        *(ARM, lambda: ArmState(jnp.stack([ARM.rest(), 0.0]), jnp.zeros(2)), whole),
+        *(ARM, lambda: ArmState(jnp.stack([ARM.rest, 0.0]), jnp.zeros(2)), whole),
         1e-14,
     ),
     "orbits.circular_speed": (

@@ -151,7 +151,7 @@ def test_a_vehicle_and_its_flight_are_built_of_traced_numbers():
     trace(lambda x: sounding_flight(*again(given, iter(x))), numbers_of(given))
     known = {"mass": CALISTO["mass"], "centre": CALISTO["centre"]}
     trace(
-        lambda x: vehicle(CALISTO | dict(zip(known, x, strict=True))).as_body(site(CALISTO).air()),
+        lambda x: vehicle(CALISTO | dict(zip(known, x, strict=True))).as_body(site(CALISTO).air),
         known.values(),
     )
 

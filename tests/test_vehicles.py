@@ -467,8 +467,8 @@ def test_a_bare_tube_goes_straight_up_in_calm_air_and_comes_down_at_its_rail(tmp
 def test_the_attitude_on_the_rail_points_along_it():
     for inclination, heading in ((85.0, 0.0), (80.0, 53.0), (90.0, 181.0)):
         at = LaunchSite(5.0, np.radians(inclination), np.radians(heading))
-        axis = at.attitude().rotate(jnp.array([0.0, 0.0, 1.0]))
-        np.testing.assert_allclose(axis, at.direction(), atol=1e-15)
+        axis = at.attitude.rotate(jnp.array([0.0, 0.0, 1.0]))
+        np.testing.assert_allclose(axis, at.direction, atol=1e-15)
 
 
 # Of `python benchmarks/_rocketpy.py` with RocketPy 1.13.0: apogee above the ground, m, its time, s,

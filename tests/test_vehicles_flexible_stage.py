@@ -69,12 +69,12 @@ def test_tail_wags_dog_in_a_stiff_stage():
     def inclination(y):
         # Of the straight beam, as a gyro on it feels it.
         part = y.parts["flexible"]
-        turn = loop.missile.engine()["turn"]
+        turn = loop.missile.engine["turn"]
         return 2.0 * y.attitude.wxyz[2] - turn * part["engine"][0]
 
     found = eqx.filter_jit(modes)(made, launched(made), inputs=(swivelled,), outputs=(inclination,))
     zeros = found.zeros()
-    expected = float(loop.missile.tail_wags_dog_frequency())
+    expected = float(loop.missile.tail_wags_dog_frequency)
     # What the bending leaves, which falls as the inverse of its stiffness.
     assert np.abs(zeros - 1j * expected).min() < 1e-8 * expected
 
@@ -111,11 +111,11 @@ def test_a_swivelled_engine_pushes_the_rigid_limit_as_a_lever():
     y = launched(made, attitude, engine=[0.02, -0.01])
     rate = field(made, y)
     missile = loop.missile
-    engine, d = missile.engine(), np.array([0.02, -0.01])
-    lever = float(missile.lever() + engine["shift"])
+    engine, d = missile.engine, np.array([0.02, -0.01])
+    lever = float(missile.lever + engine["shift"])
     # F across at the hinge, which lies beside the mass centre by C_1 d.
     torque = 4e5 * lever * np.array([-d[1], d[0]]) * -1.0
-    assert_allclose(rate.omega[:2], torque / missile.inertia(), rtol=1e-12)
+    assert_allclose(rate.omega[:2], torque / missile.inertia, rtol=1e-12)
     force = 4e5 * np.array([*(d * (1.0 - float(engine["turn"]))), 1.0])
     assert_allclose(
         rate.velocity, attitude.rotate(jnp.asarray(force)) / 2e4 - np.array([0, 0, 9.8]), rtol=1e-12

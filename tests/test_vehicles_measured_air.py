@@ -284,7 +284,7 @@ def test_wind_and_gusts_meet_over_flat_ground_and_over_a_planet():
     # Outwards, east and north at a point of the equator; the height loses digits to the radius.
     np.testing.assert_allclose(moving, [rising, 10.0 + east, 2.0 + north], rtol=1e-7)
     site = LaunchSite(5.0, 1.5, wind=wind, gusts=gusts)
-    assert site.air().gusts is gusts
+    assert site.air.gusts is gusts
 
 
 def falling(gusts):

@@ -14,7 +14,7 @@ from jaxspace import Mission, Phase, Trajectory, dispersion, estimation, optimiz
 from jaxspace.control import ClosedLoop, LoopRun
 from jaxspace.core import AbstractSystem
 from jaxspace.io import SceneFile
-from jaxspace.simulation import MissionTrajectory, crossings, fly_compact
+from jaxspace.simulation import MissionTrajectory, crossings, simulate_compact
 
 # What each takes in order, those after the third by name alone, and what it returns.
 OF_RUNS = {
@@ -30,7 +30,7 @@ VERBS = [
     *(getattr(jaxspace, name) for name in OF_RUNS),
     jaxspace.load,
     crossings,
-    fly_compact,
+    simulate_compact,
     studies.accuracy_cost,
     studies.effect_budget,
     studies.modes,

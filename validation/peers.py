@@ -99,7 +99,7 @@ def rotations() -> list[Row]:
         y0 = BodyState(omega=jnp.asarray(start[:3]), attitude=Quaternion(jnp.asarray(start[3:])))
         span = free_body.SPAN
         if module is top:
-            span = 100.0 * float(jnp.mean(top.TOP.nutation(y0).period()))
+            span = 100.0 * float(jnp.mean(top.TOP.nutation(y0).period))
         theirs = _measure.heyoka_ends(module.equations, start, span, 1e-18)()
         ends = tight(system, y0, span, DOP853())
         ours = {"integrated": ends}

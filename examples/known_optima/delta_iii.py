@@ -14,7 +14,7 @@ from known import report
 from jaxspace.core import AbstractSystem
 from jaxspace.core.vectors import cross, dot, norm
 from jaxspace.optimization import Criterion, minimise
-from jaxspace.simulation import Mission, Phase, fly_compact
+from jaxspace.simulation import Mission, Phase, simulate_compact
 
 # Mass in orbit, kg, and time, s.
 PUBLISHED, PUBLISHED_TIME = 7529.7123, 924.139
@@ -83,7 +83,7 @@ def problem(x):
     place = np.array([np.cos(LATITUDE), 0.0, np.sin(LATITUDE)])
     speed = SPIN * SECONDS * np.cos(LATITUDE)
     y0 = jnp.asarray([*place, 0.0, speed, 0.0, START_MASS])
-    flight = fly_compact(Mission(phases), y0, steps=20)
+    flight = simulate_compact(Mission(phases), y0, steps=20)
     r, v = flight.final[:3], flight.final[3:6]
     h = cross(r, v)
     e = cross(v, h) - r / norm(r)

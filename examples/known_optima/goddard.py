@@ -15,7 +15,7 @@ from known import report
 
 from jaxspace.core import AbstractSystem
 from jaxspace.optimization import Criterion, minimise
-from jaxspace.simulation import Mission, Phase, fly_compact
+from jaxspace.simulation import Mission, Phase, simulate_compact
 
 PUBLISHED = 1.01283
 # Drag D = 310 v^2 exp(-500 (h - 1)), greatest thrust, exhaust velocity, mass at the end.
@@ -49,7 +49,7 @@ def problem(x):
         Phase(Goddard(thrust, full, arc), arc, name="arc"),
         Phase(Goddard(jnp.zeros(1), full + arc, coast), coast, name="coast"),
     ]
-    flight = fly_compact(Mission(phases), jnp.array([1.0, 0.0, 1.0]), steps=12)
+    flight = simulate_compact(Mission(phases), jnp.array([1.0, 0.0, 1.0]), steps=12)
     h, _, m = flight.final
     nodes = jnp.polyval(thrust, jnp.linspace(-1.0, 1.0, 9))
     within = jnp.concatenate([nodes, THRUST - nodes])

@@ -12,7 +12,7 @@ from known import report
 
 from jaxspace.core import AbstractSystem
 from jaxspace.optimization import Criterion, minimise
-from jaxspace.simulation import Mission, Phase, fly_compact
+from jaxspace.simulation import Mission, Phase, simulate_compact
 
 PUBLISHED = 0.5545709
 ACCELERATION, HEIGHT, SPEED = 100.0, 5.0, 45.0
@@ -36,7 +36,7 @@ class Steered(AbstractSystem):
 def problem(x):
     """Least is the duration, at the height and the velocity wanted."""
     system = Steered(x["angle"], x["lasts"])
-    flight = fly_compact(Mission([Phase(system, x["lasts"])]), jnp.zeros(4), steps=20)
+    flight = simulate_compact(Mission([Phase(system, x["lasts"])]), jnp.zeros(4), steps=20)
     _, height, along, up = flight.final
     miss = jnp.stack([height / HEIGHT - 1.0, along / SPEED - 1.0, up / SPEED])
     return Criterion(x["lasts"], miss, report=flight.error)

@@ -14,7 +14,7 @@ from known import report
 from jaxspace.constants import MU_EARTH
 from jaxspace.core import AbstractSystem
 from jaxspace.optimization import Criterion, minimise
-from jaxspace.simulation import Mission, Phase, fly_compact
+from jaxspace.simulation import Mission, Phase, simulate_compact
 
 REFERENCE = 660.6643902  # kg
 # Thrust, N, exhaust velocity, m/s, propellant, kg, and dropped mass, kg, of three stages; the last
@@ -64,7 +64,7 @@ def problem(x):
         phases.append(Phase(system, span, drop if k < 2 else None, name=str(k)))
         begins = begins + span
     start = jnp.array([GROUND / TARGET, 0.0, 0.0, 0.0, 1.0])
-    flight = fly_compact(Mission(phases), start, steps=16)
+    flight = simulate_compact(Mission(phases), start, steps=16)
     r, v = flight.final[:2], flight.final[2:4]
     d = jnp.hypot(*r)
     miss = jnp.stack([d - 1.0, (r @ v) / d, (r[0] * v[1] - r[1] * v[0]) / d - 1.0])

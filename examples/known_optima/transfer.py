@@ -13,7 +13,7 @@ from known import report
 
 from jaxspace.core import AbstractSystem
 from jaxspace.optimization import Criterion, minimise
-from jaxspace.simulation import Mission, Phase, fly_compact
+from jaxspace.simulation import Mission, Phase, simulate_compact
 
 RADIUS, ACCELERATION = 42164.0 / 6678.0, 20.0
 AXIS = 0.5 * (1.0 + RADIUS)
@@ -52,7 +52,7 @@ def problem(x):
         Phase(Burn(zero, zero, zero, zero), x["coast"], name="coast"),
         Phase(Burn(a, x["phi"][1], x["omega"][1], second), x["burn"][1], name="second"),
     ]
-    end = fly_compact(Mission(phases), jnp.array([1.0, 0.0, 0.0, 1.0]), steps=30).final
+    end = simulate_compact(Mission(phases), jnp.array([1.0, 0.0, 0.0, 1.0]), steps=30).final
     r, v = end[:2], end[2:]
     d = jnp.hypot(*r)
     level = (r[0] * v[1] - r[1] * v[0]) / d

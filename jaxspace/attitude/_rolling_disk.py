@@ -97,7 +97,9 @@ class RollingDisk(AbstractSystem):
         del t
         attitude, omega = attitude_and_omega(y)
         xi, eta, s, c = disk_triad(attitude)
-        w1, w2, w3 = dot(omega, xi), dot(omega, eta), omega[2]
+        w1 = dot(omega, xi)
+        w2 = dot(omega, eta)
+        w3 = omega[2]
         A, C, mRR, mgR = self._letters()
         precession = w2 / s
         rolling = w3 - precession * c
@@ -115,7 +117,7 @@ class RollingDisk(AbstractSystem):
         kept = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
-            "quaternion_norm": jnp.sqrt(attitude.norm_squared()),
+            "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
         if self.contour_damping is None and self.contour_friction is None:
             return {"energy": self.energy(y)} | kept
@@ -144,7 +146,9 @@ class RollingDisk(AbstractSystem):
         - `rates`: (psi', theta', phi'), rad/s, (3, *runs).
         - `centre`: x and y of the centre, m, (2, *runs).
         """
-        a, a_dot, place = as_float(angles), as_float(rates), as_float(centre)
+        a = as_float(angles)
+        a_dot = as_float(rates)
+        place = as_float(centre)
         height = self.radius * jnp.sin(a[1])
         x, y, z = jnp.broadcast_arrays(place[0], place[1], height)
         return BodyState(
@@ -223,11 +227,13 @@ class RollingDisk(AbstractSystem):
             self._letters(), as_float(theta), as_float(precession), as_float(spin)
         )
 
+    @property
     def least_rolling_spin(self) -> Scalar:
         """The |n|, rad/s, above which the disk rolls upright on a straight line (Thomson 5.16)."""
         A, C, mRR, mgR = self._letters()
         return jnp.sqrt(mgR * A / (C * (C + mRR)))
 
+    @property
     def least_standing_spin(self) -> Scalar:
         """The psi', rad/s, above which the disk spins upright in place (Thomson 5.16-33)."""
         A, _, mRR, mgR = self._letters()

@@ -68,12 +68,14 @@ class ShaftPendulum(AbstractSystem):
         tilt, tilt_rate = jnp.broadcast_arrays(as_float(tilt), as_float(tilt_rate))
         return TiltState(tilt, tilt_rate)
 
+    @property
     def critical_rate(self) -> Scalar:
         """Omega_c, rad/s, beyond which it stands out from the shaft; NaN for A <= C, which always
         hangs."""
         A, C, Wl, _ = self._letters()
         return jnp.sqrt(Wl / (A - C))
 
+    @property
     def equilibrium(self) -> Scalar:
         """The stable angle, rad: zero below the critical rate. At that rate its slope is infinite
         (the rule of ends in `core/safe.py`)."""

@@ -61,7 +61,7 @@ def vertical_angular_momentum(u: Vector, u_rate: Vector, length: Scalar) -> Scal
 
 @final
 class PendulumState(eqx.Module):
-    """Where the rod points, and how fast that changes; also the rates of both."""
+    """Angles of the rod and their rates; also the rates of both."""
 
     direction: Float[Array, "3 *#runs"] = quantity(
         "", doc="unit vector from the fixed point along the rod"

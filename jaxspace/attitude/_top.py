@@ -132,7 +132,7 @@ class Top(AbstractSystem):
             "energy": energy(omega, Z, A, C, Wl),
             "vertical_angular_momentum": vertical_angular_momentum(omega, Z, A, C),
             "axial_angular_momentum": C * omega[2],
-            "quaternion_norm": jnp.sqrt(attitude.norm_squared()),
+            "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
 
     @staticmethod
@@ -177,7 +177,7 @@ class Top(AbstractSystem):
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
         # sin(theta) from the parts of the attitude: an angle close to pi has no digits of it.
         a, b, c, d = attitude.wxyz
-        sine = 2.0 * safe_sqrt((b * b + c * c) * (a * a + d * d)) / attitude.norm_squared()
+        sine = 2.0 * safe_sqrt((b * b + c * c) * (a * a + d * d)) / attitude.norm_squared
         # Zero at the vertical, where the line of nodes is undefined.
         precession = safe_divide(across, sine)
         nutation = omega[0] * jnp.cos(phi) - omega[1] * jnp.sin(phi)

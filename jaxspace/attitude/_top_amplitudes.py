@@ -58,7 +58,9 @@ def third_angles(start: TopStart, phase: Jacobi, duration: Scalar) -> tuple[Scal
 
 def third_rates(start: TopStart, phase: Jacobi) -> tuple[Scalar, Scalar]:
     """The rates of the `third_angles`, rad/s."""
-    s, c, s_d = phase.s, phase.c / phase.d, phase.s / phase.d
+    s = phase.s
+    c = phase.c / phase.d
+    s_d = phase.s / phase.d
     down = start.down.weight * s * s / (1.0 + start.down.slope * s * s)
     up = start.up.weight * s_d * s_d / (c * c + start.up.slope * s_d * s_d)
     return down, start.rho + up
@@ -67,8 +69,11 @@ def third_rates(start: TopStart, phase: Jacobi) -> tuple[Scalar, Scalar]:
 def arguments(start: TopStart, phase: Jacobi) -> tuple[Scalar, Scalar]:
     """The angles by which a and b turn in `amplitudes` since the start, rad, on the half of the
     circle that the momentum decides."""
-    s, c, s_d = phase.s, phase.c / phase.d, phase.s / phase.d
-    cubic, D = s * s_d * s_d, 1.0 + start.above * s_d * s_d
+    s = phase.s
+    c = phase.c / phase.d
+    s_d = phase.s / phase.d
+    cubic = s * s_d * s_d
+    D = 1.0 + start.above * s_d * s_d
     a, b = jnp.sum(start.a * start.a, axis=0), jnp.sum(start.b * start.b, axis=0)
     sine = 0.25 * s * D
     down = safe_atan2(start.down.momentum * sine, a * (c + start.bend * cubic) + start.rise * sine)

@@ -72,7 +72,7 @@ def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
         nutation.gamma_down,
         nutation.start,
     )
-    (upper, _), (lower, rest) = barrier(circles.half_angles())
+    (upper, _), (lower, rest) = barrier(circles.half_angles)
     x = 0.25 * (circles.d + 2.0 * beta * lower)
     y = 0.5 * beta * safe_sqrt(circles.apart_squared)
     pole = -0.5 * beta * lower
@@ -80,7 +80,8 @@ def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
     passes = pole * pole > x * y
     # The inner switch keeps the quotient finite where it is not used, also for derivatives.
     rho = jnp.where(passes, nutation.gamma_up / jnp.where(passes, 4.0 * lower, 1.0), 0.0)
-    share, top = safe_divide(upper, lower), jnp.where(x == 0.0, 1.0, x)
+    share = safe_divide(upper, lower)
+    top = jnp.where(x == 0.0, 1.0, x)
     near = 0.25 * circles.d
     down = 0.5 * beta * rest
     a, b = pairs_of(q)

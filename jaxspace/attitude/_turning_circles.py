@@ -39,7 +39,7 @@ STEPS = 7
 
 
 class Place(NamedTuple):
-    """Where on its way a nutation is at one moment: sin^2 (`up`) and cos^2 (`down`) of half the
+    """A point of a nutation: sin^2 (`up`) and cos^2 (`down`) of half the
     nutation angle, u'^2, 1/s^2, and f'(u), 1/s^2."""
 
     up: Scalar
@@ -60,6 +60,7 @@ class TurningCircles(NamedTuple):
     product_down: Scalar
     apart_squared: Scalar
 
+    @property
     def half_angles(self) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
         """sin^2 and cos^2 of half the turning angle, of the nearer and of the farther circle."""
         apart = safe_sqrt(self.apart_squared)
@@ -93,7 +94,8 @@ def turning_circles(
     - `start`: a place on the way, seen from the same vertical, or None.
     """
     half_slope = N * g - e
-    a2, a1 = 2.0 * b - e - N * N, 2.0 * b * half_slope
+    a2 = 2.0 * b - e - N * N
+    a1 = 2.0 * b * half_slope
     # Behind a barrier, because every form below reads it.
     d = barrier(_largest_root(a2, a1, (b * g) ** 2))
     # Of each pair of forms the one that adds numbers that are not negative. Those divided by d

@@ -89,7 +89,7 @@ class YoYo(AbstractJump):
         del t
         if y.omega is None:
             raise InputError(
-                f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold omega."
+                f"The state holds {', '.join(y.present) or 'nothing'}: it must hold omega."
             )
         lost = self.spin_rate(self.cord_length / self.radius, y.omega[2]) - y.omega[2]
         mass = None if y.mass is None else y.mass - self.mass
@@ -97,19 +97,20 @@ class YoYo(AbstractJump):
             y.position, y.velocity, y.attitude, y.omega + lost * axis(2, lost), mass, y.parts
         )
 
+    @property
     def inertia_ratio(self) -> Scalar:
         """C, 1."""
         return inertia_ratio(self.axial_inertia, self.radius, self.mass)
 
     def spin_rate(self, phi: Scalar, w0: Scalar) -> Scalar:
         """w, rad/s, when the angle `phi`, rad, is unwound (Thomson 7.5-12)."""
-        C = self.inertia_ratio()
+        C = self.inertia_ratio
         return w0 * (C - phi * phi) / (C + phi * phi)
 
     def tension(self, phi: Scalar, w0: Scalar) -> Scalar:
         """F, N, of all cords together when the angle `phi`, rad, is unwound; greatest at phi =
         sqrt(C/3)."""
-        C = self.inertia_ratio()
+        C = self.inertia_ratio
         return 4.0 * self.axial_inertia * C * w0 * w0 * phi / (self.radius * (C + phi * phi) ** 2)
 
     def mass_speed(self, phi: Scalar, w0: Scalar) -> Scalar:

@@ -1,4 +1,4 @@
-"""How a thin disk stands on a horizontal plane: its triad and its tilt.
+"""Attitude of a thin disk on a horizontal plane: its triad and its tilt.
 
 xi lies horizontal along the tangent at the contact, eta in the disk up from the contact; the normal
 is z. Equations in `_rolling_disk.py`.
@@ -24,7 +24,12 @@ def disk_tilt(attitude: Quaternion) -> Scalar:
 
 @event("", direction=-1, needs=("attitude",))
 def lies_flat(t: Scalar, y: BodyState) -> Scalar:
-    """theta - 1e-4 rad: zero where a settling coin is all but flat."""
+    """theta - 1e-4 rad: zero where a settling coin is all but flat.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with an attitude."""
     del t
     # Short of zero, towards which the precession grows without bound and the steps shrink.
     return disk_tilt(y.attitude) - 1e-4

@@ -148,7 +148,7 @@ def structural_damping(gamma: Scalar) -> Scalar:
 
 @final
 class DriftState(eqx.Module):
-    """Where the axis stands; also the rate of this."""
+    """Angle of the axis; also its rate."""
 
     angle: NumberField = quantity("rad", doc="theta, between the axis and h")
 

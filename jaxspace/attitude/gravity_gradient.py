@@ -66,7 +66,9 @@ def gravity_gradient_energy(
 ) -> Scalar:
     """The energy W, J, (*runs,), whose negative derivative by a turn of the body is the torque.
 
-    Arguments as in `gravity_gradient_torque`."""
+    **Arguments**
+
+    - `r`, `attitude`, `inertia`, `mu`: as in `gravity_gradient_torque`."""
     per_r, up = _upwards(r, attitude)
     return (1.5 * mu * per_r * (per_r * per_r)) * dot(up, inertia.times(up))
 

@@ -100,7 +100,8 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     # not depend on them.
     k1, k3 = inertia_ratios(moments)
     pitch = -3.0 * (moments[0] - moments[2]) / moments[1]
-    b, c = 1.0 + 3.0 * k1 + k1 * k3, 4.0 * k1 * k3
+    b = 1.0 + 3.0 * k1 + k1 * k3
+    c = 4.0 * k1 * k3
     discriminant = b * b - 4.0 * c
     swinging = discriminant >= 0.0
     # The greater root first, and the other from the product: nothing cancels.

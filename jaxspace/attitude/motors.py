@@ -1,4 +1,4 @@
-"""What drives the wheels of a body: constant torques, and a control that points the body."""
+"""Motors of the wheels of a body: constant torques, and a control that points the body."""
 
 __all__ = ["AbstractMotor", "ConstantTorque", "PointingControl", "wheel_torques"]
 
@@ -16,7 +16,7 @@ from ..rotations import Quaternion
 
 
 class AbstractMotor(AbstractParameters):
-    """What drives the wheels of a body. A concrete motor is final."""
+    """Motors of the wheels of a body. A concrete class is final."""
 
     @abstractmethod
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:

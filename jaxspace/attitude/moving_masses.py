@@ -137,8 +137,8 @@ class MovingMasses(AbstractEffect):
     def moments(
         self, t: Scalar, all_mass: Scalar, rank: int
     ) -> tuple[Float[Array, "3 3 *#runs"], Vector]:
-        """What the masses add to the inertia, kg m^2, and h, kg m^2/s, at the time `t`, s, in a
-        body of the mass `all_mass`, kg, with `rank` axes of runs."""
+        """Contributions of the masses to the inertia, kg m^2, and h, kg m^2/s, at the time `t`, s,
+        in a body of the mass `all_mass`, kg, with `rank` axes of runs."""
         t = jnp.asarray(t, float) if not isinstance(t, jax.Array) else t
         # By the derivative of the path, so that places and velocities cannot disagree.
         places, velocities = jax.jvp(self.path, (t,), (jnp.ones_like(t),))

@@ -68,22 +68,25 @@ class Nutation(eqx.Module):
         """The nutation with the constants of the equations above, units as there."""
         return cls(N, beta, alpha - beta, alpha + beta, gamma - N, gamma + N)
 
+    @property
     def third_root(self) -> Scalar:
         """y3 = beta u3, 1/s^2: the largest root of the cubic in y = beta u."""
         return self._sign() * self.beta + self._roots().d
 
+    @property
     def turning_points(self) -> tuple[Scalar, Scalar]:
         """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward
         vertical.
 
         Each angle from its vertical is right to rounding, also of a nearly steady precession."""
-        near, far = self._roots().half_angles()
+        near, far = self._roots().half_angles
         stands = self.beta >= 0.0
         # A top that hangs is highest at theta = pi: sine and cosine change places.
         first = (jnp.where(stands, a, b) for a, b in zip(near, far[::-1], strict=True))
         second = (jnp.where(stands, a, b) for a, b in zip(far, near[::-1], strict=True))
         return _angle(*first), _angle(*second)
 
+    @property
     def period(self) -> Scalar:
         """Time, s, of one nutation, down and up again (Thomson 5.13).
 
@@ -92,6 +95,7 @@ class Nutation(eqx.Module):
         total, product, ever = self._means(self._roots())
         return jnp.where(ever, jnp.inf, 4.0 * complete_first(total, product))
 
+    @property
     def precession(self) -> Scalar:
         """The angle psi, rad, that the axis turns about the vertical in one nutation.
 
@@ -103,6 +107,7 @@ class Nutation(eqx.Module):
         endless = self._sign() * jnp.where(self.N == 0.0, 0.0, jnp.copysign(jnp.inf, self.N))
         return jnp.where(ever, endless, self._precession(roots))
 
+    @property
     def mean_precession_rate(self) -> Scalar:
         """psi', rad/s, averaged over one nutation; where that lasts for ever, psi' at the
         vertical."""
@@ -112,12 +117,13 @@ class Nutation(eqx.Module):
         # The mean of an endless motion is that of its end, where nearly all of the time is spent.
         return jnp.where(ever, 0.5 * self._sign() * self.N, rate)
 
+    @property
     def circle_rates(self) -> tuple[Scalar, Scalar]:
         """psi', rad/s, at the upper and at the lower turning circle (Thomson 5.13-17).
 
         Of one sign the path is a wave, of two signs it has loops, and where the upper rate is zero,
         cusps; zero at a circle that is a vertical, where psi is undefined."""
-        near, far = self._roots().half_angles()
+        near, far = self._roots().half_angles
         stands = self.beta >= 0.0
         first, second = (
             [jnp.where(stands, a, b) for a, b in zip(*pair, strict=True)]
@@ -125,10 +131,11 @@ class Nutation(eqx.Module):
         )
         return self._rate(*first), self._rate(*second)
 
+    @property
     def loops(self) -> Scalar:
         """The sign of psi' at the upper circle over that at the lower one (Thomson 5.13-3 to -5):
         1 for waves, 0 for cusps, -1 for loops."""
-        upper, lower = self.circle_rates()
+        upper, lower = self.circle_rates
         return jnp.sign(upper) * jnp.sign(lower)
 
     def _rate(self, up: Scalar, down: Scalar) -> Scalar:
@@ -157,7 +164,8 @@ class Nutation(eqx.Module):
 
     def _roots(self) -> TurningCircles:
         """The solution of the cubic, measured from the vertical at which the weight is highest."""
-        stands, start = self.beta >= 0.0, self.start
+        stands = self.beta >= 0.0
+        start = self.start
         if start is not None:
             # Seen from the other vertical up and down change places, and u its sign.
             up, down = (jnp.where(stands, *pair) for pair in (start[:2], start[1::-1]))
@@ -169,7 +177,8 @@ class Nutation(eqx.Module):
         """Sum of the square roots of y3 - beta u1 and y3 - beta u2, 1/s, square root of their
         product, 1/s^2, and whether it is zero: then the motion takes for ever, and the means are
         1."""
-        b, d = self._sign() * self.beta, roots.d
+        b = self._sign() * self.beta
+        d = roots.d
         q, r = 2.0 * b * roots.sum_up, 4.0 * b * b * roots.product_up
         squared = d * d + q * d + r
         ever = squared <= 0.0
@@ -181,9 +190,10 @@ class Nutation(eqx.Module):
         """psi in one nutation that ends, rad."""
         _, b, _, g, _, g_down = self._highest()
         total, product, ever = self._means(roots)
-        (upper, _), (lower, _) = roots.half_angles()
+        (upper, _), (lower, _) = roots.half_angles
         d = jnp.where(ever, 1.0, roots.d)
-        share, most = safe_divide(upper, lower), d + 2.0 * b * lower
+        share = safe_divide(upper, lower)
+        most = d + 2.0 * b * lower
         whole = (share * most > d) & (d < NEAR * 2.0 * b * lower)
         pole = jnp.where(whole, share * most, d)
         # A pole at zero has the factor g = 0 before it: any other value keeps the product zero.
@@ -213,7 +223,7 @@ def nutation_through(
     around = omega[0] * Z[0] + omega[1] * Z[1]
     # sin^2 and cos^2 of half the nutation angle: near a vertical, 1 - cos(theta) has no digits.
     w, x, y, z = attitude.wxyz
-    whole = attitude.norm_squared()
+    whole = attitude.norm_squared
     up, down = (x * x + y * y) / whole, (w * w + z * z) / whole
     rate = omega[1] * Z[0] - omega[0] * Z[1]
     slope = 2.0 * (N * around - Z[2] * transverse) - beta * (Z[0] * Z[0] + Z[1] * Z[1])

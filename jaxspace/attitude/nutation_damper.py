@@ -88,7 +88,7 @@ class NutationDamper(AbstractEffect):
         return self.mass * (1.0 - self.mass / mass)
 
     def motion(self, y: BodyState, body: AbstractBody) -> DamperMotion:
-        """How the damper moves in the state `y` of the `body`, also along a trajectory."""
+        """Motion of the damper in the state `y` of the `body`, also along a trajectory."""
         _, _, b = self._lines(y.omega.ndim - 1)
         z, p = (y.part(self.part)[name] for name in ("displacement", "momentum"))
         rate = (p - dot(b, y.omega)) / self.reduced_mass(_mass_of(y, body))
@@ -102,7 +102,8 @@ class NutationDamper(AbstractEffect):
     def energy(self, y: BodyState, body: AbstractBody) -> Scalar:
         """Energy, J, (*runs,), of the rotation of all about the mass centre, of the motion of the
         damper and of its spring."""
-        load, mu = self.load(0.0, y, body), self.reduced_mass(_mass_of(y, body))
+        load = self.load(0.0, y, body)
+        mu = self.reduced_mass(_mass_of(y, body))
         z, p = (y.part(self.part)[name] for name in ("displacement", "momentum"))
         spin = body.inertia(y.mass).times(y.omega) + _times(load.inertia_B, y.omega)
         # 2 T = omega . J* omega + p^2/mu, for H = J* omega + b p/mu and mu z' = p - b . omega.
@@ -162,8 +163,8 @@ class NutationDamper(AbstractEffect):
         omega = spin * axis(2, spin)
         at = jnp.stack([*omega, 0.0 * spin, dot(b, omega)])
         # Of the equations that are integrated, so that the modes cannot disagree with the motion.
-        found = jnp.linalg.eigvals(jax.jacfwd(field)(at))
-        return jnp.real(found), jnp.imag(found)
+        result = jnp.linalg.eigvals(jax.jacfwd(field)(at))
+        return jnp.real(result), jnp.imag(result)
 
     def _lines(self, rank: int) -> tuple[Vector, Vector, Vector]:
         """r0, u and b, with `rank` axes of times and runs."""
@@ -180,7 +181,9 @@ class NutationDamper(AbstractEffect):
         """J'(z) omega, kg m^2/s per m."""
         r0, u, _ = self._lines(y.omega.ndim - 1)
         z = y.part(self.part)["displacement"]
-        w, along, out = y.omega, dot(u, y.omega), dot(r0, y.omega)
+        w = y.omega
+        along = dot(u, y.omega)
+        out = dot(r0, y.omega)
         first = 2.0 * dot(r0, u) * w - along * r0 - out * u
         mu = self.reduced_mass(_mass_of(y, body))
         return scale(self.mass, first) + scale(2.0 * mu * z, w - along * u)

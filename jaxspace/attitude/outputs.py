@@ -74,26 +74,46 @@ def attitude_error(attitude: Quaternion, nominal: Any) -> Scalar:
     """Angle of the turn from the attitude of the `nominal` state to this one, rad, within [0, pi].
 
     Without a turn it has a corner, where its derivative is finite and says nothing; the components
-    of the turn are smooth there."""
+    of the turn are smooth there.
+
+    **Arguments**
+
+    - `attitude`: body to inertial.
+    - `nominal`: the state of the nominal run."""
     return _turn_from(nominal, attitude).axis_angle()[1]
 
 
 @output("rad")
 def attitude_error_x(attitude: Quaternion, nominal: Any) -> Scalar:
     """First component of the rotation vector from the attitude of the `nominal` state to this one,
-    rad, in the body's axes: about its x axis. At half a turn the vector changes its sign."""
+    rad, in the body's axes: about its x axis. At half a turn the vector changes its sign.
+
+    **Arguments**
+
+    - `attitude`: body to inertial.
+    - `nominal`: the state of the nominal run."""
     return _turn_from(nominal, attitude).rotation_vector()[0]
 
 
 @output("rad")
 def attitude_error_y(attitude: Quaternion, nominal: Any) -> Scalar:
-    """Second component, as of `attitude_error_x`: about the body's y axis."""
+    """Second component, as of `attitude_error_x`: about the body's y axis.
+
+    **Arguments**
+
+    - `attitude`: body to inertial.
+    - `nominal`: the state of the nominal run."""
     return _turn_from(nominal, attitude).rotation_vector()[1]
 
 
 @output("rad")
 def attitude_error_z(attitude: Quaternion, nominal: Any) -> Scalar:
-    """Third component, as of `attitude_error_x`: about the body's z axis."""
+    """Third component, as of `attitude_error_x`: about the body's z axis.
+
+    **Arguments**
+
+    - `attitude`: body to inertial.
+    - `nominal`: the state of the nominal run."""
     return _turn_from(nominal, attitude).rotation_vector()[2]
 
 

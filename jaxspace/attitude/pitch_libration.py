@@ -54,9 +54,9 @@ def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: 
     upright = square >= 0.0
     x = jnp.where(upright, square, 0.0)
     t, x, s, c = jnp.broadcast_arrays(t, x, s, c)
-    found = jacobi(t, x, x * s * s, x * c * c)
+    result = jacobi(t, x, x * s * s, x * c * c)
     # Each half period that was taken off turns the sign of cn.
-    cn = found.c * (1.0 - 2.0 * jnp.mod(jnp.abs(found.half_periods), 2.0))
+    cn = result.c * (1.0 - 2.0 * jnp.mod(jnp.abs(result.half_periods), 2.0))
     return jnp.where(upright, jnp.arctan2(s * cn, c), jnp.nan)
 
 

@@ -78,8 +78,10 @@ class Polhode(eqx.Module):
         below, above, middle = _differences((a, b, c), energies)
         p, q = (b - c) * below, (a - b) * above
         # p - q = (a - c) middle, whose sign has no rounding beside the separatrix.
-        most, about_least = jnp.maximum(p, q), middle > 0.0
-        two_t, h = dot(moments * omega, omega), norm(moments * omega)
+        most = jnp.maximum(p, q)
+        about_least = middle > 0.0
+        two_t = dot(moments * omega, omega)
+        h = norm(moments * omega)
         ends = _vertices((a, b, c), (below, above, middle), about_least)
         # |v x h| / h, because |v|^2 - (2T/h)^2 has no digits near a steady turn.
         near, far = (safe_divide(norm(cross(v, jnp.stack([a, b, c]) * v)), h) for v in ends)
@@ -96,6 +98,7 @@ class Polhode(eqx.Module):
             herpolhode=(near, far),
         )
 
+    @property
     def period(self) -> Scalar:
         """Time, s, in which omega returns in the body; infinite, with derivatives of zero, on the
         separatrix, about the intermediate axis and in a body with three equal moments."""
@@ -104,6 +107,7 @@ class Polhode(eqx.Module):
         rate, complement = (jnp.where(endless, 1.0, x) for x in (self.rate, self.complement))
         return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
 
+    @property
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
         """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
         (Thomson 5.10-19)."""

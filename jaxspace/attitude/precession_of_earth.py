@@ -72,7 +72,12 @@ def luni_solar_nutation(
     mass_share: Scalar, period: Scalar, ellipticity: Scalar, obliquity: Scalar, spin: Scalar
 ) -> tuple[Scalar, Scalar]:
     """Amplitudes, rad, of the periodic parts of psi, as sin 2L, and of theta, as cos 2L: the
-    integrals of `luni_solar_rates_at`; arguments as in `luni_solar_rate`."""
+    integrals of `luni_solar_rates_at`.
+
+    **Arguments**
+
+    - `mass_share`, `period`, `ellipticity`, `obliquity`, `spin`: as in `luni_solar_rate`,
+      (*runs,)."""
     swing = _amplitude(mass_share, period, ellipticity, spin) * period / (4.0 * jnp.pi)
     return swing * jnp.cos(obliquity), swing * jnp.sin(obliquity)
 

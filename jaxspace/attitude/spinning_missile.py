@@ -13,7 +13,7 @@ misalignment, a pulse or any moment, and a body whose principal axis stands aske
     lam         n (C - A)/A                                                      rad/s
     M, nu       transverse moment M_1 + i M_2 in body axes, its frequency        N m, rad/s
     theta, psi  angle between the axis and its first direction; of the node      rad
-    Th, b       complex angle of attack; small turn from the body's axis to the  rad
+    Th, b       complex tilt of the axis; small turn from the body's axis to the  rad
                 principal one, as a vector (x + i y)
 
 Source: Thomson 7.2-5 to 7.2-9, 7.3-5 to 7.3-9, 7.4-2, 7.4-18, Problems 6, 10 and 13 of 7.4.
@@ -22,7 +22,7 @@ for small angles, to their third power. E and D have no singular place: they are
 resonance, nu = lam, a body that does not spin and one with C = A are ordinary.
 """
 
-__all__ = ["angle_of_attack", "principal_tilt"]
+__all__ = ["principal_tilt"]
 
 import math
 from collections.abc import Callable
@@ -36,25 +36,15 @@ from jaxtyping import Array, Float
 from ..bodies.inertia import AbstractInertia
 from ..bodies.principal_axes import principal_axes
 from ..core import AbstractParameters, Matrix, NumberField, Scalar, quantity
-from ..core.safe import safe_atan2, sinc_squared
+from ..core.safe import sinc_squared
 from ..core.shapes import with_rank
-from ..core.vectors import axis
-from ..rotations import Quaternion
+from ..rotations.tilt import tilt_of_axis
 
 Complex: TypeAlias = Float[Array, "2 *#runs"]
 """Real and imaginary part."""
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(32)
 # Terms of the series of D: |x|, |y| < 1, and the sum of the next ones is below rounding.
 _TERMS = 19
-
-
-def angle_of_attack(attitude: Quaternion) -> Complex:
-    """Complex angle of attack theta e^(i psi), rad, (2, *runs), of the body's z axis against the
-    inertial Z, by Euler's angles 3-1-3 (Thomson 7.3-5).
-
-    It is the rotation vector that turns Z into the axis. Exact for every angle below half a turn,
-    where no direction is left; smooth at zero."""
-    return _turn_to(attitude.rotate(axis(2, attitude.wxyz[0])))
 
 
 def principal_tilt(inertia: AbstractInertia) -> Complex:
@@ -68,7 +58,9 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
     moment = jnp.take_along_axis(moments, nearest[None], axis=0)[0]
     # An axis has no direction: of both unit vectors the one on the side of z.
-    return _turn_to(_refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along)))
+    return tilt_of_axis(
+        _refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along))
+    )
 
 
 def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
@@ -76,32 +68,15 @@ def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
     small tilt."""
     # Its components across z by those of the tensor: an eigenvector has absolute errors only.
     # With moments that are all but equal there is no more to gain.
-    a, b, c = tensor[0, 0] - moment, tensor[0, 1], tensor[1, 1] - moment
+    a = tensor[0, 0] - moment
+    b = tensor[0, 1]
+    c = tensor[1, 1] - moment
     d, e = tensor[0, 2], tensor[1, 2]
     whole = a * c - b * b
     use = jnp.abs(whole) > 1e-8 * moment * moment
     share = jnp.where(use, s[2], 0.0) / jnp.where(use, whole, 1.0)
     x, y = (b * e - c * d) * share, (b * d - a * e) * share
     return jnp.stack([jnp.where(use, x, s[0]), jnp.where(use, y, s[1]), s[2]])
-
-
-def _turn_to(s: Array) -> Complex:
-    """The rotation vector that turns z into the unit vector `s`."""
-    square = s[0] * s[0] + s[1] * s[1]
-    # On the side of z only: near -z the sine is small as well, and the angle near pi.
-    small = (square < 1e-3) & (s[2] > 0.0)
-    sine = jnp.sqrt(jnp.where(small, 1.0, square))
-    # asin(x)/x, whose next term is below rounding at the limit.
-    series, x2 = 1.0, jnp.where(small, square, 0.0)
-    for k in (9, 7, 5, 3, 1):
-        series = 1.0 + _arcsine_ratio(k) * x2 * series
-    ratio = jnp.where(small, series, safe_atan2(sine, s[2]) / sine)
-    return jnp.stack([-ratio * s[1], ratio * s[0]])
-
-
-def _arcsine_ratio(k: int) -> float:
-    """Ratio a_j/a_(j-1), k = 2 j - 1, of the coefficients of asin(x)/x = sum a_j x^(2 j)."""
-    return k * k / ((k + 1.0) * (k + 2.0))
 
 
 @final
@@ -112,10 +87,12 @@ class SpinningMissile(AbstractParameters):
     axial_inertia: NumberField = quantity("kg m^2", positive=True, doc="C, along the axis")
     spin_rate: NumberField = quantity("rad/s", doc="n")
 
+    @property
     def nutation_rate(self) -> Scalar:
         """lam, rad/s: the rate of the free transverse rotation in body axes (Thomson 7.2-6)."""
         return self.spin_rate * (self.axial_inertia / self.transverse_inertia - 1.0)
 
+    @property
     def precession_rate(self) -> Scalar:
         """n + lam = n C/A, rad/s: its rate in inertial axes."""
         return self.spin_rate * self.axial_inertia / self.transverse_inertia
@@ -140,7 +117,7 @@ class SpinningMissile(AbstractParameters):
         - `panels`: of the quadrature.
 
         **Returns** w, rad/s, (2, *runs)."""
-        rate = self.nutation_rate()
+        rate = self.nutation_rate
         turned = _phase(rate * t)
         free = _product(_of_rank(start, t), turned)
         if callable(moment):
@@ -152,7 +129,7 @@ class SpinningMissile(AbstractParameters):
         forced = t * _product(turned, _mean_phase((frequency - rate) * t))
         return free + _product(_of_rank(moment, t), forced) / self.transverse_inertia
 
-    def attack_angle(
+    def complex_tilt(
         self,
         t: Scalar,
         angle: Complex,
@@ -171,25 +148,25 @@ class SpinningMissile(AbstractParameters):
         - the others: as in `transverse_rate`.
 
         **Returns** Th, rad, (2, *runs)."""
-        n, fast = self.spin_rate, self.precession_rate()
+        n, fast = self.spin_rate, self.precession_rate
         mean = t * _mean_phase(fast * t)
-        found = _of_rank(angle, t) + _product(_of_rank(start, t), mean)
+        result = _of_rank(angle, t) + _product(_of_rank(start, t), mean)
         if callable(moment):
 
             def response(tau: Scalar) -> Complex:
                 left = t - tau
                 return left * _product(_phase(n * tau), _mean_phase(fast * left))
 
-            found = found + self._integral(moment, response, t, panels)
+            result = result + self._integral(moment, response, t, panels)
         else:
             forced = t * t * _mean_ramp((n + frequency) * t, fast * t)
-            found = found + _product(_of_rank(moment, t), forced) / self.transverse_inertia
+            result = result + _product(_of_rank(moment, t), forced) / self.transverse_inertia
         if tilt is not None:
             turned = _phase(n * t)
             # 1 - e^(i n t) + i n t E((n + lam) t)
             wobble = jnp.stack([1.0 - turned[0] - n * mean[1], n * mean[0] - turned[1]])
-            found = found + _product(_of_rank(tilt, t), wobble)
-        return found
+            result = result + _product(_of_rank(tilt, t), wobble)
+        return result
 
     def circles(self, moment: Complex) -> tuple[Complex, Scalar, Scalar]:
         """The two circles on which the axis moves under a constant moment from rest (Thomson 7.4,
@@ -197,10 +174,10 @@ class SpinningMissile(AbstractParameters):
         rad. Not finite without spin or for C = A."""
         m = jnp.hypot(moment[0], moment[1])
         # Th = -M/(n lam A) [lam/(n + lam) - e^(i n t) + n/(n + lam) e^(i (n + lam) t)]
-        n, rate = self.spin_rate, self.nutation_rate()
+        n, rate = self.spin_rate, self.nutation_rate
         scale = 1.0 / (n * self.transverse_inertia)
-        slow = m * jnp.abs(scale * n / (rate * self.precession_rate()))
-        return -scale / self.precession_rate() * moment, slow, m * jnp.abs(scale / rate)
+        slow = m * jnp.abs(scale * n / (rate * self.precession_rate))
+        return -scale / self.precession_rate * moment, slow, m * jnp.abs(scale / rate)
 
     def _integral(
         self,
@@ -259,7 +236,9 @@ def _mean_ramp(x: Scalar, y: Scalar) -> Complex:
     far = jnp.stack([apart[1], -apart[0]]) / jnp.where(near, 1.0, great)
     a, b = jnp.where(near, great, 0.0), jnp.where(near, small, 0.0)
     # The sum of i^k h_k/(k + 2)!, of the homogeneous polynomials h_k = a h_(k-1) + b^k.
-    h, power, total = jnp.ones_like(a), jnp.ones_like(a), [0.5 * jnp.ones_like(a), 0.0 * a]
+    h = jnp.ones_like(a)
+    power = jnp.ones_like(a)
+    total = [0.5 * jnp.ones_like(a), 0.0 * a]
     for k in range(1, _TERMS):
         power = power * b
         h = a * h + power

@@ -71,7 +71,11 @@ def radial_release_spin(
 
 def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_0, m, that stops the spin when its mass is let go at the radius: shorter by R than
-    that of the tangential release. Arguments as in `radial_release_spin`."""
+    that of the tangential release.
+
+    **Arguments**
+
+    - `I`, `R`, `m`: as in `radial_release_spin`, (*runs,)."""
     # As a quotient, because both lengths may be large beside their difference.
     ratio = I / m
     return ratio / (jnp.sqrt(R * R + ratio) + R)
@@ -120,7 +124,8 @@ class SwingingCords(AbstractSystem):
     def invariants(self, t: Scalar, y: SwingState) -> dict[str, Array]:
         del t
         I, R, m, l = self.axial_inertia, self.radius, self.mass, self.cord_length  # noqa: E741
-        w, q = y.spin, y.spin + y.angle_rate
+        w = y.spin
+        q = y.spin + y.angle_rate
         product = m * R * l * jnp.cos(y.angle)
         whole = I + m * R * R
         return {
@@ -131,7 +136,8 @@ class SwingingCords(AbstractSystem):
     def tension(self, y: SwingState) -> Scalar:
         """F, N, of all cords together in the state `y`."""
         spin_rate, _ = self._accelerations(y)
-        q, R = y.spin + y.angle_rate, self.radius
+        q = y.spin + y.angle_rate
+        R = self.radius
         pull = self.cord_length * q * q + R * y.spin**2 * jnp.cos(y.angle)
         return self.mass * (pull - R * spin_rate * jnp.sin(y.angle))
 
@@ -139,7 +145,8 @@ class SwingingCords(AbstractSystem):
         """w' and q', rad/s^2."""
         R, m, l = self.radius, self.mass, self.cord_length  # noqa: E741
         s, c = jnp.sin(y.angle), jnp.cos(y.angle)
-        q, w = y.spin + y.angle_rate, y.spin
+        q = y.spin + y.angle_rate
+        w = y.spin
         # I + m R^2 sin^2 is never zero.
         push = m * R * s * (l * q * q + R * w * w * c)
         spin_rate = push / (self.axial_inertia + m * (R * s) ** 2)

@@ -84,11 +84,13 @@ class TopMotion(AbstractClosedForm):
         across = 2.0 * (product(conjugate(a), b_rate) - product(b, conjugate(a_rate)))
         half = start.alpha * duration
         a, b, across = barrier((a, b, across))
-        across, a, b = turned(-2.0 * half, across), turned(half, a), turned(-half, b)
+        across = turned(-2.0 * half, across)
+        a = turned(half, a)
+        b = turned(-half, b)
         q = jnp.stack([a[0], b[0], b[1], a[1]])
         q = jnp.where(hangs, lowered(q), q)
         # Unit length to rounding; what the start lacked of it stays.
-        q = q * jnp.sqrt(attitude.norm_squared() / jnp.sum(q * q, axis=0))
+        q = q * jnp.sqrt(attitude.norm_squared / jnp.sum(q * q, axis=0))
         # There and back again through a and b is the same to rounding only; the derivatives by the
         # time are those of the motion.
         still = jnp.asarray(duration) == 0.0

@@ -88,7 +88,11 @@ def crusher_force(
 
 
 def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar) -> Scalar:
-    """phi', rad/s, of the wheel about its axle; arguments as in `crusher_force`."""
+    """phi', rad/s, of the wheel about its axle.
+
+    **Arguments**
+
+    - `theta`, `precession`, `radius`, `arm`: as in `crusher_force`, (*runs,)."""
     return -(arm * jnp.sin(theta) + radius * jnp.cos(theta)) * precession / radius
 
 
@@ -101,7 +105,12 @@ def best_crusher_tilt(
     axial_inertia: Scalar,
 ) -> Scalar:
     """The theta, rad, of the greatest force, with the weight; with the weight zero, of the greatest
-    gyroscopic force (Thomson 5.14-P16). Arguments as in `crusher_force`."""
+    gyroscopic force (Thomson 5.14-P16).
+
+    **Arguments**
+
+    - `precession`, `weight`, `radius`, `arm`, `transverse_inertia`, `axial_inertia`: as in
+      `crusher_force`, (*runs,)."""
 
     def slope(theta):
         def force(theta):

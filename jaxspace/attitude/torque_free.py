@@ -85,7 +85,7 @@ class TorqueFreeBody(AbstractSystem):
         return {
             "energy": kinetic_energy(self.inertia, omega),
             "angular_momentum": attitude.rotate(self.inertia.times(omega)),
-            "quaternion_norm": jnp.sqrt(attitude.norm_squared()),
+            "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
 
 

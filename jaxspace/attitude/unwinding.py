@@ -71,6 +71,7 @@ class UnwindingCords(AbstractSystem):
     radius: NumberField = quantity("m", positive=True, doc="R, of the drum")
     mass: NumberField = quantity("kg", positive=True, doc="m, of all masses together")
 
+    @property
     def inertia_ratio(self) -> Scalar:
         """C, 1."""
         return self.axial_inertia / (self.mass * self.radius * self.radius) + 1.0
@@ -86,7 +87,7 @@ class UnwindingCords(AbstractSystem):
     def vector_field(self, t: Scalar, y: CordState) -> CordState:
         del t
         s = y.spin + y.angle_rate
-        spin_rate = -y.angle * s * s / self.inertia_ratio()
+        spin_rate = -y.angle * s * s / self.inertia_ratio
         # At phi = 0 on the regular motion s' is zero, because w = phi' there.
         turning = s * safe_divide(y.spin - y.angle_rate, y.angle)
         return CordState(spin_rate, y.angle_rate, turning - spin_rate)
@@ -94,7 +95,8 @@ class UnwindingCords(AbstractSystem):
     def invariants(self, t: Scalar, y: CordState) -> dict[str, Array]:
         del t
         unit = self.mass * self.radius * self.radius
-        C, s = self.inertia_ratio(), y.spin + y.angle_rate
+        C = self.inertia_ratio
+        s = y.spin + y.angle_rate
         square = y.angle * y.angle
         return {
             "energy": 0.5 * unit * (C * y.spin**2 + square * s * s),
@@ -107,7 +109,7 @@ class UnwindingCords(AbstractSystem):
     def tension(self, y: CordState) -> Scalar:
         """F, N, of all cords together in the state `y`."""
         s = y.spin + y.angle_rate
-        return self.axial_inertia * y.angle * s * s / (self.inertia_ratio() * self.radius)
+        return self.axial_inertia * y.angle * s * s / (self.inertia_ratio * self.radius)
 
 
 @final
@@ -115,7 +117,8 @@ class _Unwinding(AbstractClosedForm):
     cords: UnwindingCords
 
     def flow(self, duration: Scalar, y: CordState) -> CordState:
-        C, s = self.cords.inertia_ratio(), y.spin + y.angle_rate
+        C = self.cords.inertia_ratio
+        s = y.spin + y.angle_rate
         rate2 = y.spin * y.spin + (y.angle * s) ** 2 / C
         square = (y.angle + 2.0 * y.angle_rate * duration) * y.angle + rate2 * duration**2
         angle = safe_sqrt(square)
@@ -154,7 +157,8 @@ class StretchingCords(AbstractSystem):
         y = _Unwinding(rigid).flow(angle / spin, rigid.state(spin))
         stretch = rigid.tension(y) / self.stiffness
         # The tension grows at this rate: F = 4 I C w0^2 phi/(R (C + phi^2)^2).
-        C, square = rigid.inertia_ratio(), angle * angle
+        C = rigid.inertia_ratio
+        square = angle * angle
         rate = stretch * spin / angle * (C - 3.0 * square) / (C + square)
         return CordState(y.spin, y.angle, y.angle_rate, stretch, rate)
 

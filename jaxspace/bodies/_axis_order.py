@@ -39,7 +39,9 @@ def arranged(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
 def restored(v: Vector, middle: tuple[Flag, Flag], mirrored: Flag) -> Vector:
     """Components along the axes as they were given."""
     first, last = middle
-    a, b, c = jnp.where(mirrored, v[2], v[0]), v[1], jnp.where(mirrored, v[0], v[2])
+    a = jnp.where(mirrored, v[2], v[0])
+    b = v[1]
+    c = jnp.where(mirrored, v[0], v[2])
     x = jnp.where(first, b, jnp.where(last, c, a))
     y = jnp.where(first, c, jnp.where(last, a, b))
     return jnp.stack([x, y, jnp.where(first, a, jnp.where(last, b, c))])

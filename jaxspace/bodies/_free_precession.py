@@ -60,7 +60,9 @@ class Scaled(NamedTuple):
     def of(cls, body: ArrangedBody, phase: Jacobi) -> "Scaled":
         greater = jnp.where(body.difference < 0.0, phase.c, phase.d)
         one = 1.0 / greater
-        c, d, s = phase.c / greater, phase.d / greater, phase.s * one
+        c = phase.c / greater
+        d = phase.d / greater
+        s = phase.s * one
         # D is a sum of what is not negative.
         return cls(c, d, one, s, d * d - rate_products(body.moments)[2] * (body.omega[2] * s) ** 2)
 
@@ -81,7 +83,8 @@ def precession(
     d + i rho S) - third(xy/M)."""
     (i1, i2, i3), (w1, w2, w3), (s, c, d) = body.moments, body.omega, phase[:3]
     gain = (i1 - i3) * i1 * w1 * w1 + (i2 - i3) * i2 * w2 * w2
-    pole, strength = (i2 - i3) * gain / (i2 * i3 * i3), h / i3 - h / i1
+    pole = (i2 - i3) * gain / (i2 * i3 * i3)
+    strength = h / i3 - h / i1
     other = pole * pole > body.x * body.y
     near = jnp.where(other, body.x * body.y / jnp.where(other, pole, 1.0), pole)
     transverse = (i1 * w1) ** 2 + (i2 * w2) ** 2

@@ -101,7 +101,8 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
     of_duration, of_moments, of_omega = (
         None if isinstance(x, SymbolicZero) else x for x in tangents
     )
-    found, slopes = _rotated(duration, moments, omega), []
+    result = _rotated(duration, moments, omega)
+    slopes = []
     if of_duration is not None or of_omega is not None:
         moved = tuple(
             jnp.zeros_like(x) if slope is None else slope
@@ -116,7 +117,7 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
             lambda i: _formula(duration, i, omega, moments_stay=False), (moments,), (of_moments,)
         )
         slopes.append(slope)
-    return found, jax.tree.map(lambda *parts: sum(parts), *slopes)
+    return result, jax.tree.map(lambda *parts: sum(parts), *slopes)
 
 
 # Symbolic zeros, so that slopes nobody asks for cost nothing.
@@ -154,7 +155,8 @@ def _formula(
 
 def _omega_within(body: ArrangedBody, scaled: Scaled) -> Vector:
     """omega(t) within a quarter period, by the addition theorem."""
-    (a1, a2, a3), (w1, w2, w3) = rate_coefficients(body.moments), body.omega
+    (a1, a2, a3) = rate_coefficients(body.moments)
+    (w1, w2, w3) = body.omega
     c, d, one, s, below = scaled
     # In this order no product leaves the range: w3 s and w1 one are of order one by themselves.
     first = w1 * one * d + a1 * w2 * (w3 * s) * c

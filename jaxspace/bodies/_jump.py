@@ -1,4 +1,4 @@
-"""What may change the state of a body at once, between two phases of a mission."""
+"""Jumps of the state of a body between two phases of a mission."""
 
 from abc import abstractmethod
 

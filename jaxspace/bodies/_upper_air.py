@@ -52,7 +52,8 @@ class Climb:
         widths = np.diff(nodes)
         mean = np.diff(values) / widths
         # Equal curvatures on both sides of each inner node; the slopes at the ends are given.
-        matrix, right = np.eye(nodes.size), np.empty(nodes.size)
+        matrix = np.eye(nodes.size)
+        right = np.empty(nodes.size)
         right[0], right[-1] = slopes
         for k in range(1, nodes.size - 1):
             before, after = 1.0 / widths[k - 1], 1.0 / widths[k]

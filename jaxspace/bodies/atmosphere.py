@@ -54,8 +54,13 @@ def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
 
 
 def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
-    """What a `climb`, m, leaves of the pressure of dry air in equilibrium at one `temperature`, K
-    (U.S. Standard Atmosphere, 1976, Eq. 33b)."""
+    """Ratio of the pressures of dry air in equilibrium after and before a climb at one temperature
+    (U.S. Standard Atmosphere, 1976, Eq. 33b).
+
+    **Arguments**
+
+    - `climb`: m, (*runs,), negative downwards.
+    - `temperature`: K, (*runs,)."""
     return jnp.exp(-GRAVITY * MOLAR_MASS / GAS_CONSTANT * climb / temperature)
 
 

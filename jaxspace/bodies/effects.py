@@ -28,7 +28,7 @@ from .state import BodyState
 
 @final
 class Load(eqx.Module):
-    """What an effect contributes to the motion; `None` contributes nothing and costs nothing.
+    """Contribution of an effect to the motion; `None` contributes nothing and costs nothing.
 
     Vectors are (3, *runs).
 
@@ -111,7 +111,8 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """What makes the load jump by the state, as of a system (`AbstractSystem.switches`)."""
+        """The parts of the state by which the load jumps, as of a system
+        (`AbstractSystem.switches`)."""
         return {}
 
     def ground(self) -> Scalar | None:
@@ -144,16 +145,16 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
     - `effects`, `body`: of the scene.
 
     **Raises** `InputError` where two effects integrate a part of the same name."""
-    found: dict[str, State] = {}
+    result: dict[str, State] = {}
     for effect in effects:
         for name, part in (effect.start(y, body) or {}).items():
-            if name in found:
+            if name in result:
                 raise InputError(
                     f"{type(effect).__name__}.part is {name!r}: it must be another name, "
                     "for another effect of the scene integrates that part."
                 )
-            found[name] = part
-    if not found:
+            result[name] = part
+    if not result:
         return y
     # What the state holds wins: a phase goes on with the parts of the one before.
-    return dataclasses.replace(y, parts={**found, **(y.parts or {})})
+    return dataclasses.replace(y, parts={**result, **(y.parts or {})})

@@ -198,7 +198,12 @@ def as_inertia(x: Any) -> AbstractInertia:
 
 
 def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
-    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3)."""
+    """Kinetic energy of rotation, omega . J omega / 2, J (Thomson 5.3).
+
+    **Arguments**
+
+    - `inertia`: about the centre of mass, in body axes.
+    - `omega`: angular velocity in body axes, rad/s, (3, *runs)."""
     return 0.5 * dot(omega, inertia.times(omega))
 
 
@@ -215,7 +220,8 @@ def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> Ine
 
     **Raises** `InputError` for a rod and a point of its axis, about which it has no moment either.
     """
-    tensor, shift = inertia.matrix(), particle_inertia(mass, offset)
+    tensor = inertia.matrix()
+    shift = particle_inertia(mass, offset)
     rank = max(tensor.ndim, shift.ndim) - 2
     return InertiaTensor(with_rank(tensor, rank, axes=2) + with_rank(shift, rank, axes=2))
 

@@ -63,6 +63,7 @@ class MassProperties(eqx.Module):
     centre: Vector
     tensor: Matrix
 
+    @property
     def inertia(self) -> InertiaTensor:
         """The inertia about the centre of mass; raises `InputError` where it is that of no body
         which can turn about every axis."""
@@ -145,7 +146,7 @@ def inertia_ellipsoid(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
 
 
 class PivotImpact(NamedTuple):
-    """What follows when a moving body is caught at a point.
+    """Result of an impact in which a moving body is caught at a point.
 
     - `omega`: angular velocity after the impact, rad/s, (3, *runs).
     - `velocity`: of the centre of mass after it, m/s, (3, *runs).

@@ -85,7 +85,8 @@ def angular_acceleration(
     tensor = inertia.matrix()
     rank = max(tensor.ndim, added.ndim, total.ndim + 1) - 2
     tensor, added = with_rank(tensor, rank, axes=2), with_rank(added, rank, axes=2)
-    whole, total = tensor + added, with_rank(total, rank)
+    whole = tensor + added
+    total = with_rank(total, rank)
     # Parts on the axis of a rod leave it without a moment: the rate about it stays.
     bare = jnp.stack([whole[k, k] == 0.0 for k in range(3)])
     stand_in = jnp.where(bare, 1.0, 0.0).astype(whole.dtype)

@@ -74,7 +74,7 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
     moments, omega = with_rank(moments, rank), with_rank(omega, rank)
     rod = jnp.any(moments == 0.0, axis=0)
     # The general formula divides by each moment: in the branch not taken the body is a sphere.
-    found = free_rotation(duration, jnp.where(rod, 1.0, moments), omega)
+    result = free_rotation(duration, jnp.where(rod, 1.0, moments), omega)
 
     def of_rods() -> tuple[Quaternion, Vector]:
         e = jnp.where(moments == 0.0, 1.0, 0.0).astype(moments.dtype)
@@ -84,12 +84,12 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
         second = Quaternion.from_rotation_vector(duration * (1.0 - share) * spin)
         first = Quaternion.from_rotation_vector(duration * (rest + share * spin))
         later = second.rotate_back(rest) + spin
-        return Quaternion(jnp.where(rod, first.then(second).wxyz, found[0].wxyz)), jnp.where(
-            rod, later, found[1]
+        return Quaternion(jnp.where(rod, first.then(second).wxyz, result[0].wxyz)), jnp.where(
+            rod, later, result[1]
         )
 
     # Other bodies shall not pay for the sines.
-    return jax.lax.cond(jnp.any(rod), of_rods, lambda: found)
+    return jax.lax.cond(jnp.any(rod), of_rods, lambda: result)
 
 
 @jax.custom_jvp
@@ -158,7 +158,9 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
     vector, later = turns.wxyz[1:, 0], ends[:, 0]
     real = turns.wxyz[:1, 0]
     for k in range(3):
-        back, one, none = _half_right(k, between[k]), 2 * k + 1, 2 * k + 2
+        back = _half_right(k, between[k])
+        one = 2 * k + 1
+        none = 2 * k + 2
         # The difference to the same axes without a split: its value cancels, its derivative stays.
         change = turns.wxyz[:, one] - turns.wxyz[:, none]
         real = real + jnp.where(equal[k], change[:1], 0.0)
@@ -188,7 +190,8 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
         between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
         theta = jnp.where(equal, 0.0, between / jnp.where(equal, 1.0, apart))
         turn = Quaternion(jnp.concatenate([jnp.ones_like(theta[:1]), 0.5 * theta])).normalised()
-        local, frame = _transformed(local, turn.matrix()), frame.then(turn)
+        local = _transformed(local, turn.matrix())
+        frame = frame.then(turn)
     return local, frame, equal
 
 

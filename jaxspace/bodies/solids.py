@@ -103,17 +103,27 @@ def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassPr
 
 
 def box(mass: Scalar, sides: Vector) -> MassProperties:
-    """A box about its centre, with the axes along its `sides`, m, (3, *runs); a plate where one of
+    """A box about its centre, with the axes along its sides; a plate where one of
     them is zero, a thin rod where two are (Thomson 5.5-P7).
 
-    `mass`: kg, (*runs,). Raises `InputError` for a negative side or a mass that is not positive."""
+    **Arguments**
+
+    - `mass`: kg, (*runs,).
+    - `sides`: lengths of the sides, m, (3, *runs).
+
+    **Raises** `InputError` for a negative side or a mass that is not positive."""
     return _triaxial("box", mass, sides, 1.0 / 12.0)
 
 
 def ellipsoid(mass: Scalar, semi_axes: Vector) -> MassProperties:
-    """A full ellipsoid about its centre, with the axes along its `semi_axes`, m, (3, *runs).
+    """A full ellipsoid about its centre, with the axes along its semi-axes.
 
-    `mass`: kg, (*runs,). Raises `InputError` for a negative axis or a mass that is not positive."""
+    **Arguments**
+
+    - `mass`: kg, (*runs,).
+    - `semi_axes`: m, (3, *runs).
+
+    **Raises** `InputError` for a negative axis or a mass that is not positive."""
     return _triaxial("ellipsoid", mass, semi_axes, 1.0 / 5.0)
 
 

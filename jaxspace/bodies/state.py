@@ -12,6 +12,7 @@ from jaxtyping import Array, Float
 from ..core import InputError, State, quantity
 from ..core.checks import check_positive
 from ..core.shapes import check_components
+from ..core.types import as_float
 from ..rotations import Quaternion
 
 if TYPE_CHECKING:
@@ -28,9 +29,10 @@ else:
     AttitudePart: TypeAlias = Quaternion | None
 
 
-def as_it_is(x: Any) -> Any:
-    """`x`, because a state is also built from what is no number: axes of a batch, shapes."""
-    return x
+def as_part(x: Any) -> Any:
+    """Plain numbers as an array; anything else as it is, because a state is also built from what
+    is no number: axes of a batch, which are whole numbers, and shapes."""
+    return as_float(x) if isinstance(x, float | list | tuple) else x
 
 
 @final
@@ -45,21 +47,21 @@ class BodyState(eqx.Module):
     Raises `InputError` for an array whose first axis does not hold the components."""
 
     position: VectorPart = quantity(
-        "m", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+        "m", optional=True, converter=as_part, doc="of the centre of mass, in inertial axes"
     )
     velocity: VectorPart = quantity(
-        "m/s", optional=True, converter=as_it_is, doc="of the centre of mass, in inertial axes"
+        "m/s", optional=True, converter=as_part, doc="of the centre of mass, in inertial axes"
     )
     attitude: AttitudePart = quantity(
-        "", optional=True, converter=as_it_is, doc="a `Quaternion`, body to inertial"
+        "", optional=True, converter=as_part, doc="a `Quaternion`, body to inertial"
     )
     omega: VectorPart = quantity(
         "rad/s",
         optional=True,
-        converter=as_it_is,
+        converter=as_part,
         doc="angular velocity relative to inertial space, in body axes",
     )
-    mass: ScalarPart = quantity("kg", optional=True, converter=as_it_is, doc="of the body")
+    mass: ScalarPart = quantity("kg", optional=True, converter=as_part, doc="of the body")
     parts: dict[str, State] | None = None
 
     def __check_init__(self):
@@ -84,6 +86,7 @@ class BodyState(eqx.Module):
             )
         return self.parts[name]
 
+    @property
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""
         return tuple(name for name in PARTS if getattr(self, name) is not None)

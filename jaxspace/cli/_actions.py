@@ -1,4 +1,4 @@
-"""What each command does with its arguments.
+"""The actions of the commands, with their arguments.
 
 The commands are imported within the functions, because they import what computes, which takes a
 while: `--help` and bad options do not wait for it. Settings of jax come before the first array,
@@ -26,7 +26,7 @@ def new(given: argparse.Namespace) -> int:
 
 
 def run(given: argparse.Namespace) -> int:
-    """Fly the scene or mission of the file once."""
+    """Run the scene or mission of the file once."""
     from . import _commands
 
     settle()
@@ -34,7 +34,7 @@ def run(given: argparse.Namespace) -> int:
 
 
 def disperse(given: argparse.Namespace) -> int:
-    """Fly it many times with its inputs dispersed."""
+    """Run it many times with dispersed inputs."""
     from . import _campaigns
 
     settle()
@@ -53,7 +53,7 @@ def resume(given: argparse.Namespace) -> int:
 
 
 def replay(given: argparse.Namespace) -> int:
-    """Fly one run of a store in full detail."""
+    """Run one run of a store again, in full detail."""
     from . import _campaigns
 
     settle()

@@ -1,4 +1,4 @@
-"""What the commands of campaigns do: disperse, resume, replay, failures."""
+"""Commands of campaigns: disperse, resume, replay, failures."""
 
 import functools
 import os
@@ -24,7 +24,7 @@ from ._warning_lines import UNFINISHED, warnings_as_lines
 
 
 class Options(NamedTuple):
-    """What a campaign is asked for on the command line."""
+    """Options of a campaign on the command line."""
 
     runs: int | None = None
     seed: int | None = None
@@ -55,12 +55,12 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
     make_folder(folder)
     until = file.until if options.until is None else options.until
     print(_head(file, runs, seed, until))
-    for doubt in file.doubts():
-        print(doubt, file=sys.stderr)
+    for warning in file.warnings:
+        print(warning, file=sys.stderr)
     how = {"overwrite": options.overwrite, "chunk": options.chunk, "samples": options.samples}
     how |= {"until": until, "seed": seed, "times": times}
     store = path_of(file, folder, ".zarr")
-    return _fly(file, store, runs, options.engine, METHODS if options.compare else None, **how)
+    return _run(file, store, runs, options.engine, METHODS if options.compare else None, **how)
 
 
 def _refuse_options_of_runs(options: Options) -> None:
@@ -78,8 +78,8 @@ def _without_runs(file: SceneFile, method: str) -> int:
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with warnings_as_lines():
-        found = moments(campaign, method, accuracy=file.accuracy)
-    print(moments_report(file.title, found, campaign.units, file.nominal_outputs(nominal)))
+        result = moments(campaign, method, accuracy=file.accuracy)
+    print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
 
 
@@ -92,16 +92,17 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
 def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     """Compute what a store lacks, and report on the whole."""
     kept = _opened_quietly(store)
-    file, there = _scene(store, kept, modules), {**kept.attributes, "seed": kept.seed}
+    file = _scene(store, kept, modules)
+    there = {**kept.attributes, "seed": kept.seed}
     # From the store and from no option: another seed would be another campaign.
     own = {name: there[name] for name in ("seed", "chunk", "samples")}
     own["times"] = there.get("times")
     own["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], own["until"]))
-    return _fly(file, store, there["planned_runs"], engine, resume=True, **own)
+    return _run(file, store, there["planned_runs"], engine, resume=True, **own)
 
 
-def _fly(
+def _run(
     file: SceneFile,
     store: str,
     runs: int,
@@ -111,7 +112,7 @@ def _fly(
 ) -> int:
     before = _head_of(store)
     try:
-        return _fly_and_report(file, store, runs, engine, compare, **how)
+        return _run_and_report(file, store, runs, engine, compare, **how)
     except (KeyboardInterrupt, RuntimeError) as error:
         if not is_stop(error):
             raise
@@ -120,7 +121,7 @@ def _fly(
         raise Stopped(_left(store, untouched)) from None
 
 
-def _fly_and_report(
+def _run_and_report(
     file: SceneFile,
     store: str,
     runs: int,
@@ -169,17 +170,17 @@ def _fly_and_report(
 
 
 def _head_of(store: str) -> tuple[int, int] | None:
-    """What tells one head of a store from the next; `None` where there is none."""
+    """A mark that changes with the head of a store; `None` where there is none."""
     try:
         # Each is a new file, put in place of the last one.
-        found = os.stat(os.path.join(store, "zarr.json"))
+        result = os.stat(os.path.join(store, "zarr.json"))
     except OSError:
         return None
-    return found.st_ino, found.st_mtime_ns
+    return result.st_ino, result.st_mtime_ns
 
 
 def _left(store: str, untouched: bool) -> str:
-    """What a campaign that was stopped leaves, in a sentence.
+    """The state of a stopped campaign, in a sentence.
 
     `untouched`: whether `store` is the one of an earlier campaign."""
     if untouched:
@@ -189,7 +190,7 @@ def _left(store: str, untouched: bool) -> str:
     # Stopped before the first run.
     except StoreError:
         return "stopped before the first run: nothing is kept."
-    planned = there.wanted
+    planned = there.planned_runs
     return (
         f"stopped: {there.runs} of {planned} runs are kept in {store}. "
         f"`jaxspace resume {store}` computes the rest."
@@ -199,11 +200,11 @@ def _left(store: str, untouched: bool) -> str:
 def _times(result: Dispersion) -> str:
     # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
     ahead = result.attributes["preparation_seconds"]
-    flying = max(result.seconds - ahead, 1e-9)
+    computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
     return (
         f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then "
-        f"{result.runs / flying:.0f} runs/s, {use:.0f} % of {result.cores} cores"
+        f"{result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores"
     )
 
 
@@ -212,20 +213,20 @@ def replay(
 ) -> int:
     """Run one sample of a store once more, print it, and draw its phases."""
     kept = _opened_quietly(store)
-    if run >= kept.wanted:
-        raise InputError(f"--run is {run}: it must be from 0 to {kept.wanted - 1}.")
+    if run >= kept.planned_runs:
+        raise InputError(f"--run is {run}: it must be from 0 to {kept.planned_runs - 1}.")
     file = _scene(store, kept, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    found = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
+    result = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
         run, seed=kept.seed, accuracy=file.accuracy, num_saved=samples
     )
-    print(replay_report(file, found, kept))
-    for name, phase in found.trajectory.items():
+    print(replay_report(file, result, kept))
+    for name, phase in result.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
-        show_page(file, found.trajectory, path_of(file, folder, f"_run_{run}.html"))
-    return 0 if found.status.good else 1
+        show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
+    return 0 if result.status.good else 1
 
 
 def failures(store: str, every: bool, modules: Sequence[str] = ()) -> int:

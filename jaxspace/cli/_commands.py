@@ -1,4 +1,4 @@
-"""What the commands do with a checked scene file."""
+"""Commands on a checked scene file."""
 
 import json
 import os
@@ -68,26 +68,29 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
             bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        found, numbers, run = _confirmed(file, file.optimize(progress=show), best)
-        most = MOST_REPEATED * found.steps
-        # Both claim an end by the search's own flight, and not that of an interruption.
-        while found.doubt and (found.minimum.converged or found.infeasible) and found.steps < most:
-            bar.write(f"{found.doubt} The search goes on with {2 * found.steps}.", file=sys.stderr)
-            again = file.optimize(progress=show, start=found.values, steps=2 * found.steps)
-            found, numbers, run = _confirmed(file, again, best)
-    print(optimum_report(found, numbers, run))
+        result, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        most = MOST_REPEATED * result.steps
+        # Both claim an end by the search's own run, and not that of an interruption.
+        while result.warning and result.steps < most:
+            if not (result.minimum.converged or result.infeasible):
+                break
+            sentence = f"{result.warning} The search goes on with {2 * result.steps}."
+            bar.write(sentence, file=sys.stderr)
+            again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
+            result, numbers, run = _confirmed(file, again, best)
+    print(optimum_report(result, numbers, run))
     # The sentence of the report has said that there is no optimum.
-    if sensitivities and not found.infeasible:
-        print(f"\n{sensitivity_report(found)}")
+    if sensitivities and not result.infeasible:
+        print(f"\n{sensitivity_report(result)}")
     print(f"file   {best}")
     for name, phase in run.items():
         draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
     figure = path_of(file, folder, "_search.png")
-    found.minimum.plot(file.title).savefig(figure)
+    result.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
     print_next(file, f"run {best}")
     # The file is written in any case: the code tells a script whether it is an optimum.
-    return 0 if found.converged else 1
+    return 0 if result.converged else 1
 
 
 def _confirmed(
@@ -102,7 +105,7 @@ def _confirmed(
     # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
-    return found.judged(run, numbers), numbers, run
+    return found.checked(run, numbers), numbers, run
 
 
 def explain(path: str, modules: Sequence[str] = ()) -> int:
@@ -176,11 +179,12 @@ def budget(
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
-    parts = file.y0.present()
+    parts = file.y0.present
     judged = parts[0] if output is None else output
     if judged in parts:
         # The difference of two attitudes is an angle.
-        si, factor = quantities(BodyState)[judged].unit or "rad", 1.0
+        si = quantities(BodyState)[judged].unit or "rad"
+        factor = 1.0
     else:
         try:
             judged, si, factor = file.final_output(judged)

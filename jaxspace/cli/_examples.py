@@ -106,8 +106,8 @@ def new(name: str, path: str | None) -> int:
 
 def _named_files(text: str) -> list[str]:
     """The files that a scene names, relative to the folder of the scenes."""
-    found = re.findall(r'"([^"\n]+\.(?:eng|csv))"', text)
-    return list(dict.fromkeys(found))
+    result = re.findall(r'"([^"\n]+\.(?:eng|csv))"', text)
+    return list(dict.fromkeys(result))
 
 
 def _made_for(path: Path) -> list[str]:

@@ -73,7 +73,7 @@ def _list_options(show: argparse.ArgumentParser) -> None:
 
 
 def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
-    """What each command reads, and where it writes."""
+    """Arguments of each command: the files that it reads and writes."""
     for name in ("run", "disperse", "explain", "cost", "budget", "optimize"):
         commands[name].add_argument("file", metavar="FILE", help="a scene file, in TOML")
     for name in ("resume", "replay", "failures"):

@@ -1,4 +1,4 @@
-"""What is drawn and written of a campaign: its figure, its page, its tables."""
+"""Report of a campaign: its figure, its page, its tables."""
 
 import importlib.util
 import os
@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError
-from ..dispersion import Dispersion, Flights, fly, open_store
+from ..dispersion import Dispersion, RunPaths, open_store, run_paths
 from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
 from ..vehicles import LaunchSite
@@ -25,7 +25,7 @@ def keep_pictures(
     title: str,
     nominal: Mapping[str, tuple[float, str]],
     start: str,
-    flights: Flights | None = None,
+    paths: RunPaths | None = None,
     site: LaunchSite | None = None,
 ) -> None:
     """Draw the figures and write the page, at paths that begin with `start`; print where.
@@ -47,7 +47,7 @@ def keep_pictures(
     wind = None if site is None or site.wind is None else site.winds(_top(result))
 
     def page(path: str) -> None:
-        dispersion_page(result, path, title=title, nominal=values, flights=flights, wind=wind)
+        dispersion_page(result, path, title=title, nominal=values, paths=paths, wind=wind)
 
     def landings(path: str) -> None:
         there = (values["east"], values["north"]) if {"east", "north"} <= set(values) else None
@@ -60,7 +60,7 @@ def keep_pictures(
 
 
 def _top(result: Dispersion) -> float:
-    """How high the flights rise, m: the mean of an output `apogee`, or 3 km without one."""
+    """Height of the flights, m: the mean of an output `apogee`, or 3 km without one."""
     heights = result.outputs.get("apogee")
     if heights is None or result.units.get("apogee") != "m":
         return 3000.0
@@ -76,23 +76,25 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     folder = str(Path(path).parent) if folder is None else folder
     make_folder(folder)
     nominal = {}
-    flights = None
+    paths = None
     site = None
     title = name
     if file is not None:
-        run, site = file.nominal_mission(), file.site
-        title, nominal = file.title, file.nominal_outputs(run)
+        run = file.nominal_mission()
+        site = file.site
+        title = file.title
+        nominal = file.nominal_outputs(run)
         some = np.arange(min(FLIGHTS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
         if campaign.text() == result.attributes.get("inputs"):
-            flights = fly(campaign, some, seed=result.seed, accuracy=file.accuracy)
+            paths = run_paths(campaign, some, seed=result.seed, accuracy=file.accuracy)
         else:
             print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
     print(dispersion_report(result, nominal))
     start = os.path.join(folder, name)
-    keep_pictures(result, title, nominal, start, flights, site)
+    keep_pictures(result, title, nominal, start, paths, site)
     _attempt("table", f"{start}.csv", result.to_csv)
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:

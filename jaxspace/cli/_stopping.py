@@ -52,7 +52,8 @@ def stopped_by_signals() -> Iterator[None]:
             hook(what)
 
     timers: list[threading.Timer] = []
-    before, hook = signal.signal(signal.SIGTERM, stop), sys.unraisablehook
+    before = signal.signal(signal.SIGTERM, stop)
+    hook = sys.unraisablehook
     sys.unraisablehook = again
     try:
         yield

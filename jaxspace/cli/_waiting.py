@@ -1,4 +1,4 @@
-"""What a command is at while it says nothing else: the stage and its seconds, on the terminal."""
+"""Progress of a command on the terminal: its stage, and the seconds since it began."""
 
 import contextlib
 import sys
@@ -29,7 +29,8 @@ def waiting(words: str) -> Iterator[None]:
         if event.endswith("backend_compile_duration"):
             compiled.append(duration_secs)
 
-    started, done = time.monotonic(), threading.Event()
+    started = time.monotonic()
+    done = threading.Event()
 
     def line() -> str:
         part = f", of which {sum(compiled):.0f} s to compile" if sum(compiled) >= 1.0 else ""

@@ -10,7 +10,7 @@ from ._actuators import CommandedTorque as CommandedTorque
 from ._closed_loop import ClosedLoop as ClosedLoop
 from ._controller import AbstractController as AbstractController
 from ._controller import Feedback as Feedback
-from ._fly import LoopRun as LoopRun
+from ._loop_run import LoopRun as LoopRun
 from ._sensors import AbstractSensor as AbstractSensor
 from ._sensors import Sensor as Sensor
 from ._sensors import StarTracker as StarTracker

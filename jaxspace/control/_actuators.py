@@ -1,4 +1,4 @@
-"""What a controller drives: effects and motors with a field `command`, which a loop sets.
+"""Actuators: effects and motors with a field `command`, which a loop sets.
 
     M_B = u                                     torque: thrusters, magnetic rods
     torque on wheel i = u_i                     motors of reaction wheels
@@ -27,7 +27,7 @@ from ..core.vectors import norm
 
 @final
 class CommandedTorque(AbstractEffect):
-    """A torque on the body, in its own axes, as a controller commands it."""
+    """A torque on the body, in body axes, as a controller commands it."""
 
     command: Float[Array, "3 *#runs"] = quantity(
         "N m", default=(0.0, 0.0, 0.0), doc="torque in body axes before the first command"

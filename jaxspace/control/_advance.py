@@ -1,4 +1,4 @@
-"""One fixed piece of an integration: from a state to the state a known time later."""
+"""A fixed interval of an integration: from a state to the state a known time later."""
 
 import functools
 
@@ -25,7 +25,7 @@ def advance(
     dtype = jnp.result_type(*jax.tree.leaves(y))
     t, dt = jnp.asarray(t, dtype), jnp.asarray(dt, dtype)
     u = jnp.array([0.0, 1.0], dtype)
-    # The field may jump where the piece begins or ends, and is then seen from within.
+    # The field may jump at both ends of the interval, and is evaluated inside of it.
     field = ScaledVectorField(system, Segments(u, t, dt, breaks_of(system) is not None))
     y1, error, *_ = method.step(TERM, u[0], u[1], y, field, None, False)
     assert error is not None
@@ -33,13 +33,14 @@ def advance(
 
 
 def as_fixed(method: object, rtol: float, steps: int) -> FixedSteps:
-    """The method of a loop: its fixed steps, or `steps` of a solver; "auto" goes by the tolerance.
+    """The method of a loop: its fixed steps, or `steps` of a solver; "auto" selects by the
+    tolerance.
 
     Raises `InputError` for a method of other fixed steps, or of steps of each run."""
     if isinstance(method, FixedSteps):
         return method
     if method == "auto":
-        # Where both meet the tolerance in one step, the shorter one is cheaper; a sample is short.
+        # Samples are short: where both meet the tolerance in one step, the cheaper one is taken.
         return FixedSteps(LOW_ORDER if rtol >= 1e-8 else HIGH_ORDER, steps)
     if not isinstance(method, diffrax.AbstractSolver) or solver_traits(method).needs:
         raise InputError(

@@ -1,9 +1,9 @@
-"""The times at which something happens in a loop, known before it runs.
+"""The nodes of a loop: times at which something happens, known before it runs.
 
-Clocks tick at their own rates: that of the controller, that at which delayed commands arrive,
-those of the sensors. States are saved, and the vector field breaks, at other times. All of them are
-nodes; each integration goes from one node to the next, so that it lands on every one of them. What
-coincides to rounding is one node.
+The controller, the arrival of delayed commands and each sensor have a clock of its own rate. States
+are saved, and the vector field breaks, at further times. All of them are nodes; each integration
+goes from one node to the next, so that it lands on every node. Times that coincide to rounding are
+one node.
 """
 
 from typing import NamedTuple, final
@@ -32,7 +32,7 @@ class Nodes(NamedTuple):
     """The nodes of a loop.
 
     - `times`: from the start of the loop, s, (nodes,), or (nodes, *runs) where breaks differ.
-    - `ticks`: which of the clocks tick at each node but the last, (nodes - 1, clocks, *#runs).
+    - `ticks`: whether each clock ticks at each node but the last, (nodes - 1, clocks, *#runs).
     - `saved`: the numbers of the nodes at which states are saved, (saves, *#runs).
     - `always`: for each clock whether it ticks at every node."""
 
@@ -63,7 +63,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     **Arguments**
 
     - `ts`: save times, s; the first is the start, from which the clocks count.
-    - `clocks`: what ticks.
+    - `clocks`: those of the loop.
     - `breaks`: times from the start, s, (times, *#runs), traced or not; `None` where there are
       none."""
     span = float(ts[-1] - ts[0])
@@ -82,7 +82,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     order = np.argsort(candidates, kind="stable")
     ordered = candidates[order]
     number = np.concatenate([[0], np.cumsum(np.diff(ordered) > slack)])
-    # If times coincide, the first one given is taken: save times and clocks before breaks.
+    # Of coinciding times the first one is taken: save times and clocks before breaks.
     times = candidates[np.minimum.reduceat(order, np.flatnonzero(np.diff(number, prepend=-1)))]
     index = np.empty_like(number)
     index[order] = number
@@ -98,11 +98,11 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
 
 
 def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks: Array) -> Nodes:
-    """The nodes with breaks that are traced, or of each run: those outside of the loop end up at
-    its ends, with nothing between them and the node there."""
+    """The nodes with breaks that are traced, or differ between runs: breaks outside of the loop are
+    moved to its ends, where they make intervals of no length."""
     runs = breaks.shape[1:]
     inner = jnp.clip(breaks, times[0], times[-1])
-    # The breaks behind the start and before the end, so that the first node and the last one stay.
+    # Breaks are put after the start and before the end, so that the first and the last node stay.
     own = jnp.broadcast_to(
         jnp.asarray(times, breaks.dtype).reshape(-1, *(1,) * len(runs)), (times.size, *runs)
     )
@@ -118,8 +118,8 @@ def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks
 
 
 def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
-    """The nodes of a loop that ends `end`, s, after its start, before the last of them: the others
-    lie on the end, and nothing ticks there.
+    """The nodes of a loop that ends `end`, s, after its start: later nodes are moved to the end,
+    and no clock ticks there.
 
     `end` is a scalar or (*runs,)."""
     times = jnp.asarray(nodes.times, end.dtype)
@@ -132,7 +132,8 @@ def ended(nodes: Nodes, end: Array, slack: float) -> Nodes:
 
 
 def at_nodes(tree: object, saved: Array | np.ndarray) -> object:
-    """Rows at the `saved` nodes, of arrays with the nodes first; each run may have its own."""
+    """Rows at the `saved` nodes, of arrays with the nodes first; the nodes may differ between
+    runs."""
 
     def leaf(x: Array) -> Array:
         if saved.ndim == 1:

@@ -6,7 +6,7 @@
     symbol     meaning                                            unit
     t_k, T     samples, period                                    s
     z_k, u_k   what is measured, the command, at the sample k     any
-    K          controller, with a memory of its own
+    K          controller, which may have a memory
 
 Source: Franklin, Powell and Workman, Digital Control of Dynamic Systems, 4.3, 6.3 (holds), 10
 (quantisation).
@@ -28,10 +28,10 @@ from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, runs_of
-from ..simulation.flight import AbstractFlight
 from ..simulation.run_result import RunResult
+from ..simulation.runnable import AbstractRunnable
 from ._controller import AbstractController, as_controller
-from ._fly import LoopOptions, LoopRun, fly
+from ._loop_run import LoopOptions, LoopRun, run_loop
 from ._program import Known, Static, alone, as_events, as_key, parts_of
 from ._repeats import config_of, repeated
 from ._sensors import AbstractSensor, check_period, known_seconds
@@ -47,25 +47,25 @@ def _as_sensors(x: Any) -> Any:
 
 
 @final
-class ClosedLoop(AbstractFlight):
+class ClosedLoop(AbstractRunnable):
     """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
     - `controller`: an `AbstractController`, or a function `(measured) -> command` or
       `(t, measured) -> command`, such as an `equinox` network.
-    - `sensors`: by name; the controller is given their readings by name. Without any it is given
-      the state.
+    - `sensors`: by name; the controller gets their readings by name. Without sensors it gets the
+      state.
     - `period`: between two samples, s; the first one is at the start of the run.
-    - `hold`: "zero" keeps a command until the next one, "first" goes on along the line through the
+    - `hold`: "zero" holds a command until the next one, "first" extrapolates the line through the
       last two.
     - `delay`, s: until a command reaches the actuators; before the first, the command is zero.
     - `limit`, `quantum`: largest command, and step between commands, of each component or of all.
     - `actuate`: a function (system, command) -> system, in place of the fields `command`.
     - `steps`: fixed steps between two samples.
-    - `key`: of the noise, where the run is given none; in a mission of many runs one of each.
-    - `longest`: how long the loop may take as a phase whose duration is traced, s.
+    - `key`: of the noise, for runs without a key; in a mission of many runs one for each.
+    - `longest`: the longest duration of the loop as a phase whose duration is traced, s.
 
-    As the `system` of a `Phase` a loop flies in a mission, and so in a campaign.
+    As the `system` of a `Phase` a loop runs in a mission, and so in a campaign.
 
     Raises `InputError` for a period, a delay or a `longest` that is no known time, and for another
     hold."""
@@ -113,7 +113,7 @@ class ClosedLoop(AbstractFlight):
     def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
         return config_of(self, y0, accuracy)
 
-    def fly(
+    def run(
         self,
         until: Scalar | Event,
         y0: State,
@@ -136,9 +136,10 @@ class ClosedLoop(AbstractFlight):
             longest = self.longest
         ts = np.linspace(0.0, longest, num_saved)
         y0 = broadcast_state(self.system, t0, y0)
-        dtype, runs = state_dtype(y0), runs_of(y0, run_axes)
+        dtype = state_dtype(y0)
+        runs = runs_of(y0, run_axes)
         start = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
-        # If the end of the phase is known, nothing has to be cut.
+        # With a known end of the phase, the nodes end there already.
         end = (
             None
             if is_concrete(duration) and jnp.ndim(duration) == 0
@@ -167,29 +168,29 @@ class ClosedLoop(AbstractFlight):
         memory: PyTree = None,
         throw: bool = True,
     ) -> LoopRun:
-        """Fly the loop from the state `y0`.
+        """Run the loop from the state `y0`.
 
         **Arguments**
 
         - `y0`: the initial state. `ts`: save times, s, known and ascending; the first is that of
           `y0`, and of the first sample.
         - `key`: of the noise.
-        - `accuracy`: the relative tolerance of what lies between two samples, or an `Accuracy`;
+        - `accuracy`: the relative tolerance of the motion between two samples, or an `Accuracy`;
           1e-9 by default. Its method takes fixed steps.
-        - `steps`: how many of them between two samples, in place of those of the loop. Outside of
-          `jit` a run that misses the tolerance is repeated with more.
+        - `steps`: their number between two samples, in place of that of the loop. Outside of `jit`
+          a run that misses the tolerance is repeated with more.
         - `events`: the run stops at the first zero of one of these; one with `within` has to
           happen.
         - `start`: the time of `y0`, in place of the first of `ts`; it may be traced, so that a loop
           can go on where an event has ended another one.
-        - `memory`: of the controller, as an earlier run has left it.
+        - `memory`: of the controller, as at the end of an earlier run.
         - `throw`: whether to raise `SimulationError` for a failed run; otherwise read its `status`.
 
         **Returns** a `LoopRun`, differentiable forwards and backwards with respect to every number
         in the loop and `y0`. **Raises** `InputError`, before anything is compiled, for what cannot
-        be flown."""
+        run."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
-        return fly(self, y0, ts, options, 0, throw=throw)
+        return run_loop(self, y0, ts, options, 0, throw=throw)
 
     def simulate_batch(
         self,
@@ -207,9 +208,8 @@ class ClosedLoop(AbstractFlight):
         """Many runs at once: runs on the last axis of the states, and of whatever parameter of the
         system, the controller or a sensor declares them.
 
-        Arguments, results and errors as of `simulate`, where a run that fails marks its own row
-        unless `throw`; `start` is a number, or (runs,). Each run
-        draws its noise from a key of its own: `jax.random.split(key, runs)[j]` gives that of run j
-        alone."""
+        Arguments, results and errors as of `simulate`; unless `throw`, a failed run only has the
+        status of its failure. `start` is a number, or (runs,). The noise of run j has the key
+        `jax.random.split(key, runs)[j]`, which repeats it alone."""
         options = LoopOptions(key, accuracy, steps, events, start, memory)
-        return fly(self, y0s, ts, options, 1, throw=throw)
+        return run_loop(self, y0s, ts, options, 1, throw=throw)

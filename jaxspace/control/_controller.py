@@ -1,4 +1,4 @@
-"""What decides: a controller with a memory, or any function of what is measured."""
+"""Controllers: with a memory, or any function of what is measured."""
 
 import inspect
 from abc import abstractmethod
@@ -65,7 +65,7 @@ def _arguments(function: Callable[..., Any]) -> int:
 def as_controller(x: Any) -> Any:
     """A controller from itself or from a function. Raises `InputError` for anything else."""
     if isinstance(x, AbstractController) or not callable(x):
-        # What is not callable is a placeholder of a tree transformation, or reported at the run.
+        # Anything else is a placeholder of a tree transformation, or reported when the loop runs.
         return x
     if _arguments(x) not in (1, 2):
         raise InputError(
@@ -104,5 +104,5 @@ def measurement(measured: Any, name: str) -> Any:
             )
         return measured[name]
     # A whole state: its own parts, and what effects integrate beside them.
-    found = getattr(measured, name, None)
-    return measured.part(name) if found is None else found
+    result = getattr(measured, name, None)
+    return measured.part(name) if result is None else result

@@ -1,8 +1,8 @@
-"""The event that ends a loop, found within the piece between two nodes.
+"""The event that ends a loop, located within the interval between two nodes.
 
-The crossing is bracketed by the ends of the piece and found by the method of Illinois, outside of
-every derivative: a false position that halves the weight of the end that stays. One more correction
-of time and state carries the exact first derivative (`newton_correct`).
+The crossing is bracketed by the ends of the interval and located by the Illinois method, a false
+position that halves the weight of an end that stays, outside of every derivative. One further
+correction of time and state has the exact first derivative (`newton_correct`).
 """
 
 from typing import Any, NamedTuple, TypeAlias
@@ -24,7 +24,7 @@ ITERATIONS = 60
 
 
 class Stop(NamedTuple):
-    """How an event has ended the runs: its number (-1: not yet) and time, s, the last values of the
+    """The event that ended each run: its number (-1 before) and time, s, the last values of the
     conditions, (events, *runs), and whether one was not finite."""
 
     number: Array
@@ -36,12 +36,12 @@ class Stop(NamedTuple):
 def values_of(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Array:
     """The conditions, (events, *runs)."""
     dtype = jnp.result_type(*jax.tree.leaves(y))
-    found = [jnp.broadcast_to(event.condition(t, y), runs.shape) for event in events]
-    return jnp.stack(found).astype(dtype) if found else jnp.zeros((0, *runs.shape), dtype)
+    result = [jnp.broadcast_to(event.condition(t, y), runs.shape) for event in events]
+    return jnp.stack(result).astype(dtype) if result else jnp.zeros((0, *runs.shape), dtype)
 
 
 def not_stopped(events: tuple[Event, ...], t: Array, y: State, runs: Array) -> Stop:
-    """Before the first piece."""
+    """The state of the search before the first interval."""
     values = values_of(events, t, y, runs)
     none = jnp.full(runs.shape, -1, jnp.int32)
     return Stop(none, jnp.zeros(runs.shape, values.dtype) + t, values, jnp.zeros(runs.shape, bool))
@@ -57,14 +57,14 @@ def crossed(
     y0: State,
     y1: State,
 ) -> tuple[State, Stop]:
-    """The state at the end of a piece or at the event within it, and how the runs have ended.
+    """The state at the end of an interval or at the event within it, and the event of each run.
 
     **Arguments**
 
-    - `still`: the runs that have ended before.
-    - `t`, `duration`: start and length of the piece, s; `y0`, `y1`: the states at its ends."""
+    - `still`: the runs that ended before.
+    - `t`, `duration`: start and length of the interval, s; `y0`, `y1`: the states at its ends."""
     events = setting.events
-    # The search takes a few steps of each run: what it costs is its compilation.
+    # A few steps of each run, so that the cost of the search is its compilation.
     method = setting.method.small_program()
     values = values_of(events, t + duration, y1, still)
     hits = jnp.stack(
@@ -120,7 +120,7 @@ def _share(
     before: Array,
     after: Array,
 ) -> Array:
-    """After which share of the piece the condition is zero, for the runs that `hit`."""
+    """Fraction of the interval at which the condition is zero, for the runs that `hit`."""
     held, t, duration, y0, before, after = jax.lax.stop_gradient(
         (held, t, duration, y0, before, after)
     )
@@ -138,15 +138,16 @@ def _share(
         a, ga, b, gb, _, k = c
         slope = gb - ga
         x = b - gb * (b - a) / jnp.where(slope == 0.0, 1.0, slope)
-        # By halves now and then: a false position may creep towards an end.
+        # Some steps are bisections, because a false position may converge slowly.
         x = jnp.where((slope == 0.0) | (k % 8 == 7), 0.5 * (a + b), x)
-        # A run that is done stays, while others go on.
+        # A run whose search has ended keeps its result while others go on.
         x = jnp.where(gb == 0.0, b, x)
         g = value(x)
         across = jnp.sign(g) != jnp.sign(gb)
         a, ga = jnp.where(across, b, a), jnp.where(across, gb, 0.5 * ga)
         return a, ga, x, g, jnp.abs(x - b), k + 1
 
-    zero, one = jnp.zeros_like(before), jnp.ones_like(before)
-    found = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
-    return jax.lax.stop_gradient(found[2])
+    zero = jnp.zeros_like(before)
+    one = jnp.ones_like(before)
+    result = jax.lax.while_loop(unfinished, improve, (zero, before, one, after, one, 0))
+    return jax.lax.stop_gradient(result[2])

@@ -1,4 +1,4 @@
-"""The integral of an error over samples, which waits while a command is cut by its limit."""
+"""The integral of an error over samples, with anti-windup: it waits while a command is limited."""
 
 from typing import NamedTuple
 
@@ -21,13 +21,14 @@ class Integral(NamedTuple):
 
 
 def integrating(like: Vector) -> Integral:
-    """Before the first sample; `like` has the shape of the error."""
+    """The integral before the first sample; `like` has the shape of the error."""
     zero = jnp.zeros_like(like)
     return Integral(zero, zero, jnp.full(like.shape[1:], jnp.inf, like.dtype))
 
 
 def integrated(memory: Integral, t: Scalar, error: Vector) -> Integral:
-    """After a sample at `t`, s, with this error: it counts for the time since the last sample."""
+    """The integral after a sample at `t`, s; the error counts for the time since the last
+    sample."""
     first = jnp.isinf(memory.last)
     elapsed = jnp.where(first, 0.0, t - jnp.where(first, 0.0, memory.last))
     total = memory.total + elapsed * error
@@ -35,5 +36,6 @@ def integrated(memory: Integral, t: Scalar, error: Vector) -> Integral:
 
 
 def unwound(memory: Integral, cut: Array) -> Integral:
-    """The integral as it was before, where the command was `cut`, (*runs,) or as the integral."""
+    """The integral without the last sample where the command was `cut`, (*runs,) or by
+    component."""
     return memory._replace(total=select(cut, memory.before, memory.total))

@@ -1,4 +1,4 @@
-"""A flight of a loop as one program: from what is known before it to what it leaves."""
+"""A run of a closed loop as one program."""
 
 from typing import Any, NamedTuple
 
@@ -23,23 +23,23 @@ from ..solvers import FixedSteps
 from ..solvers.protocol import small_program
 from ..solvers.tolerances import Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
-from ._samples import Left, Setting, run_samples
+from ._samples import SampledRun, Setting, run_samples
 from .commands import Actuate
 
 LARGE = 200
 """Operations of a vector field from which many runs, too, take the program that compiles sooner.
 
 A loop holds a step at three places. With a field of 650 operations that program takes 10 s of a
-processor to compile, the other one over a minute; 256 flights of a minute then take 0.4 s."""
+processor to compile, the other one over a minute; 256 runs of a minute then take 0.4 s."""
 
 
 class Known(NamedTuple):
-    """The numbers of a flight.
+    """The numbers of a run.
 
     - `parts`: of the loop: system, controller, sensors, limit and quantum.
     - `y0`, `start`: the state, and its time, s.
     - `key`: of the noise, or one of each run; `memory`: of the controller.
-    - `events`: each ends the flight; `end`: so does this time from its start, s, if it is given."""
+    - `events`: each ends the run; `end`: so does this time from its start, s, if it is given."""
 
     parts: PyTree
     y0: State
@@ -51,7 +51,7 @@ class Known(NamedTuple):
 
 
 class Static(NamedTuple):
-    """What a program is compiled for: save times, s, clocks, and how a command acts."""
+    """The static part of a program: save times, s, clocks, and how a command acts."""
 
     ts: tuple[float, ...]
     period: float
@@ -95,12 +95,12 @@ def as_events(events: Any) -> tuple[Event, ...]:
 
 @jit_wide_vectors
 def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
-    """The flight of one run, or of a batch in blocks, each run with noise from a key of its own."""
+    """One run, or a batch in blocks; each run has noise from its own key."""
     if static.run_axes == 0:
-        return _flight(known, config, static)
+        return _run(known, config, static)
     given = (known.y0, known.start, known.memory)
     batched, shared, runs = split_batch(known.parts, given, 0.0, None, 0)
-    # Before the runs are cut: what a run draws must not depend on the size of the blocks.
+    # Before the runs are cut into blocks, so that the noise of a run does not depend on their size.
     keys = None if known.key is None else jax.random.split(known.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
@@ -108,18 +108,18 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
         own, keys = own
         parts, (y0, start, memory), _ = cut_batch(own, shared)
         block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
-        return _flight(block, config, static)
+        return _run(block, config, static)
 
     return Blocks.map(blocks, piece, (batched, keys), shared)
 
 
 @jit_wide_vectors
 def alone(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
-    """The flight of one run, or of one block of runs that are cut already, with a key of each."""
-    return _flight(known, config, static)
+    """One run, or one block of runs that are cut already, with a key for each."""
+    return _run(known, config, static)
 
 
-def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+def _run(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
     system, controller, sensors, limit, quantum = known.parts
     start = known.start
     events = known.events
@@ -130,19 +130,19 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
     periods = tuple(s.period or period for s in (sensors or {}).values())
     waiting = int(np.floor(static.delay / period + SLACK))
     late = max(static.delay - waiting * period, 0.0)
-    # A delay of whole periods needs no second clock, but for a rounding of its quotient.
+    # A delay of whole periods needs no second clock; its quotient may be off by a rounding.
     late = 0.0 if late < SLACK * period else late
     clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
     breaks = breaks_of(system)
     if breaks is not None:
-        # Of a phase every run may start at another time.
+        # In a phase every run may start at another time.
         breaks = with_rank(breaks, start.ndim) - start
     nodes = nodes_of(ts, clocks, breaks)
     if end is not None:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
     method = config.solver
-    # One run is over before a larger program is compiled.
+    # A single run takes less time than the compilation of a larger program.
     if run_axes == 0 or _operations(system, start, y0) >= LARGE:
         method = small_program(method)
     assert isinstance(method, FixedSteps)
@@ -162,20 +162,20 @@ def _flight(known: Known, config: IntegrationConfig, static: Static) -> RunResul
         waiting=waiting + 1,
         run_axes=run_axes,
     )
-    left = run_samples(setting, y0, known.memory, start, nodes, known.key)
+    sampled = run_samples(setting, y0, known.memory, start, nodes, known.key)
     times = start + jnp.asarray(ts - ts[0], start.dtype).reshape(-1, *(1,) * start.ndim)
     if end is not None:
         times = jnp.minimum(times, start + end)
-        # What is left of a phase for which there are no samples was not flown.
+        # A phase longer than its samples was not run to its end.
         over = end > (ts[-1] - ts[0]) * (1.0 + SLACK)
-        left = left._replace(status=jnp.where(over, Status.MAX_STEPS, left.status))
+        sampled = sampled._replace(status=jnp.where(over, Status.MAX_STEPS, sampled.status))
     passes = len(nodes.times) - 1
     stats = {
-        "largest_local_error": left.worst,
-        "steps": jnp.full(left.status.shape, passes * method.steps),
-        "evaluations": jnp.full(left.status.shape, passes * method.traits.evaluations),
+        "largest_local_error": sampled.worst,
+        "steps": jnp.full(sampled.status.shape, passes * method.steps),
+        "evaluations": jnp.full(sampled.status.shape, passes * method.traits.evaluations),
     }
-    return _flown(left, nodes, times, stats, len(events), run_axes)
+    return _result(sampled, nodes, times, stats, len(events), run_axes)
 
 
 def _operations(system: AbstractSystem, t: Array, y: State) -> int:
@@ -183,28 +183,34 @@ def _operations(system: AbstractSystem, t: Array, y: State) -> int:
     return count_operations(jax.make_jaxpr(lambda y: system.vector_field(t, y))(y).jaxpr)
 
 
-def _flown(
-    left: Left, nodes: Nodes, times: Array, stats: dict[str, Array], events: int, run_axes: int
+def _result(
+    sampled: SampledRun,
+    nodes: Nodes,
+    times: Array,
+    stats: dict[str, Array],
+    events: int,
+    run_axes: int,
 ) -> RunResult:
-    """What is kept of a flight: rows at the save times, and NaN where it failed."""
+    """The rows of a run at the save times; NaN where it failed."""
     saved = jnp.asarray(nodes.saved)
-    # Commands and readings belong to the pass behind a node; the last node has that before it.
+    # Commands and readings belong to the pass after a node; the last node has those of the pass
+    # before.
     rows = saved.at[-1].add(-1)
     commands, readings = jax.tree.map(
         lambda x: times_behind_components(x, run_axes),
-        at_nodes((left.commands, left.readings), rows),
+        at_nodes((sampled.commands, sampled.readings), rows),
     )
-    states = times_behind_components(at_nodes(left.states, saved), run_axes)
-    status, number = left.status, left.stop.number
+    states = times_behind_components(at_nodes(sampled.states, saved), run_axes)
+    status, number = sampled.status, sampled.stop.number
     times = times.reshape(times.shape[0], *(times.shape[1:] or (1,) * run_axes))
-    # Blocks of runs are joined along the runs: each has its own times, though they agree.
+    # Blocks are joined along the runs, so that each run has the times, although they agree.
     times = jnp.broadcast_to(times, (times.shape[0], *status.shape))
     if events:
-        times = jnp.where(number >= 0, jnp.minimum(times, left.stop.t), times)
+        times = jnp.where(number >= 0, jnp.minimum(times, sampled.stop.t), times)
     kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
     result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
-    # A factor, and no selection: the derivative of a failed run must be NaN as well.
+    # As a factor, and not a selection, so that the derivative of a failed run is NaN, too.
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
-    control = {"commands": commands, "readings": readings, "memory": left.memory}
+    control = {"commands": commands, "readings": readings, "memory": sampled.memory}
     return nan_where_failed(result)._replace(control=control)

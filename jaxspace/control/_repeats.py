@@ -1,5 +1,4 @@
-"""How a loop is integrated between two samples, and once more with finer steps where they proved
-too few."""
+"""Configuration of the integration between two samples, and repetition with finer steps."""
 
 from collections.abc import Callable
 from typing import Any
@@ -25,10 +24,11 @@ REPEATS = 3
 def repeated(
     program: Callable[..., RunResult], known: Known, config: IntegrationConfig, static: Static
 ) -> tuple[RunResult, IntegrationConfig]:
-    """A flight, with finer steps where they proved too few and that can be known here."""
+    """The run, repeated with finer steps if they were too few and the numbers are known."""
     for _ in range(REPEATS + 1):
         result = program(known, config, static)
         error = _too_few(result)
+        # Traced numbers have no known error that could decide.
         if error == 0.0 or is_traced(known):
             break
         config = config.with_more_steps(error)
@@ -38,15 +38,18 @@ def repeated(
 def config_of(
     loop: Any, y0: PyTree, accuracy: Accuracy, steps: int | None = None
 ) -> IntegrationConfig:
-    """How a loop is integrated between two samples. Raises `InputError` for other methods."""
+    """Configuration of the integration between two samples. Raises `InputError` for a method that a
+    loop cannot take."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
+    # For a traced tolerance, from which no method can be chosen.
     rough = 1e-9
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
         rough = float(np.max(np.asarray(rtol)))
     method = as_fixed(accuracy.method, rough, loop.steps if steps is None else steps)
     rtol = jnp.asarray(rtol, dtype)
+    # As in a run of a system (`Accuracy`).
     atol = 1e-3 * rtol if accuracy.atol is None else jnp.asarray(accuracy.atol, dtype)
     return IntegrationConfig(rtol, atol, method, None, accuracy.max_steps, None)
 

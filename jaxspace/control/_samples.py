@@ -1,7 +1,7 @@
 """The loop over samples as one scan: read, decide, command, integrate to the next node.
 
-Every pass is the same program, whatever the length of the run, and is computed again for reverse
-mode: the scan keeps the states between the passes and nothing of what lies inside of one.
+Every pass is the same program, whatever the length of the run. Reverse mode stores the states
+between the passes alone, and computes each pass again.
 """
 
 from typing import NamedTuple
@@ -29,10 +29,10 @@ CONTROL, ARRIVAL = 0, 1
 
 
 class Setting(eqx.Module):
-    """What a loop is, for one program; arrays together with what is static.
+    """The parts of a loop for one program, arrays and static ones.
 
     - `elapsed`: the time between the readings of each sensor, s.
-    - `waiting`: how many commands are on their way when another one is given."""
+    - `waiting`: number of delayed commands at a sample."""
 
     system: AbstractSystem
     controller: AbstractController
@@ -51,13 +51,13 @@ class Setting(eqx.Module):
 
 
 class Passing(NamedTuple):
-    """What one pass hands to the next.
+    """Carry of the scan from one pass to the next.
 
-    - `drifts`, `readings`: of the sensors by name; `counts`, how often each has read.
-    - `queue`: commands on their way; `command`, the one in force, `slope` its rate, or `None`;
-      `fresh`, whether none has arrived yet.
-    - `worst`: the largest local error in units of the tolerance; `bad`, whether a command was not
-      finite; `stop`, whether and how an event has ended the run."""
+    - `drifts`, `readings`: of the sensors by name; `counts`: number of readings of each.
+    - `queue`: delayed commands; `command`: the one in force; `slope`: its rate, or `None`; `fresh`:
+      whether none has arrived yet.
+    - `worst`: the largest local error in units of the tolerance; `bad`: whether a command was not
+      finite; `stop`: the event that ended the run."""
 
     y: State
     memory: PyTree
@@ -73,8 +73,8 @@ class Passing(NamedTuple):
     stop: Stop
 
 
-class Left(NamedTuple):
-    """What a loop leaves, with the nodes first in `states`, `commands` and `readings`."""
+class SampledRun(NamedTuple):
+    """A run of a loop, with the nodes first in `states`, `commands` and `readings`."""
 
     states: State
     commands: PyTree
@@ -93,8 +93,8 @@ def run_samples(
     start: Scalar,
     nodes: Nodes,
     keys: Keys | None,
-) -> Left:
-    """Fly a loop from the state `y0` at the time `start`, s.
+) -> SampledRun:
+    """Run a loop from the state `y0` at the time `start`, s.
 
     **Arguments**
 
@@ -113,7 +113,7 @@ def run_samples(
         return _pass(setting, passing, start + since, span, ticks, nodes.always, keys)
 
     xs = (times[:-1], spans, ticks)
-    # Checkpointed: reverse mode keeps one state of each pass, and not every stage within.
+    # Checkpointed, so that reverse mode stores one state for each pass, and not every stage.
     last, rows = jax.lax.scan(jax.checkpoint(one), first, xs)
     states = jax.tree.map(lambda a, b: jnp.concatenate([a[None], b]), first.y, rows[0])
     alive = setting.tolerance.alive(last.y)
@@ -124,13 +124,13 @@ def run_samples(
     status = jnp.where(last.stop.bad, Status.CONDITION_NOT_FINITE, status)
     status = jnp.where(last.worst > 1.0, Status.TOLERANCE_MISSED, status)
     status = jnp.where(alive, status, Status.NOT_FINITE)
-    # First what explains the others: a command that is no number spoils the state behind it.
+    # Last, because it explains the others: a command that is not finite makes the state so.
     status = jnp.where(last.bad, Status.COMMAND_NOT_FINITE, status).astype(jnp.int32)
-    return Left(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
+    return SampledRun(states, rows[1], rows[2], last.memory, last.y, status, last.worst, last.stop)
 
 
 def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | None) -> Passing:
-    """Before the first pass: no reading, and a command of zeros."""
+    """The carry before the first pass: no readings, and a command of zeros."""
     runs = setting.tolerance.alive(y0)
     sensors = setting.sensors or {}
     drifts = {name: s.drift(t, y0) for name, s in sensors.items()}
@@ -149,12 +149,12 @@ def _first(setting: Setting, y0: State, memory: PyTree, t: Array, keys: Keys | N
     def decide(memory: PyTree, seen: PyTree) -> PyTree:
         return act_on(setting.controller, t, memory, seen, setting.run_axes)
 
-    # Only its shapes: the controller must not act before its first sample.
+    # Only the shapes, because the controller must not act before its first sample.
     asked, _ = jax.eval_shape(decide, memory, seen)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     idle = jax.tree.map(lambda u: jnp.zeros(u.shape, dtype), asked)
     slope = idle if setting.line else None
-    # Until the first command has passed the delay, the actuators rest.
+    # Until the first command arrives after the delay, the actuators are off.
     queue = (idle,) * setting.waiting
     worst = jnp.zeros(runs.shape, dtype)
     stop = not_stopped(setting.events, t, y0, runs)
@@ -200,15 +200,16 @@ def _pass(
     always: tuple[bool, ...],
     keys: Keys | None,
 ) -> tuple[Passing, tuple]:
-    """One pass: what happens at the node at `t`, and the motion of `span`, s, behind it."""
+    """One pass: readings and commands at the node at `t`, and the motion over `span`, s, after
+    it."""
     p = _sensed(setting, p, t, ticks, always, keys)
     p = _decided(setting, p, t, ticks[CONTROL], always[CONTROL])
     p = _arrived(setting, p, ticks[ARRIVAL], always[ARRIVAL])
-    # Held together, or the compiler puts the whole controller into every stage of the steps.
+    # Behind a barrier: otherwise the compiler repeats the whole controller in every stage.
     p = barrier(p)
     held = Held(setting.system, setting.actuate, p.command, p.slope, t, setting.limit)
     y1, error = barrier(advance(held, p.y, t, span, setting.method))
-    # A verdict, and no result: its derivative would cost more than that of the step.
+    # Without derivatives, because no result depends on it, and they would cost more than the step.
     local = setting.tolerance.error(*jax.lax.stop_gradient((p.y, y1, error)))
     still = (p.stop.number >= 0) | p.bad
     stop = p.stop
@@ -228,7 +229,9 @@ def _sensed(
     always: tuple[bool, ...],
     keys: Keys | None,
 ) -> Passing:
-    readings, drifts, counts = dict(p.readings), dict(p.drifts), dict(p.counts)
+    readings = dict(p.readings)
+    drifts = dict(p.drifts)
+    counts = dict(p.counts)
     for number, name in enumerate(setting.sensors or {}):
         tick = ticks[2 + number]
         new = _read(setting, name, number, t, p.y, p.drifts, p.counts, keys)
@@ -242,16 +245,16 @@ def _sensed(
 
 
 def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) -> Passing:
-    """After the controller has acted, where its clock ticks."""
+    """The carry after the controller has acted, where its clock ticks."""
 
     def act(p: Passing) -> Passing:
         seen = p.readings if setting.sensors else p.y
         asked, memory = act_on(setting.controller, t, p.memory, seen, setting.run_axes)
         asked = jax.tree.map(lambda u, old: u.astype(old.dtype), asked, p.command)
         finite = setting.tolerance.alive(asked)
-        # A run whose command is no number stands still, and does not spoil the sums of a batch.
+        # Where the command is not finite it is zero, so that sums over a batch stay finite.
         asked = select(finite, asked, jax.tree.map(jnp.zeros_like, asked))
-        # Before it is rounded: a quantum is no limit, and an integral has to work against it.
+        # Before rounding, because a quantum is no limit: an integral has to work against it.
         cut = clipped(asked, setting.limit)
         memory = setting.controller.settle(memory, asked, cut)
         applied = rounded(cut, setting.quantum)
@@ -261,7 +264,7 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
 
     if always:
         return act(p)
-    # One clock for all: where it does not tick, the controller costs nothing.
+    # All runs share the clock, so that the controller costs nothing where it does not tick.
     if tick.ndim == 0:
         return jax.lax.cond(tick, act, lambda p: p, p)
     acted = act(p)
@@ -270,10 +273,11 @@ def _decided(setting: Setting, p: Passing, t: Array, tick: Array, always: bool) 
 
 
 def _arrived(setting: Setting, p: Passing, tick: Array, always: bool) -> Passing:
-    """After a command has arrived at the actuators, where it does."""
+    """The carry after the arrival of a command at the actuators, where the clock of arrivals
+    ticks."""
     command, slope = p.queue[0], p.slope
     if setting.line:
-        # The first one has none before it from which to draw a line.
+        # The first command has no predecessor, and thus no slope.
         share = jnp.where(p.fresh, 0.0, 1.0 / setting.period)
         slope = jax.tree.map(lambda u, old: share.astype(u.dtype) * (u - old), command, p.command)
     if not always:

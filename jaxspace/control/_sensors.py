@@ -1,4 +1,4 @@
-"""What a controller gets to see: readings with noise, bias and drift, at a rate of their own.
+"""Sensors: readings with noise, bias and drift, at a rate of their own.
 
     z_k = round_q( x(t_k) + b + d_k + s e_k )        d_{k+1} = d_k + w sqrt(T) e'_k
     q_k = q(t_k) exp(b + s e_k)                      an attitude
@@ -36,9 +36,9 @@ Draw: TypeAlias = Callable[[int, Array], Array]
 
 
 def known_seconds(name: str, optional: bool = False) -> Callable[[Any], Any]:
-    """What makes a field of this `name` a known number, s, or, if it is `optional`, `None`.
+    """A converter of a field of this `name` to a known number, s, or, if it is `optional`, `None`.
 
-    Raises `InputError` for what is traced: how many samples there are is part of a program."""
+    It raises `InputError` for a traced number, because a program has a fixed number of samples."""
 
     def known(x: Any) -> float | None:
         if optional and x is None:
@@ -114,7 +114,7 @@ class Sensor(AbstractSensor):
         check_period("Sensor.period", self.period)
 
     def truth(self, t: Scalar, y: State) -> Array:
-        """What is read, without any error."""
+        """The true value of what is read."""
         if callable(self.reads):
             return self.reads(t, y)
         part = getattr(y, self.reads, None)
@@ -133,14 +133,16 @@ class Sensor(AbstractSensor):
         draw: Draw,
     ) -> tuple[PyTree, PyTree]:
         z = self.truth(t, y)
-        # Each as far as it is there: what is left out costs nothing, and draws nothing.
+        # Only errors that are given, so that absent ones cost nothing and draw nothing.
         if self.bias is not None:
             z = z + _meeting(self.bias, z)
         if self.noise is not None:
             z = z + _meeting(self.noise, z) * draw(0, z)
         if self.walk is not None:
             z = z + drift
+            # The variance of a random walk grows with the time, its deviation with the root.
             drift = drift + _meeting(self.walk, z) * elapsed**0.5 * draw(1, z)
+        # The electronics limit and round what the sensor has measured, errors included.
         return rounded(clipped(z, self.limit), self.quantum), drift
 
 
@@ -177,6 +179,7 @@ class StarTracker(AbstractSensor):
         turn = self.noise * draw(0, like)
         if self.bias is not None:
             turn = turn + with_rank(self.bias, like.ndim - 1)
+        # After the attitude: the error is about the axes of the body.
         return y.attitude.then(Quaternion.from_rotation_vector(turn)), drift
 
 
@@ -187,20 +190,22 @@ def check_period(name: str, period: float | None) -> None:
 
 
 def _meeting(error: Array, like: Array) -> Array:
-    """An error of each component, or one of all, with the rank of what is read."""
+    """An error of each component, or one for all, with the rank of the reading."""
     return with_rank(error, like.ndim - 1) if error.ndim else error
 
 
 def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: str) -> Draw:
-    """What draws for the reading `count` of the sensor `number`; each run from its own key.
+    """The function that draws for the reading `count` of the sensor `number`, with one key for each
+    run.
 
-    Raises `InputError`, when it is asked, where there is no key."""
+    It raises `InputError` if there is no key."""
 
     def draw(purpose: int, like: Array) -> Array:
         if keys is None:
             raise InputError(f"The sensor {name} is noisy: give key=jax.random.key(...).")
 
         def one(key: Keys) -> Array:
+            # Two streams for each sensor, noise and drift, and a number for each reading.
             for fold in (2 * number + purpose, count):
                 key = jax.random.fold_in(key, fold)
             components = like.shape[: like.ndim - run_axes]

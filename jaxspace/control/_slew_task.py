@@ -54,8 +54,8 @@ class SlewTask(AbstractEnvironment):
 
     @property
     def _wheels(self) -> ReactionWheels:
-        found = [e for e in self.scene.effects if isinstance(e, ReactionWheels)]
-        return found[0]
+        result = [e for e in self.scene.effects if isinstance(e, ReactionWheels)]
+        return result[0]
 
     @property
     def action_space(self) -> Box:
@@ -67,7 +67,7 @@ class SlewTask(AbstractEnvironment):
 
     def start(self, key: PRNGKeyArray, runs: tuple[int, ...]) -> BodyState:
         turn, spin = jax.random.split(key)
-        # Four normal numbers point everywhere on the sphere of quaternions alike.
+        # Four normal numbers are uniform over the directions of the sphere of quaternions.
         attitude = Quaternion(jax.random.normal(turn, (4, *runs))).normalised()
         omega = 0.2 * self.rate_scale * jax.random.normal(spin, (3, *runs))
         return self.scene.start(BodyState(attitude=attitude, omega=omega))
@@ -91,7 +91,7 @@ class SlewTask(AbstractEnvironment):
     ) -> tuple[Scalar, Bool[Array, "*runs"], dict[str, Array]]:
         del before
         rate = dot(after.omega, after.omega)
-        # 1 - q_0^2 is sin^2(phi / 2): its fourfold is phi^2 of a small angle, smooth of a large.
+        # 4 (1 - q_0^2) = 4 sin^2(phi / 2) is phi^2 for small angles, and smooth for all.
         angle = 4.0 * (1.0 - after.attitude.normalised().wxyz[0] ** 2)
         cost = angle + rate / self.rate_scale**2 + self.effort * jnp.sum(action * action, axis=0)
         settled = (angle < 1e-4) & (rate < (0.02 * self.rate_scale) ** 2)

@@ -1,5 +1,5 @@
-"""One step of an environment: a state, a command, a duration, the state after it; and how accurate
-that is, and what it costs, found beforehand."""
+"""One step of an environment: from a state, a command and a duration to the next state; and a
+choice of the method by its accuracy and cost."""
 
 from collections.abc import Sequence
 from typing import NamedTuple, final
@@ -34,12 +34,12 @@ def step(
     **Arguments**
 
     - `system`: a scene or a system; `y`: one state, or many with the runs last.
-    - `control`: what `actuate` hands to the system; `None` leaves the system as it is.
+    - `control`: the command that `actuate` passes to the system; `None` leaves it as it is.
     - `dt`: s, and `t`, the time of `y`, s: scalars or (*runs,).
-    - `method`: how many steps of which solver; `plan_step` finds them.
+    - `method`: fixed steps of a solver, such as those from `plan_step`.
 
-    **Returns** the state. A fixed formula without a branch or an error test: for `jit`, `vmap`,
-    `grad` and `scan` alike. A break of the system within the step is passed over."""
+    **Returns** the state, by a fixed formula without branches or error control, for `jit`, `vmap`,
+    `grad` and `scan`. A break of the system within the step is ignored."""
     held = system if control is None else actuate(system, control)
     return advance(held, y, t, dt, method)[0]
 
@@ -49,7 +49,7 @@ class StepPlan(NamedTuple):
     """The cheapest fixed steps for a period.
 
     - `method`: for `step` and `ClosedLoop`; `error`, of one step, over the size of the state.
-    - `table`: everything that was measured."""
+    - `table`: all measurements."""
 
     method: FixedSteps
     error: float
@@ -69,23 +69,25 @@ def plan_step(
     actuate: Actuate = with_command,
 ) -> StepPlan:
     """The fixed steps that reach a relative `error` over one period in the least time, as measured
-    by `accuracy_cost` from a state that is as hard as any.
+    by `accuracy_cost` from a state that should be as difficult as any.
 
     **Arguments**
 
     - `system`, `y`, `control`, `dt`, `t`, `actuate`: as in `step`, of one run.
     - `error`: allowed after the period, over the size of the state.
-    - `solvers`, `counts`: what is tried.
+    - `solvers`, `counts`: the candidates, solvers and numbers of steps.
 
-    **Returns** a `StepPlan`. **Raises** `InputError` where nothing that was tried is as good."""
+    **Returns** a `StepPlan`. **Raises** `InputError` if no candidate reaches the error."""
     check_positive("error", error)
     held = system if control is None else actuate(system, control)
     methods = [FixedSteps(solver, count) for solver in solvers for count in counts]
     ts = jnp.stack([jnp.asarray(t, float), jnp.asarray(t + dt, float)])
+    # A reference far more accurate than any candidate of a few steps.
     table = accuracy_cost(
         held, y, ts, tolerances=(1e-12,), methods=methods, precisions=("float64",)
     )
     row = table.cheapest_row(error, "float64")
     method = table.methods[row.method]
     assert isinstance(method, FixedSteps)
+    # An error below that of the reference is not known.
     return StepPlan(method, max(row.error, table.reference_error), table)

@@ -1,4 +1,4 @@
-"""Laws that turn and spin a body, from its attitude, its angular velocity and its wheels.
+"""Control laws of attitude and spin, from the attitude, the angular velocity and the wheels.
 
     M = -k_p sign(q_0) 2 q - k_d omega - k_i int(2 q dt)     quaternion feedback
     M = -k h                                                 momentum dumping
@@ -49,10 +49,10 @@ def error_vector(attitude: Quaternion, target: Array) -> Vector:
 
     - `attitude`: of the body; `target`: a quaternion, scalar first, of any length, (4, *runs).
 
-    **Returns** (3, *runs), of the short way round."""
+    **Returns** (3, *runs), for the shorter of both turns."""
     wanted = Quaternion(with_rank(target, attitude.wxyz.ndim - 1)).normalised()
     error = wanted.inverse().then(attitude).wxyz
-    # The nearer of the two quaternions of one attitude.
+    # Of the two quaternions of an attitude the one nearer to the target.
     return 2.0 * jnp.where(error[0] < 0.0, -1.0, 1.0) * error[1:]
 
 
@@ -100,7 +100,7 @@ class QuaternionFeedback(AbstractController):
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
         if memory is None:
             return None
-        # If wheels share a torque, one saturated wheel spoils all of its components.
+        # If wheels share a torque, one saturated wheel changes all of its components.
         return unwound(memory, jnp.any(asked != applied, axis=0))
 
 
@@ -132,7 +132,7 @@ class MomentumDumping(AbstractController):
 
 @final
 class SpinRateControl(AbstractController):
-    """Brings a body to a rate about an axis, and leaves what turns across it."""
+    """Brings a body to a rate about an axis, without a torque across it."""
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     rate: NumberField = quantity("rad/s", doc="n, wanted about the axis")
@@ -149,7 +149,7 @@ class SpinRateControl(AbstractController):
 
 @final
 class NutationControl(AbstractController):
-    """Takes the rate across an axis away, and leaves the spin about it."""
+    """Damps the rate across an axis, without a torque about it."""
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(

@@ -1,4 +1,4 @@
-"""How a command reaches a system: by the fields `command` of its parts, or by a function."""
+"""Systems under a command: by the fields `command` of their parts, or by a function."""
 
 __all__ = ["with_command"]
 
@@ -36,26 +36,27 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
 
     **Returns** the system with that command. **Raises** `InputError` where the system has no such
     part, or another number of them than there are commands."""
-    found = len(_commands(system))
-    given = list(command) if found > 1 and isinstance(command, tuple | list) else [command]
-    if found == 0:
+    # Counted, so that a command of one part may itself be a tuple.
+    result = len(_commands(system))
+    given = list(command) if result > 1 and isinstance(command, tuple | list) else [command]
+    if result == 0:
         raise InputError(
             f"{type(system).__name__} has no part with a command: give it an effect such as "
             f"CommandedTorque, or say by actuate=... how a command reaches it."
         )
-    if found != len(given):
+    if result != len(given):
         raise InputError(
-            f"The controller gave {len(given)} command, and {found} parts of the system take one: "
-            f"it must be a tuple of {found}."
+            f"The controller gave {len(given)} command, and {result} parts of the system take one: "
+            f"it must be a tuple of {result}."
         )
     return eqx.tree_at(_commands, system, given)
 
 
 @final
 class Held(AbstractSystem):
-    """A system between two samples: under a command that is constant, or a line in time.
+    """A system between two samples, under a command that is constant or linear in time.
 
-    `limit` bounds what the line extrapolates."""
+    `limit` bounds the linear command."""
 
     system: AbstractSystem
     actuate: Actuate = eqx.field(static=True)
@@ -70,6 +71,7 @@ class Held(AbstractSystem):
             return self.actuate(self.system, self.command)
         passed = t - self.since
         line = jax.tree.map(lambda u, s: u + s * passed, self.command, self.slope)
+        # The line may leave the limits between two samples.
         return self.actuate(self.system, clipped(line, self.limit))
 
     def vector_field(self, t: Scalar, y: State) -> State:
@@ -78,6 +80,7 @@ class Held(AbstractSystem):
     def breaks(self) -> Array | None:
         return self.system.breaks()
 
+    # A command does work: what the system conserves alone need not stay.
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
         del t, y
         return {}
@@ -91,8 +94,10 @@ def clipped(command: PyTree, limit: Any) -> PyTree:
 
 
 def rounded(command: PyTree, quantum: Any) -> PyTree:
-    """The command in whole quanta; `None` leaves it. Its derivative is that of the command, because
-    that of a stair is zero wherever there is one."""
+    """The command rounded to whole quanta; `None` leaves it.
+
+    Its derivative is that of the command, because the derivative of the rounding is zero or does
+    not exist."""
     if quantum is None:
         return command
 

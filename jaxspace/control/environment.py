@@ -1,13 +1,12 @@
-"""Environments in the pure-functional style in which JAX learns: a state goes in, a state comes
-out, and nothing is kept elsewhere.
+"""Environments for reinforcement learning as pure functions: the state is an argument and a result.
 
     observation, state = environment.reset(key)
     observation, state, reward, done, info = environment.step(key, state, action)
 
 An episode that ends starts again in the same call: `state` and `observation` are then those of the
-new one, and `info` holds the last observation of the old one. Runs trail everywhere: `reset(key,
-(1024,))` starts a thousand episodes, and `step` takes them as they are, faster than mapped by
-`jax.vmap`, which works as well.
+new one, and `info` holds the last observation of the old one. Runs are on the last axes:
+`reset(key, (1024,))` starts a thousand episodes, and `step` takes them together, faster than mapped
+by `jax.vmap`, which works as well.
 """
 
 __all__ = ["Box", "Episode"]
@@ -33,7 +32,7 @@ class Box(NamedTuple):
     shape: tuple[int, ...]
 
     def sample(self, key: PRNGKeyArray, runs: tuple[int, ...] = ()) -> Array:
-        """A vector of the space, every one as likely; unbounded spaces have none."""
+        """A vector of the space, uniformly distributed; only for bounded spaces."""
         return jax.random.uniform(key, (*self.shape, *runs), minval=self.low, maxval=self.high)
 
     def contains(self, x: Array) -> Bool[Array, "*runs"]:
@@ -44,7 +43,7 @@ class Box(NamedTuple):
 
 @final
 class Episode(eqx.Module):
-    """Where an episode is: the state of the system, and the time since it began, s."""
+    """State of an episode: that of the system, and the time since the start of the episode, s."""
 
     y: State
     time: Float[Array, "*runs"]
@@ -67,7 +66,7 @@ class AbstractEnvironment(AbstractParameters):
 
     @abstractmethod
     def start(self, key: PRNGKeyArray, runs: tuple[int, ...]) -> State:
-        """A state from which an episode starts, of so many runs."""
+        """A state from which an episode starts, for these `runs`."""
 
     @abstractmethod
     def advance(self, y: State, action: Array, time: Scalar) -> tuple[State, Scalar]:
@@ -81,13 +80,13 @@ class AbstractEnvironment(AbstractParameters):
     def judge(
         self, before: State, action: Array, after: State
     ) -> tuple[Scalar, Bool[Array, "*runs"], dict[str, Array]]:
-        """The reward of a step, whether the episode ends by what happened, and what else to tell,
-        such as whether it ended well."""
+        """The reward of a step, whether the episode is terminated by the state, and further
+        information, such as whether it succeeded."""
 
     def reset(
         self, key: PRNGKeyArray, runs: tuple[int, ...] = ()
     ) -> tuple[Float[Array, "observations *#runs"], Episode]:
-        """The first observation, and the state of a new episode, or of as many as `runs` says."""
+        """The first observation, and the state of a new episode, or of several for these `runs`."""
         y = self.start(key, runs)
         dtype = jnp.result_type(*jax.tree.leaves(y))
         time = jnp.zeros(runs, dtype)
@@ -111,19 +110,20 @@ class AbstractEnvironment(AbstractParameters):
         y, span = self.advance(state.y, action, state.time)
         time = state.time + span
         reward, ended, measures = self.judge(state.y, action, y)
-        # What left the numbers ends its own episode, and is no reward.
+        # A state that is not finite terminates its episode, without a reward.
         finite = _finite(y, time.shape)
         reward = jnp.where(finite, reward, jnp.zeros_like(reward))
         ended = ended | ~finite
-        # Half a period early, because times add up with roundings.
+        # Half a period early, because the time is a sum with roundings.
         up = time >= self.horizon - 0.5 * span
         done = ended | up
         last = self.observe(y, time)
 
         def again(_: None) -> tuple[State, Array, Array]:
-            # In the precision of the episode, whatever that of the process.
+            # In the precision of the episode, whatever the default is.
             fresh = jax.tree.map(lambda a, x: a.astype(x.dtype), self.start(key, time.shape), y)
-            new, begun = select(done, fresh, y), jnp.where(done, 0.0, time)
+            new = select(done, fresh, y)
+            begun = jnp.where(done, 0.0, time)
             return new, begun, self.observe(new, begun)
 
         # Drawn only where an episode has ended: random numbers cost more than a step.
@@ -135,6 +135,6 @@ class AbstractEnvironment(AbstractParameters):
 def _finite(y: State, runs: tuple[int, ...]) -> Bool[Array, "*runs"]:
     flags = jnp.ones(runs, bool)
     for x in jax.tree.leaves(y):
-        # A sum of zeros is finite where every number is, and takes many runs at once.
+        # The sum of all numbers times zero is finite if all are, and treats many runs at once.
         flags = flags & (jnp.sum(0.0 * x, axis=tuple(range(x.ndim - len(runs)))) == 0.0)
     return flags

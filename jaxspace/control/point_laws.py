@@ -1,4 +1,4 @@
-"""Laws that move a point, and linear ones of any state.
+"""Control laws of a point, and linear ones of any state.
 
     u = k_p (r - x) - k_d v + k_i int((r - x) dt)            PID, and PD without k_i
     a = 6 (r - x - v t_g - g t_g^2/2) / t_g^2                least effort (ZEM, ZEV)
@@ -157,7 +157,7 @@ class LinearController(AbstractController):
 
 def _vector(measured: PyTree) -> Array:
     """Readings, or the numbers of a state, one after the other, (inputs, *runs)."""
-    # A dictionary's own order, which is that of the sensors: trees sort their keys.
+    # In the order of the dictionary, which is that of the sensors, because trees sort their keys.
     parts: Sequence[Any] = (
         [measured[name] for name in measured] if isinstance(measured, Mapping) else [measured]
     )

@@ -106,7 +106,8 @@ class LandingTask(AbstractEnvironment):
     ) -> tuple[Scalar, Bool[Array, "*runs"], dict[str, Array]]:
         del action
         down = after.position[2] <= 0.0
-        # At the ground and not below it: half a step later the body would be metres deep.
+        # Interpolated to the ground, because at the end of the step the body may be metres below
+        # it.
         fall = before.position[2] - after.position[2]
         share = jnp.where(down, before.position[2] / jnp.where(down, fall, 1.0), 1.0)
         velocity = before.velocity + share * (after.velocity - before.velocity)

@@ -1,4 +1,5 @@
-"""Laws that move the surfaces and engines of vehicles: to an apogee, about the axes, to the ground.
+"""Control laws of the surfaces and engines of vehicles: to an apogee, about the axes, to the
+ground.
 
     h_a = z + ln(1 + b v^2/g)/(2 b),      s = k (h_a - h) + s_0                 air brake
     d   = -q (k e + c (omega - n) + i int(e dt)),   q = min(1, (v_r/|v|)^2)     fins
@@ -70,8 +71,10 @@ class ApogeeControl(AbstractController):
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Scalar, None]:
         z, climb = measurement(measured, "position")[2], measurement(measured, "velocity")[2]
+        # By the predicted apogee: the height itself would tell of an overshoot too late.
         excess = drag_apogee(z, climb, self.drag, self.gravity) - self.target
         share = self.gain * excess + self.share
+        # Shut under thrust, where the prediction does not hold.
         return jnp.where(t < self.opening, 0.0, jnp.clip(share, 0.0, 1.0)), memory
 
 
@@ -109,13 +112,16 @@ class FinControl(AbstractController):
         rank = omega.ndim - 1
         gain, damping, rate = (with_rank(x, rank) for x in (self.gain, self.damping, self.rate))
         error = error_vector(attitude, self.target)
+        # In body axes, in which fins act about one axis each.
         angles = -gain * error - damping * (omega - rate)
         if memory is not None and self.integral is not None:
             memory = integrated(memory, t, error)
             angles = angles - with_rank(self.integral, rank) * memory.total
         if self.full_speed is None:
             return angles, memory
-        v, full = measurement(measured, "velocity"), self.full_speed
+        v = measurement(measured, "velocity")
+        full = self.full_speed
+        # The moment of a fin grows with the square of the speed: the gain falls with it.
         return full * full / jnp.maximum(dot(v, v), full * full) * angles, memory
 
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
@@ -162,13 +168,16 @@ class LandingControl(AbstractController):
             with_rank(a, rank)
             for a in (self.target, self.velocity, self.acceleration, self.gravity)
         )
+        # The gains grow without bound as the time to go ends.
         left = jnp.maximum(self.arrival - t, self.least_time)
         a = 12.0 / (left * left) * (r - x) - 6.0 / left * (vf + v) + af
-        wanted, up = mass * (a - g), -unit(g) + 0.0 * x
+        wanted = mass * (a - g)
+        up = -unit(g) + 0.0 * x
         upwards = dot(wanted, up)
         aside = wanted - upwards * up
+        # A vehicle that is too high would turn over to push itself down.
         upwards = jnp.maximum(upwards, self.least_thrust)
-        # Positive, so that the quotient has no hole where the thrust is upright.
+        # Positive, so that the quotient is defined where the thrust is upright.
         most = upwards * jnp.tan(self.tilt_limit)
         size = norm(aside)
         return upwards * up + most / jnp.maximum(size, most) * aside
@@ -178,6 +187,7 @@ class LandingControl(AbstractController):
         attitude, omega = measurement(measured, "attitude"), measurement(measured, "omega")
         thrust = attitude.rotate_back(self.thrust(t, x, v, measurement(measured, "mass")))
         d = unit(thrust)
+        # The error is the direction of the thrust in body axes, across the nozzle.
         about_x = -self.gain * d[1] - self.damping * omega[0]
         about_y = self.gain * d[0] - self.damping * omega[1]
         return jnp.stack([thrust[2] / self.full_thrust, about_x, about_y]), memory

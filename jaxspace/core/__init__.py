@@ -1,4 +1,4 @@
-"""What every room stands on: the interface of a system, vector algebra, functions without NaN,
+"""Base of all packages: the interface of a system, vector algebra, functions without NaN,
 declared quantities, checks of input. Imports jax and equinox only."""
 
 from typing import TYPE_CHECKING

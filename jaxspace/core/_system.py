@@ -112,7 +112,7 @@ class AbstractSecondOrderForm(AbstractRegularised):
 
     @abstractmethod
     def held(self, z: Array) -> Array:
-        """What `rates` and `known_time` take as constant along a step from `z`."""
+        """The constants of `rates` and `known_time` along a step from `z`."""
 
     @abstractmethod
     def rates(self, q: Array, held: Array) -> tuple[Array, Scalar]:
@@ -167,7 +167,7 @@ class AbstractSystem(AbstractParameters):
 
     @abstractmethod
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
-        """What the exact motion conserves, by name; `{}` when nothing is conserved."""
+        """The invariants of the exact motion, by name; `{}` when nothing is conserved."""
 
     def closed_form(self) -> AbstractClosedForm | None:
         """The exact motion, or `None`."""
@@ -192,8 +192,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """What makes the vector field jump by the state, which no time of `breaks` shows: the part
-        of the state, by the name of the parameter.
+        """The parts of the state by which the vector field jumps, at no time of `breaks`, by the
+        name of the parameter.
 
         Derivatives of a run over such a jump need an event there; without one `simulate` warns."""
         return {}
@@ -217,8 +217,8 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def warning(self, ts: Array, states: State, undisturbed: bool) -> str:
-        """A sentence about what a finished run shows and its author hardly means, such as a path
-        through the ground; empty, the default, where there is nothing to say.
+        """A sentence about a finished run that is probably a mistake, such as a path through the
+        ground; empty, the default, where there is nothing to say.
 
         Asked after a run outside of `jit`, of known numbers.
 

@@ -69,8 +69,8 @@ def _transpose(
     everywhere: bool,
 ) -> list[Array | ad.Zero | None]:
     # What is no `UndefinedPrimal` is a constant beside the tangents, and has no cotangent.
-    found = _of_the_others(cotangents, everywhere)
-    pairs = zip(found, args, strict=True)
+    result = _of_the_others(cotangents, everywhere)
+    pairs = zip(result, args, strict=True)
     return [c if isinstance(x, ad.UndefinedPrimal) else None for c, x in pairs]
 
 

@@ -58,20 +58,35 @@ def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
 
 
 def check_positive(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is not finite and above zero everywhere."""
+    """Raise `InputError` if the known `value` is not finite and above zero everywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a > 0.0), field, value, "positive and finite")
 
 
 def check_non_negative(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is negative or not finite anywhere."""
+    """Raise `InputError` if the known `value` is negative or not finite anywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         a = np.asarray(value)
         check(np.isfinite(a) & (a >= 0.0), field, value, "zero or positive, and finite")
 
 
 def check_finite(field: str, value: object) -> None:
-    """Raise `InputError` if the known `value` is NaN or infinite anywhere."""
+    """Raise `InputError` if the known `value` is NaN or infinite anywhere.
+
+    **Arguments**
+
+    - `field`: its name in the sentence.
+    - `value`: a number or an array; a traced one passes."""
     if is_concrete(value):
         check(np.isfinite(np.asarray(value)), field, value, "finite")

@@ -46,22 +46,23 @@ Argument: TypeAlias = Quantity | Choice | FileName
 
 
 class Constructor(NamedTuple):
-    """What a named constructor declares: its `arguments`, and the fields that it `sets` itself."""
+    """Declaration of a named constructor: its `arguments`, and the fields that it `sets` itself."""
 
     arguments: Mapping[str, Argument]
     sets: frozenset[str]
 
 
 class Output(NamedTuple):
-    """What an output declares: its `unit`, and the `shared` entries of a scene file by argument."""
+    """Declaration of an output: its `unit`, and the `shared` entries of a scene file by
+    argument."""
 
     unit: str
     shared: Mapping[str, str]
 
 
 class EventCondition(NamedTuple):
-    """What an event declares: the `unit` and the `direction` of its condition, and the parts of the
-    state that it `needs`."""
+    """Declaration of an event: the `unit` and the `direction` of its condition, and the parts of
+    the state that it `needs`."""
 
     unit: str
     direction: int
@@ -69,7 +70,7 @@ class EventCondition(NamedTuple):
 
 
 class Initial(NamedTuple):
-    """What a maker of initial states declares: its `key` in a scene file, the parts of the state
+    """Declaration of a maker of initial states: its `key` in a scene file, the parts of the state
     that it `gives`, and its `arguments`."""
 
     key: str
@@ -194,7 +195,12 @@ def known_time(method: Function) -> Function:
 
 
 def reference(attribute: str, *, doc: str) -> Any:
-    """A field that a scene file fills with an attribute of another effect, such as a mass rate."""
+    """A field that a scene file fills with an attribute of another effect, such as a mass rate.
+
+    **Arguments**
+
+    - `attribute`: name of the attribute.
+    - `doc`: meaning, as a phrase that follows the name of the field."""
     return eqx.field(metadata={_REFERENCE: attribute, "doc": doc})
 
 

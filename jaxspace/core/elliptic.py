@@ -64,10 +64,14 @@ def complete_first(total: Scalar, product: Scalar) -> Scalar:
 
 
 def complete_third(total: Scalar, product: Scalar, p: Scalar) -> Scalar:
-    """R_J(0, y, z, p), with `total` and `product` as in `complete_first` and p > 0, U^2.
+    """R_J(0, y, z, p).
 
-    **Returns** R_J, 1/U^3; every step of Bulirsch's algorithm adds what is positive.
-    """
+    **Arguments**
+
+    - `total`, `product`: as in `complete_first`.
+    - `p`: above zero, U^2.
+
+    **Returns** R_J, 1/U^3; every step of Bulirsch's algorithm adds what is positive."""
     root = jnp.sqrt(p)
     c = 2.0 * jnp.sqrt(product)
     carry = (1.0 / p, 2.0 / root, product / root + root, total, c, c * total)

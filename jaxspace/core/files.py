@@ -22,13 +22,13 @@ def read_text(path: str | os.PathLike[str]) -> str:
     if known is not None:
         return known
     path = Path(path)
-    found = path.stat()
+    result = path.stat()
     # What is a folder says so itself when it is opened.
-    if not stat.S_ISREG(found.st_mode) and not stat.S_ISDIR(found.st_mode):
+    if not stat.S_ISREG(result.st_mode) and not stat.S_ISDIR(result.st_mode):
         raise InputError(f"{path} cannot be read: it is no regular file.")
-    if found.st_size > LARGEST:
+    if result.st_size > LARGEST:
         raise InputError(
-            f"{path} cannot be read: it has {found.st_size / 1e6:.0f} MB, and at most "
+            f"{path} cannot be read: it has {result.st_size / 1e6:.0f} MB, and at most "
             f"{LARGEST / 1e6:.0f} MB are read."
         )
     return path.read_bytes().decode("utf-8-sig", errors="replace")

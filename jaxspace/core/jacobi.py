@@ -80,10 +80,8 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     short = top * t * t < 1e-3
     still = top == 0.0
     top = jnp.where(still, 1.0, top)
-    n, complement = (
-        jnp.sqrt(top),
-        jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top),
-    )
+    n = jnp.sqrt(top)
+    complement = jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top)
     # Beyond k^2 = 1/2 the nome of k' is the smaller one, and its series the shorter.
     hyperbolic = complement < 0.5
     q = _nome(
@@ -207,19 +205,23 @@ def _hyperbolic(v: Scalar, q: Scalar, most: float) -> tuple[Scalar, Scalar, Scal
     # The square of sqrt(q) e^|v|: q and e^(2|v|) alone have derivatives out of range.
     regular = q > math.exp(-2.0 * most)
     root = jnp.where(regular, jnp.sqrt(jnp.where(regular, q, 1.0)), 0.0)
-    e, rising = falling * falling, (root * jnp.exp(size)) ** 2
+    e = falling * falling
+    rising = (root * jnp.exp(size)) ** 2
     f = q * e
 
     def sums(i: int) -> tuple[Scalar, Scalar]:
         return rising**i + f**i, rising**i + (f**i) * e
 
-    (a1, b1), (a2, b2), (a3, b3) = sums(1), sums(2), sums(3)
+    (a1, b1) = sums(1)
+    (a2, b2) = sums(2)
+    (a3, b3) = sums(3)
     # `expm1`, because the sine vanishes with its argument and must keep its digits there.
     sine = -jnp.expm1(-2.0 * size) - q * (
         (b1 - 2.0 * f * e) - q**3 * (b2 - 2.0 * f**2 * e) + q**8 * (b3 - 2.0 * f**3 * e)
     )
     below = 1.0 + e + q * (b1 + q**3 * (b2 + q**5 * b3))
-    odd, even = a1 + q**6 * a3, q**2 * a2
+    odd = a1 + q**6 * a3
+    even = q**2 * a2
     factor = 2.0 * t2 * falling / below
     return (
         sign * t3 / t4 * sine / below,

@@ -1,4 +1,4 @@
-"""Which arrays of a module carry runs: what the annotations of its fields declare.
+"""Arrays of a module that carry runs, by the annotations of its fields.
 
 A field annotated `Float[Array, "3 *#runs"]` holds three components and then the runs; one annotated
 `Scalar` holds the runs alone. An array with more axes than its components carries runs on its last
@@ -18,7 +18,8 @@ from jaxtyping import Array, PyTree
 
 
 def component_axes(annotation: Any) -> int | None:
-    """How many axes of components an annotation declares before the runs; `None` if it names none.
+    """Number of axes of components that an annotation declares before the runs; `None` if it names
+    none.
 
     Of a union, the first member that names runs counts."""
     for member in typing.get_args(annotation) or (annotation,):
@@ -63,17 +64,17 @@ def _is_array(leaf: object) -> bool:
 
 
 def component_axes_of(tree: PyTree) -> PyTree[int]:
-    """How many axes of components each array of the tree declares before its runs.
+    """Number of axes of components that each array of the tree declares before its runs.
 
     -1 for an array whose field declares nothing, and for leaves that are no arrays."""
     leaves, structure = jax.tree.flatten(tree)
     arrays = tuple(_is_array(leaf) for leaf in leaves)
     try:
-        found = _component_axes(structure, arrays)
+        result = _component_axes(structure, arrays)
     except TypeError:
         # A static field that cannot be hashed: nothing can be kept from one call to the next.
-        found = _component_axes.__wrapped__(structure, arrays)
-    return jax.tree.unflatten(structure, found)
+        result = _component_axes.__wrapped__(structure, arrays)
+    return jax.tree.unflatten(structure, result)
 
 
 @functools.lru_cache(maxsize=256)
@@ -83,15 +84,15 @@ def _component_axes(
     """Once for each make of a tree: to read annotations takes longer than a short run."""
     tree = jax.tree.unflatten(structure, arrays)
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
-    found = []
+    result = []
     for path, is_array in zip(paths, arrays, strict=True):
         declared = _declared_axes(tree, path) if is_array else None
-        found.append(-1 if declared is None else declared)
-    return tuple(found)
+        result.append(-1 if declared is None else declared)
+    return tuple(result)
 
 
 def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]:
-    """How many trailing axes of runs each array of the tree carries.
+    """Number of trailing axes of runs of each array of the tree.
 
     **Arguments**
 
@@ -109,7 +110,7 @@ def run_axes_of(tree: PyTree, undeclared: Callable[[Array], int]) -> PyTree[int]
 
 
 def add_batch_axis(tree: PyTree) -> PyTree:
-    """What all runs share, with an axis of length one for them behind declared components.
+    """The arrays that all runs share, with an axis of length one for them behind the components.
 
     Arrays whose fields declare nothing, such as the weights of a network, stay as they are."""
 

@@ -34,19 +34,20 @@ def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callabl
 
 
 def public_names(package: types.ModuleType) -> dict[str, object]:
-    """What a package gives its users, by name: the names of its root, then those of its modules.
+    """The public names of a package, with their objects: the names of its root, then those of its
+    modules.
 
     Names that the root of one package gives on from another are among them.
 
     **Arguments**
 
     - `package`: such as `jaxspace.orbits`."""
-    found = {name: thing for name, thing in vars(package).items() if _counts(name, thing)}
+    result = {name: thing for name, thing in vars(package).items() if _counts(name, thing)}
     for file in _files(package.__name__):
         module = import_module(f"{package.__name__}.{file}")
         # A module without the list is there for other packages of the library, and no promise.
-        found |= {name: getattr(module, name) for name in getattr(module, "__all__", ())}
-    return found
+        result |= {name: getattr(module, name) for name in getattr(module, "__all__", ())}
+    return result
 
 
 def _counts(name: str, thing: object) -> bool:
@@ -56,5 +57,5 @@ def _counts(name: str, thing: object) -> bool:
 
 def _files(package: str) -> list[str]:
     """The files of a package whose names are public."""
-    found = pkgutil.iter_modules(sys.modules[package].__path__)
-    return [file.name for file in found if not file.name.startswith("_")]
+    result = pkgutil.iter_modules(sys.modules[package].__path__)
+    return [file.name for file in result if not file.name.startswith("_")]

@@ -28,7 +28,7 @@ REQUIRED = dataclasses.MISSING
 
 
 class Quantity(NamedTuple):
-    """What a field, or an argument of a named constructor, declares.
+    """Declaration of a field, or of an argument of a named constructor.
 
     - `unit`: dimensions of SI, such as "kg m^2"; empty for a pure number.
     - `doc`: meaning, as a phrase that follows the name of the field.

@@ -41,7 +41,12 @@ def safe_sqrt(x: Scalar) -> Scalar:
 def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:
     """slope * tangent for derivative rules, where an infinite slope times zero is zero.
 
-    Linear in `tangent`, as both modes need it: infinity is applied as two finite factors."""
+    Linear in `tangent`, as both modes need it: infinity is applied as two finite factors.
+
+    **Arguments**
+
+    - `slope`: a derivative, which may be infinite.
+    - `tangent`: the factor."""
     greatest = float(jnp.finfo(slope.dtype).max)
     endless = jnp.isinf(slope)
     first = jnp.where(endless, jnp.copysign(greatest, slope), slope)
@@ -81,14 +86,22 @@ def _end_sqrt_tangent(radicand, args, tangents):
 
 
 def safe_divide(a: Scalar, b: Scalar) -> Scalar:
-    """Quotient a / b, with 0 where b = 0."""
+    """Quotient a / b, with 0 where b = 0.
+
+    **Arguments**
+
+    - `a`, `b`: numbers, (*runs,)."""
     zero = b == 0.0
     return jnp.where(zero, 0.0, a / jnp.where(zero, 1.0, b))
 
 
 def safe_atan2(y: Scalar, x: Scalar) -> Scalar:
     """Angle of the point (x, y), rad; value and derivative are zero at the origin, which has no
-    angle."""
+    angle.
+
+    **Arguments**
+
+    - `y`, `x`: coordinates in one unit, (*runs,)."""
     origin = (x == 0.0) & (y == 0.0)
     return jnp.where(origin, 0.0, atan2(y, jnp.where(origin, 1.0, x)))
 

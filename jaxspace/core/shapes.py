@@ -48,7 +48,12 @@ def with_rank(x: Array, rank: int, axes: int = 1) -> Array:
 
     The new axes stand behind the `axes` component axes: (3, runs) becomes (3, 1, runs), which meets
     (3, times, runs) and broadcasts. jax alone would put them in front of the components.
-    """
+
+    **Arguments**
+
+    - `x`: the array, components first.
+    - `rank`: number of axes behind the components.
+    - `axes`: number of the component axes."""
     missing = rank - (x.ndim - axes)
     if missing <= 0:
         # The same array, so that nothing is added to the program where the ranks agree.

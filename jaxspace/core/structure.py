@@ -31,7 +31,7 @@ def shape_of(x: Leaf) -> Leaf | jax.ShapeDtypeStruct:
 
 
 class _Array(NamedTuple):
-    """What is compared of an array: made and hashed in a tenth of the time of a
+    """Key of an array for comparisons: made and hashed in a tenth of the time of a
     `jax.ShapeDtypeStruct`."""
 
     shape: tuple[int, ...]
@@ -86,7 +86,8 @@ def _make_of(tree: PyTree) -> _Make:
     known = _MAKES.get(id(tree))
     if known is not None and known[0]() is tree:
         return known[1]
-    make, key = _Make(tree), id(tree)
+    make = _Make(tree)
+    key = id(tree)
     _MAKES[key] = weakref.ref(tree, lambda _: _MAKES.pop(key, None)), make
     return make
 

@@ -177,18 +177,18 @@ def breaks_of(system: AbstractSystem) -> Float[Array, "times *#runs"] | None:
 
 def _tables(tree: Any) -> list[AbstractTable]:
     """Every table in a tree, also those in the closures of its functions."""
-    found = []
+    result = []
     for leaf in jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, AbstractTable)):
         if isinstance(leaf, AbstractTable):
-            found.append(leaf)
+            result.append(leaf)
         # A function is a leaf, and what it closes over is no part of the tree. By its type: an
         # object of a user may answer to any name, or raise for it.
         function = leaf.__func__ if isinstance(leaf, MethodType) else leaf
         cells = function.__closure__ if isinstance(function, FunctionType) else None
         for cell in cells or ():
             try:
-                found += _tables(cell.cell_contents)
+                result += _tables(cell.cell_contents)
             # The cell of a function that refers to itself may still be empty.
             except ValueError:
                 continue
-    return found
+    return result

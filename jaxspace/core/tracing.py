@@ -34,5 +34,5 @@ def depending_on(jaxpr: Jaxpr, variables: Sequence[Var]) -> set[Var]:
 
 
 def count_operations(jaxpr: Jaxpr) -> int:
-    """How many operations a traced function has, those of the functions that it calls included."""
+    """Number of operations of a traced function, including those of the functions that it calls."""
     return len(jaxpr.eqns) + sum(map(count_operations, subjaxprs(jaxpr)))

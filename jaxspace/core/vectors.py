@@ -37,7 +37,11 @@ Tangent: TypeAlias = Array | SymbolicZero
 def dot(a: Vector, b: Vector) -> Scalar:
     """Scalar product a . b.
 
-    Raises `InputError` where the first axis does not hold three components."""
+    **Arguments**
+
+    - `a`, `b`: vectors, (3, *runs).
+
+    **Raises** `InputError` where the first axis does not hold three components."""
     check_components("dot: a", a, 3)
     check_components("dot: b", b, 3)
     a0, a1, a2 = components(a)
@@ -64,9 +68,14 @@ def _dot_rule(
 
 @functools.partial(jax.custom_jvp, nondiff_argnums=(1,))
 def inverse_norm(a: Vector, power: int = 1) -> Scalar:
-    """1 / |a|^power, for a whole `power` of one or more.
+    """1 / |a|^power.
 
-    Raises `InputError` where the first axis does not hold three components."""
+    **Arguments**
+
+    - `a`: a vector, (3, *runs).
+    - `power`: a whole number of one or more.
+
+    **Raises** `InputError` where the first axis does not hold three components."""
     check_components("inverse_norm: a", a, 3)
     # From one reciprocal root for every power, because the compiler then computes it once.
     p = 1.0 / jnp.sqrt(dot(a, a))
@@ -92,7 +101,12 @@ def _inverse_norm_rule(
 def scale(scalar: Scalar, a: Vector) -> Vector:
     """Scalar times vector.
 
-    Raises `InputError` where the first axis of `a` does not hold three components."""
+    **Arguments**
+
+    - `scalar`: a number, (*runs,).
+    - `a`: a vector, (3, *runs).
+
+    **Raises** `InputError` where the first axis of `a` does not hold three components."""
     check_components("scale: a", a, 3)
     return scalar * with_rank(a, jnp.ndim(scalar))
 
@@ -117,7 +131,11 @@ def _scale_rule(
 def cross(a: Vector, b: Vector) -> Vector:
     """Vector product a x b.
 
-    Raises `InputError` where the first axis does not hold three components."""
+    **Arguments**
+
+    - `a`, `b`: vectors, (3, *runs).
+
+    **Raises** `InputError` where the first axis does not hold three components."""
     check_components("cross: a", a, 3)
     check_components("cross: b", b, 3)
     a0, a1, a2 = components(a)
@@ -158,7 +176,12 @@ def unit(a: Vector) -> Vector:
 def matvec(m: Matrix, a: Vector) -> Vector:
     """Matrix times vector, m a; one matrix may meet many vectors.
 
-    Raises `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    **Arguments**
+
+    - `m`: a matrix, (3, 3, *runs).
+    - `a`: a vector, (3, *runs).
+
+    **Raises** `InputError` where the leading axes do not hold 3 x 3 and three components."""
     check_components("matvec: m", m, 3, axes=2)
     check_components("matvec: a", a, 3)
     m = with_rank(m, a.ndim - 1, axes=2)
@@ -168,7 +191,12 @@ def matvec(m: Matrix, a: Vector) -> Vector:
 def solve3(m: Matrix, b: Vector) -> Vector:
     """The solution x of m x = b for a regular 3 x 3 matrix, by cofactors (Cramer's rule).
 
-    Raises `InputError` where the leading axes do not hold 3 x 3 and three components."""
+    **Arguments**
+
+    - `m`: a matrix, (3, 3, *runs).
+    - `b`: a vector, (3, *runs).
+
+    **Raises** `InputError` where the leading axes do not hold 3 x 3 and three components."""
     check_components("solve3: m", m, 3, axes=2)
     check_components("solve3: b", b, 3)
     # Written out: `jnp.linalg.solve` calls a library for each matrix and fuses with nothing.

@@ -1,5 +1,4 @@
-"""Campaigns of many runs: what scatters, the engine that runs them, what they show, and where they
-are kept."""
+"""Campaigns of many runs: random inputs, engines, statistics and stores."""
 
 from typing import TYPE_CHECKING
 
@@ -11,8 +10,6 @@ from ._correlated import MultivariateNormal as MultivariateNormal
 from ._dask import DaskCluster as DaskCluster
 from ._engine import disperse as disperse
 from ._engines import MultiHost as MultiHost
-from ._flights import Flights as Flights
-from ._flights import fly as fly
 from ._footprint import Footprint as Footprint
 from ._joint import AbstractJoint as AbstractJoint
 from ._lock import StoreError as StoreError
@@ -21,6 +18,8 @@ from ._more_distributions import Lognormal as Lognormal
 from ._more_distributions import Samples as Samples
 from ._more_distributions import Triangular as Triangular
 from ._process_pool import ProcessPool as ProcessPool
+from ._run_paths import RunPaths as RunPaths
+from ._run_paths import run_paths as run_paths
 from ._sampling import AbstractDesign as AbstractDesign
 from ._sampling import LatinHypercube as LatinHypercube
 from ._sampling import Sobol as Sobol

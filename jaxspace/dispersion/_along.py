@@ -1,4 +1,4 @@
-"""Which states a campaign saves of each phase, for its outputs and for its trajectories."""
+"""The states of each phase that a campaign saves, for its outputs and for its trajectories."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -17,8 +17,8 @@ class ChosenTimes(NamedTuple):
     """Places in a phase at which its states are saved.
 
     - `fractions`: of its duration, ascending from 0 to 1, (times,).
-    - `outputs`: which of them the outputs read, even ones.
-    - `kept`: which of them were chosen."""
+    - `outputs`: numbers of those that the outputs read, evenly spaced ones.
+    - `kept`: numbers of those that were chosen."""
 
     fractions: Float[Array, " times"]
     outputs: Int[Array, " along"]
@@ -48,7 +48,7 @@ def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
 
 
 def for_outputs(result: MissionResult, kept: Kept) -> MissionResult:
-    """The states that the outputs read: even ones, from the start of each phase to its end."""
+    """The states that the outputs read: evenly spaced, from the start of each phase to its end."""
     if isinstance(kept, int):
         return result
     pairs = zip(result.phases, kept, strict=True)

@@ -1,16 +1,16 @@
-"""Plan, run, check, refine: many runs at fixed steps, each of them accounted for.
+"""Plan, run, check, refine: many runs at fixed steps, with an error estimate for each of them.
 
-Pilot runs, the nominal one among them, find with adaptive steps a plan of steps for every phase,
-and the errors of a trial call show how much finer it has to be for runs that are no pilots. All
-runs follow that plan in blocks; the embedded error estimate shows for every run whether it was fine
-enough. The runs that missed the tolerance are repeated on finer plans, and those that still miss it
-with adaptive steps, each by itself; where that fails too, their status says so.
+Pilot runs with adaptive steps, the nominal run among them, give a plan of steps for every phase.
+The errors of a trial call show how much finer this plan has to be for the other runs. All runs
+follow the plan in blocks, and the embedded error estimate shows for every run whether it was fine
+enough. Runs that missed the tolerance are repeated on finer plans, and those that still miss it
+with adaptive steps, one by one; the status reports where that fails too.
 
-One compiled program draws the inputs and one flies the missions of every call and every plan,
-whatever the number of runs, of chunks, of cores and of processes: the plans are padded to one
-length, a call is always so many runs in blocks of always the same runs, and cores share calls,
-never a call. The numbers of run i therefore depend on the campaign, the seed and i alone, to the
-last bit (on one kind of processor).
+One compiled program draws the inputs, and another runs the missions of every call and every plan,
+whatever the numbers of runs, chunks, cores and processes are. For this the plans are padded to one
+length, a call has a fixed number of runs in fixed blocks, and a call is never divided among cores.
+The numbers of run i therefore depend on the campaign, the seed and i alone, to the last bit (on one
+kind of processor).
 """
 
 import dataclasses
@@ -39,9 +39,10 @@ from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, program
 from ._run_results import PlannedCampaign, RunResults
 
-# Runs in one call: enough to pay for the call, on a core and on an accelerator.
-CALL, ACCELERATOR_CALL = 512, 2**14
-# Runs in one call where each takes adaptive steps by itself: there are few of them.
+# Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
+CALL = 512
+ACCELERATOR_CALL = 2**14
+# Runs in one call with adaptive steps, of which there are few.
 ADAPTIVE_CALL = 8
 
 
@@ -51,7 +52,8 @@ class BatchRunner:
     **Arguments**
 
     - `devices`: accelerators share the calls; of CPUs the first one is used, with all its cores.
-    - `in_flight`: how many calls are under way at a time; all of a chunk by default."""
+    - `in_flight`: number of calls that are started before their results are fetched; by default
+      all of a chunk."""
 
     def __init__(
         self,
@@ -62,7 +64,7 @@ class BatchRunner:
         self.planned = planned
         self.call = call_size(devices)
         self.blocks = Blocks.on(devices[:1], self.call)
-        # A second CPU device would compile the program once more, and add no core.
+        # A second CPU device would compile the program again, and add no core.
         self.devices = devices[:1] if devices[0].platform == "cpu" else devices
         self.in_flight = in_flight
         # A run of the trial, for names and shapes.
@@ -80,28 +82,28 @@ class BatchRunner:
     ) -> "BatchRunner":
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
-        With the exact part of the motion beside the steps, where these run out otherwise. Warns of
-        times that none of the runs of the trial reaches. **Raises** `SimulationError` when the
-        nominal run fails, and `InputError` for outputs that are no numbers of single runs."""
+        The exact part of the motion is in closed form where the steps would run out otherwise.
+        Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
+        the nominal run fails, and `InputError` for outputs that are not one number for each run."""
         expected = placeholders(expected_steps(campaign, accuracy, samples))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)
 
-        def draw(flown: np.ndarray) -> Drawn:
-            return runner._draw(first, flown)
+        def draw(used: np.ndarray) -> Drawn:
+            return runner._draw(first, used)
 
-        flown = np.ones(runner.call, bool)
-        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, flown, 0))
+        used = np.ones(runner.call, bool)
+        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
         def plans_of_pilots() -> tuple[list[np.ndarray | None], bool]:
-            draw(flown)
-            # The program of all runs takes longer to compile: it must be traced first. What its
-            # functions return wrongly is raised here, before anything flies.
+            draw(used)
+            # Traced first, because the program of all runs takes longest to compile. Errors of its
+            # functions are raised here, before any mission runs.
             lowered.result()
             pilots, coupled, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
-            # While the compiler is at work on the program of all runs.
+            # Meanwhile the program of all runs is compiled.
             check_apart(campaign, runs)
             return pilots, coupled
 
@@ -109,16 +111,16 @@ class BatchRunner:
         # Two threads, and none of them this one: where there are more threads than arenas for
         # memory, a new one often shares that of the main thread, and they wait for each other.
         with ThreadPoolExecutor(2) as pool:
-            # What the compiler does not like goes wrong again where the program is called.
+            # An error of the compiler is raised again where the program is called.
             pool.submit(runner._compile, drawn, lowered)
-            found = pool.submit(plans_of_pilots)
+            result = pool.submit(plans_of_pilots)
         try:
-            pilots, coupled = found.result()
+            pilots, coupled = result.result()
         except StepsForTurns:
             exactly = dataclasses.replace(accuracy, decoupled=True)
             return cls.plan(campaign, exactly, seed, devices, samples)
         trial = padded(pilots, [TRIAL] * len(pilots))
-        # A whole call: all further ones reuse its program.
+        # A whole call, whose program all further ones reuse.
         results, errors = runner._call(first, trial, runner.blocks)
         factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
@@ -135,7 +137,7 @@ class BatchRunner:
         """`count` runs from the number `first` on, checked and refined."""
         whole = self.call * -(-count // self.call)
         results = self._results(np.arange(first, first + whole), self.planned.plans[0])
-        # A copy, because refined runs are written into it and arrays of jax are read-only.
+        # A copy, because refined runs are written into it, and arrays of JAX are read-only.
         results = jax.tree.map(lambda x: x[..., :count].copy(), results)
         for plans in self.planned.plans[1:]:
             missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
@@ -162,7 +164,7 @@ class BatchRunner:
         return jax.tree.map(lambda x: x[..., where], results)
 
     def _adaptive(self, numbers: np.ndarray) -> RunResults:
-        """The runs of these `numbers` with adaptive steps, which they share with no other run."""
+        """The runs of these `numbers` with adaptive steps that no two runs share."""
         no_plans = (None,) * len(self.planned.plans[0])
         alone = self.blocks._replace(size=1)
         results = self._results(_filled(numbers, ADAPTIVE_CALL), no_plans, ADAPTIVE_CALL, alone)
@@ -184,7 +186,7 @@ class BatchRunner:
         def one(k: int) -> RunResults:
             return self._call(calls[k], plans, blocks, k)[0]
 
-        # A CPU computes the calls of one thread in turn, however many have been started.
+        # A CPU computes the calls of one thread one after the other, however many are started.
         with ThreadPoolExecutor(width) as pool:
             results = list(pool.map(one, range(len(calls))))
         return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
@@ -192,17 +194,17 @@ class BatchRunner:
     def _call(
         self, numbers: np.ndarray, plans: Plans, blocks: Blocks, k: int = 0
     ) -> tuple[RunResults, np.ndarray]:
-        """The results of call number `k`; of a run that raises, its own row says so."""
+        """The results of call number `k`; a run that raises has the status for it."""
 
-        def call(flown: np.ndarray) -> PyTree:
-            drawn = self._draw(numbers, flown, k)
+        def call(used: np.ndarray) -> PyTree:
+            drawn = self._draw(numbers, used, k)
             return jax.tree.map(np.asarray, self._program(*self._given(drawn, plans, blocks)))
 
         return isolate(call, numbers.size)
 
-    def _draw(self, numbers: np.ndarray, flown: np.ndarray, k: int = 0) -> Drawn:
+    def _draw(self, numbers: np.ndarray, used: np.ndarray, k: int = 0) -> Drawn:
         """The inputs of call number `k`, on its device."""
-        return draw_inputs(*self._chosen(numbers, flown, k))
+        return draw_inputs(*self._chosen(numbers, used, k))
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
@@ -225,10 +227,10 @@ class BatchRunner:
     def _program(self) -> Callable[..., Any]:
         return program(self.devices[0].platform)
 
-    def _chosen(self, numbers: np.ndarray, flown: np.ndarray, k: int) -> tuple[Any, ...]:
+    def _chosen(self, numbers: np.ndarray, used: np.ndarray, k: int) -> tuple[Any, ...]:
         """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
-        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(flown)), device)
+        given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
         return self.planned.campaign, self.key, *given
 
     def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:
@@ -249,7 +251,7 @@ def call_size(devices: Sequence[jax.Device]) -> int:
 
 
 def _filled(numbers: np.ndarray, size: int) -> np.ndarray:
-    """The numbers, filled up with the last one to a multiple of `size`."""
+    """The numbers, padded with the last one to a multiple of `size`."""
     return np.concatenate([numbers, np.full(-numbers.size % size, numbers[-1])])
 
 
@@ -258,7 +260,7 @@ def _replace(results: RunResults, runs: np.ndarray, again: RunResults) -> None:
     spent = results.evaluations[runs]
     for old, new in zip(jax.tree.leaves(results), jax.tree.leaves(again), strict=True):
         old[..., runs] = new
-    # A repeated run has cost all attempts.
+    # The cost of a repeated run is that of all attempts.
     results.evaluations[runs] += spent
 
 

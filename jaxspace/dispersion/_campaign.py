@@ -33,7 +33,7 @@ def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str
 
 
 def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> None:
-    """Raise `InputError` where nothing of the mission and its state carries the runs."""
+    """Raise `InputError` if no array of the mission and its state carries the runs."""
     runs = next(iter(samples.values())).shape
     leaves = jax.tree.leaves(built)
     # A function may close over the inputs.
@@ -65,22 +65,22 @@ class Campaign(eqx.Module):
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
-    - `limits`: what each input is, by name, with the range that its class allows; a run of which an
-      input falls outside is refused (`allowed`).
-    - `requirements`: of each output that has some, by name, the least and the greatest value that
-      is allowed, `None` for no such limit; statistics and reports count violations.
-    - `design`: where the runs lie (`LatinHypercube`, `Sobol`); at random if left out.
-    - `along`: how many states of each phase `outputs` reads, evenly from its start to its end; its
-      ends alone by default. `greatest` and `least` need more.
+    - `limits`: for inputs by name, the quantity and the range that its class allows; a run with an
+      input outside of it is refused (`allowed`).
+    - `requirements`: for outputs by name, the least and the greatest allowed value, `None` for no
+      limit; statistics and reports count violations.
+    - `design`: how the runs are distributed (`LatinHypercube`, `Sobol`); at random by default.
+    - `along`: number of states of each phase that `outputs` reads, evenly spaced from its start to
+      its end; by default the two ends. `greatest` and `least` need more.
     - `files`: texts of the files that the description names, by name, for the record.
     - `modules`: texts of the Python files (`core.run_module`) whose classes and functions the
       campaign uses, by name: workers run them, and the record has them with their hashes.
-    - `accuracy`: the relative tolerance of each step, or an `Accuracy`, where a call does not say;
-      that of a scene file is in its campaign.
+    - `accuracy`: the default of the relative tolerance of each step, or an `Accuracy`; a campaign
+      of a scene file has that of the file.
 
-    `build` and `outputs` are traced once; as modules they may hold arrays of their own. Raises
-    `InputError` for an input that is no distribution, whose name is reserved, or when there is
-    none; and for fewer than two states along a phase."""
+    `build` and `outputs` are traced once; as modules they may hold arrays. Raises `InputError` for
+    an input that is no distribution or has a reserved name, for no inputs, and for fewer than two
+    states along a phase."""
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     inputs: dict[str, AbstractDistribution]
@@ -166,13 +166,13 @@ class Campaign(eqx.Module):
         """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
-        # Traced, unlike the check of a class, so that a bad draw marks its run and raises nothing.
+        # Traced, unlike the check of a class, so that a bad draw only marks its run.
         for name, limit in self.limits:
             within = within & limit.contains(samples[name])
         return within
 
     def refusal(self, samples: Mapping[str, ArrayLike]) -> str:
-        """Why a run with these inputs, each a number, is refused; empty where it is allowed."""
+        """Why a run with these inputs, each a number, is refused; empty if it is allowed."""
         for name, limit in self.limits:
             if not np.all(limit.contains(np.asarray(samples[name]))):
                 value = float(np.asarray(samples[name]))
@@ -187,17 +187,17 @@ class Campaign(eqx.Module):
         accuracy: Accuracy | Scalar | None = None,
         num_saved: int = 200,
     ) -> Replay:
-        """Run one sample once more, in full detail.
+        """Run one sample again, in full detail.
 
         **Arguments**
 
         - `number`, `seed`: of the run and of the campaign.
         - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
           campaign.
-        - `num_saved`: how many states of each phase are kept.
+        - `num_saved`: number of states of each phase that are saved.
 
-        **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails says so in its
-        status.
+        **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails has the status
+        for it.
 
         **Raises** `InputError` for a number below zero and for a refused run whose mission cannot
         be built, and `SimulationError` where a function of the campaign that is called back raises
@@ -205,18 +205,18 @@ class Campaign(eqx.Module):
         return replay(self, number, seed, self.accuracy_for(accuracy), num_saved)
 
     def text(self) -> str:
-        """The inputs in words, one a line, and where the runs lie among them."""
+        """The inputs in words, one on each line, and the design."""
         lines = []
         for name, distribution in self.inputs.items():
             unit = f" [{self.units[name]}]" if self.units.get(name) else ""
             lines.append(f"{name}{unit}: {distribution.text()}")
-        # In the text, because a store of another design is one of another campaign.
+        # In the text, because another design makes another campaign.
         if self.design is not None:
             lines.append(f"design: {type(self.design).__name__}")
         return "\n".join(lines)
 
 
 def in_order(campaign: Campaign, names: Iterable[str]) -> list[str]:
-    """The names of outputs in the order of the campaign, which trees of JAX sort."""
+    """The names of outputs in the order of the campaign; JAX sorts the keys of a dict."""
     place = {name: number for number, name in enumerate(campaign.units)}
     return sorted(names, key=lambda name: (place.get(name, len(place)), name))

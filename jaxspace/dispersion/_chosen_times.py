@@ -1,4 +1,4 @@
-"""The times at which a campaign keeps states, each in the phase that covers it."""
+"""The times at which a campaign saves states, each in the phase that covers it."""
 
 import functools
 import warnings
@@ -11,9 +11,9 @@ import numpy as np
 
 from ..core import InputError
 from ..simulation import Event, Phase
-from ..simulation.flight import AbstractFlight
 from ..simulation.legs import legs_of
 from ..simulation.mission_runs import OwnTimes
+from ..simulation.runnable import AbstractRunnable
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
 
@@ -22,12 +22,12 @@ ROUNDING = 8.0 * np.finfo(float).eps
 
 
 def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes | None, ...]:
-    """For each phase where its states are saved so that those at `times`, s, are among them; `None`
-    for a phase without any.
+    """The places in each phase at which states are saved, so that those at `times`, s, are among
+    them; `None` for a phase without any.
 
     A time at the border of two phases belongs to the earlier one, before its jump. From the first
-    phase on that ends by an event or by a duration that scatters, every phase has the times that
-    are left, for each run has its own start and end of them.
+    phase that ends by an event or after a random duration, every phase has all remaining times,
+    because it starts and ends at other times in each run.
 
     **Raises** `InputError` for a time at which the mission does not run, and for one that may lie
     in a phase that a controller samples."""
@@ -37,11 +37,13 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     # Compiled, because each operation that builds a mission would be a program of its own.
     mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
     first = float(campaign.start)
-    found, ends, last = [], [], {}
+    result = []
+    ends = []
+    last = {}
     for leg in legs_of(mission)[0]:
         before = _Left(left, first, True) if leg.after is None else ends[leg.after]
         chosen, after = _chosen_in(leg.phase, before, campaign.along)
-        found.append(chosen)
+        result.append(chosen)
         ends.append(after)
         last[leg.line] = after
     # A branch may run at a time at which the mission itself has ended.
@@ -49,15 +51,15 @@ def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes
     known = all(end.known for end in last.values())
     start = (max if known else min)(end.start for end in last.values() if end.known == known)
     _check_left(left, first, start, [leg.phase for leg in legs_of(mission)[0]], known)
-    return tuple(found)
+    return tuple(result)
 
 
 class _Left(NamedTuple):
-    """What is left where a phase begins.
+    """The remaining times at the start of a phase.
 
-    - `times`: s, that no phase before has.
-    - `start`: of the phase, s, or of the first one before whose end differs from run to run.
-    - `known`: whether it is that of the phase."""
+    - `times`: s, that no earlier phase has.
+    - `start`: of the phase, s, or of the first earlier one whose end differs between runs.
+    - `known`: whether `start` is that of the phase."""
 
     times: np.ndarray
     start: float
@@ -67,11 +69,11 @@ class _Left(NamedTuple):
 def _chosen_in(
     phase: Phase, before: _Left, along: int
 ) -> tuple[ChosenTimes | OwnTimes | None, _Left]:
-    """Where a phase saves its states, and what it leaves to the next one."""
+    """The places in a phase at which states are saved, and the remaining times."""
     left, start, known = before
     if not left.size:
         return None, before
-    if isinstance(phase.system, AbstractFlight):
+    if isinstance(phase.system, AbstractRunnable):
         raise InputError(
             f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
             f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "
@@ -84,7 +86,8 @@ def _chosen_in(
     duration = float(phase.until)
     if not duration:
         return None, before
-    places, rounding = (left - start) / duration, ROUNDING * (1.0 + abs(start / duration))
+    places = (left - start) / duration
+    rounding = ROUNDING * (1.0 + abs(start / duration))
     here = (places >= -rounding) & (places <= 1.0 + rounding)
     chosen = _saved(np.clip(places[here], 0.0, 1.0), along) if here.any() else None
     return chosen, _Left(left[~here], start + duration, known)
@@ -93,7 +96,7 @@ def _chosen_in(
 def warn_of_unreached(
     campaign: Campaign, kept: Kept, trajectories: Mapping[str, np.ndarray]
 ) -> None:
-    """Warn of times, in phases that each run has at its own ones, at which no run is under way."""
+    """Warn of times that no run of the trial reaches, in phases whose times differ between runs."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
@@ -105,9 +108,9 @@ def warn_of_unreached(
                 reached[t] = reached.get(t, False) or own
     if not all(reached.values()):
         runs = next(iter(trajectories.values())).shape[-1]
-        found = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
+        result = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
         warnings.warn(
-            f"times has {found} s, at which none of the first {runs} runs is under way: what the "
+            f"times has {result} s, at which none of the first {runs} runs is under way: what the "
             f"store keeps for it is NaN in each of them.",
             stacklevel=4,
         )
@@ -116,16 +119,16 @@ def warn_of_unreached(
 def _check_left(
     left: np.ndarray, first: float, start: float, phases: Sequence[Phase], known: bool
 ) -> None:
-    """Raise `InputError` for times that no known phase has and that lie in no other one.
+    """Raise `InputError` for times at which no phase can run.
 
-    `start`: of the first phase whose end differs from run to run; or the end of the mission."""
+    `start`: of the first phase whose end differs between runs; or the end of the mission."""
     if known and left.size:
         raise InputError(
             f"times has {left[-1]:.9g} s: it must be a time of the mission, from {first:.9g} s to "
             f"{start:.9g} s."
         )
     durations = [p.until for p in phases if not isinstance(p.until, Event)]
-    # Backwards in time it is the other way round, and left to the runs.
+    # A mission backwards in time is not checked here.
     before = left[left < start - ROUNDING * (1.0 + abs(start))]
     if before.size and all(np.all(np.asarray(x) >= 0.0) for x in durations):
         raise InputError(
@@ -134,7 +137,8 @@ def _check_left(
 
 
 def _saved(places: np.ndarray, along: int) -> ChosenTimes:
-    places, even = np.unique(places), np.linspace(0.0, 1.0, along)
+    places = np.unique(places)
+    even = np.linspace(0.0, 1.0, along)
     fractions = np.union1d(places, even)
     outputs, kept = (jnp.asarray(np.searchsorted(fractions, x)) for x in (even, places))
     return ChosenTimes(jnp.asarray(fractions), outputs, kept)

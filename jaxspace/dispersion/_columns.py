@@ -1,4 +1,4 @@
-"""The arrays of a store: which there are for the results of a campaign, and their bytes."""
+"""The arrays of a store for the results of a campaign, and their encoding."""
 
 import struct
 from collections.abc import Mapping
@@ -27,7 +27,8 @@ class Column(NamedTuple):
     @classmethod
     def of(cls, head: Mapping[str, Any]) -> "Column":
         """The array with these metadata of Zarr."""
-        dtype, dims = np.dtype(head["data_type"]).str, tuple(head["dimension_names"])
+        dtype = np.dtype(head["data_type"]).str
+        dims = tuple(head["dimension_names"])
         return cls(dtype, dims, tuple(head["shape"][1:]), head["attributes"])
 
     @property
@@ -53,7 +54,7 @@ def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Colum
         "evaluations": {"units": ""},
     }
     for kind, values in (("input", results.inputs), ("output", results.outputs)):
-        # The place is kept, because a store sorts by name.
+        # With its position, because a store sorts by name.
         for place, name in enumerate(values):
             own[name] = {"units": units.get(name, ""), "kind": kind, "place": place}
     columns = {}
@@ -75,7 +76,7 @@ def encoded(x: np.ndarray, column: Column, chunk: int) -> bytes:
 
     x = np.ascontiguousarray(x, column.dtype)
     if len(x) < chunk:
-        # The last chunk is as long as the others in the file.
+        # The last chunk is padded to the length of the others.
         rest = np.full((chunk - len(x), *column.shape), column.fill, column.dtype)
         x = np.concatenate([x, rest])
     data = x.tobytes()

@@ -78,7 +78,8 @@ class ConeDirection(AbstractJoint):
         return length * ((1.0 - versine) * n + ratio * (z[0] * e1 + z[1] * e2))
 
     def text(self) -> str:
-        vector, angle = np.asarray(self.vector).tolist(), float(self.half_angle)
+        vector = np.asarray(self.vector).tolist()
+        angle = float(self.half_angle)
         return f"direction within {angle:.6g} rad of {vector}"
 
 

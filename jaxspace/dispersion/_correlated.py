@@ -8,7 +8,7 @@ z       independent standard normal numbers                       1
 R       correlation of the normal numbers behind the inputs       1
 m, C    mean and covariance                                       of the quantities
 
-Of normal inputs R is their own correlation; of others theirs is a little smaller.
+For normal inputs R is their correlation; that of other inputs is a little smaller.
 """
 
 from typing import final
@@ -35,7 +35,7 @@ def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
     if not np.allclose(c, c.T, rtol=1e-9, atol=1e-12 * np.max(np.abs(c))):
         raise InputError(f"{name} is not symmetric: a covariance is.")
     scale = np.sqrt(np.where(np.diag(c) > 0.0, np.diag(c), 1.0))
-    # Scaled to a correlation, so that units do not decide on what counts as zero.
+    # Scaled to a correlation, so that the limit of zero does not depend on the units.
     size, vectors = np.linalg.eigh(c / np.outer(scale, scale))
     if size[0] < -1e-9:
         raise InputError(f"{name} has the eigenvalue {size[0]:.3g}: none may be negative.")
@@ -43,7 +43,7 @@ def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
 
 
 def _shown(numbers: ArrayLike) -> str:
-    """Numbers in brackets, to the digits that a factor gives back of what its author wrote."""
+    """Numbers in brackets, rounded to the digits that survive the factorisation."""
     x = np.asarray(numbers)
     if x.ndim == 0:
         return f"{x:.12g}"

@@ -18,7 +18,7 @@ from ._work import (
     without_main,
 )
 
-# Between two looks at whether the scheduler is still there, s.
+# Interval of the checks that the scheduler is alive, s.
 PULSE = 2.0
 
 
@@ -30,8 +30,8 @@ class DaskCluster(AbstractEngine):
 
     **Arguments**
 
-    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster of this
-      machine's own is started, which listens to this machine alone.
+    - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster on this machine
+      is started, which listens to this machine alone.
     - `workers`: of the cluster that is started.
     - `retries`: how often a chunk may fail or be lost with its worker."""
 
@@ -47,11 +47,14 @@ class DaskCluster(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload, waiting = payload_of(runner.planned), list(extents)
-        started, finished = set(), queue.SimpleQueue()
+        payload = payload_of(runner.planned)
+        waiting = list(extents)
+        started = set()
+        finished = queue.SimpleQueue()
         with self._client() as client:
             while waiting or started:
-                # Asked each time, because workers come and go; at least one, to wait for the first.
+                # Queried each time, because workers come and go; at least one, to wait for the
+                # first.
                 self._workers = max(len(client.scheduler_info()["workers"]), 1)
                 # One for each worker, which gets its next chunk when the last one is committed: so
                 # whatever ends this process costs each of them one chunk.
@@ -66,7 +69,7 @@ class DaskCluster(AbstractEngine):
                     future = finished.get(timeout=PULSE)
                 except queue.Empty:
                     future = None
-                # A scheduler that is gone sends no word, or cancels whatever it knew of.
+                # A scheduler that is gone does not answer, or cancels its tasks.
                 if client.status != "running" or (future and future.cancelled()):
                     raise ConnectionError("the scheduler does not answer")
                 if future is not None:
@@ -82,7 +85,7 @@ class DaskCluster(AbstractEngine):
 
         where = "of this machine" if self.address is None else f"at {self.address}"
         with contextlib.ExitStack() as stack:
-            # What Dask says of broken connections is said once, by the error below.
+            # Dask's log of broken connections is silenced, because the error below reports them.
             stack.enter_context(_quiet("distributed"))
             try:
                 target = self.address

@@ -1,8 +1,8 @@
-"""A campaign that ends itself, when a percentile is known well enough.
+"""The end of a campaign by a rule: as soon as a percentile is known well enough.
 
-The rule is asked after 1, 2, ... 8 chunks and then at counts that grow by an eighth, of all runs up
-to there and of no others. So the end depends on the campaign, the seed and the size of the chunks
-alone: not on the engine, on the order in which chunks come, nor on a restart.
+The rule is checked after 1, 2, ... 8 chunks and then at counts that grow by an eighth, with exactly
+the runs up to there. The end thus depends on the campaign, the seed and the size of the chunks
+alone, and not on the engine, the order of the chunks, or a restart.
 """
 
 from collections.abc import Iterable
@@ -19,15 +19,16 @@ EACH, GROWTH = 8, 8
 
 def checkpoints(chunks: int) -> list[int]:
     """Numbers of finished chunks, all below `chunks`, at which the rule is checked."""
-    found, count = [], 1
+    result = []
+    count = 1
     while count < chunks:
-        found.append(count)
+        result.append(count)
         count += 1 if count < EACH else count // GROWTH
-    return found
+    return result
 
 
 def check_rule(rule: StopRule, outputs: Iterable[str]) -> None:
-    """Raise `InputError` for a rule of an output that there is not, or with impossible numbers."""
+    """Raise `InputError` for a rule on an unknown output, or with impossible numbers."""
     rule.check()
     if rule.output not in outputs:
         raise InputError(
@@ -41,8 +42,8 @@ class Ending:
 
     **Arguments**
 
-    - `rule`: when there are enough runs.
-    - `chunks`: how many there are at most."""
+    - `rule`: decides when the runs are enough.
+    - `chunks`: their largest number."""
 
     def __init__(self, rule: StopRule, chunks: int):
         self.rule = rule
@@ -55,7 +56,7 @@ class Ending:
         self.values[chunk] = results.outputs[self.rule.output]
 
     def read(self, store: Store, chunks: list[int]) -> None:
-        """Count what a store has of these chunks."""
+        """Count the runs of these chunks of a store."""
         for chunk in chunks:
             if chunk not in self.values:
                 self.values[chunk] = store.values(self.rule.output, [chunk])
@@ -64,11 +65,11 @@ class Ending:
         """Number of chunks at which the rule is met; `None` as long as it is not."""
         while self.met is None and self.waiting:
             count = self.waiting[0]
-            # In order: a later count must not answer before an earlier one is known.
+            # In order, because an earlier count must decide before a later one.
             if not all(k in self.values for k in range(count)):
                 break
             x = np.concatenate([self.values[k] for k in range(count)])
-            # Where all have failed so far there is no percentile to ask for.
+            # If all runs have failed so far, there is no percentile.
             if not np.isnan(x).all() and self.rule.met(x):
                 self.met = count
             self.waiting = self.waiting[1:]

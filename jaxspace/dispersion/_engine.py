@@ -19,9 +19,9 @@ from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign
 from ._chosen_times import choose_times
+from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
-from ._flight import in_memory, ordered, stored
 from ._record import record
 from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter
@@ -161,12 +161,13 @@ def disperse(
     started = time.perf_counter()
     accuracy = _resolved(campaign.accuracy_for(accuracy))
     kept_states = _kept_states(campaign, samples, times, store)
-    using, local = as_engine(engine), _devices(devices)
+    using = as_engine(engine)
+    local = _devices(devices)
     if isinstance(using, MultiHost) and store is None:
         raise InputError("store is missing: several hosts meet in it.")
     with contextlib.ExitStack() as stack:
         writer = None
-        # Locked before the runner compiles: what can be refused is refused at once.
+        # Locked before the runner compiles, so that a refusal comes at once.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
             # If several processes share the campaign, one holds the lock for all.
@@ -175,7 +176,7 @@ def disperse(
             if writer.lock.stale:
                 warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
         runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states)
-        # The runner has compiled and planned: what follows is the rate that a longer campaign sees.
+        # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
         kept = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
         kept |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
@@ -190,7 +191,7 @@ def disperse(
         if writer is not None:
             return stored(writer, runner, using, kept, progress, until)
         chunks = in_memory(runner, using, kept["chunk"], runs, progress, until)
-        # Dicts come back from a tree transformation sorted by name.
+        # A tree transformation sorts dicts by name.
         every = jax.tree.map(
             lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
         )
@@ -208,7 +209,7 @@ def _kept_states(
     times: Sequence[float] | None,
     store: str | os.PathLike[str] | None,
 ) -> Kept:
-    """Which states the store keeps. Raises `InputError` without a store, or for both."""
+    """The states that the store saves. Raises `InputError` without a store, or for both options."""
     if samples and (samples < 2 or store is None):
         raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")
     if times is None:
@@ -230,7 +231,7 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
 
 def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:
     """The devices to use. Raises `InputError` for more than there are."""
-    # Only the devices of this process: those of other hosts cannot be used from here.
+    # Only the devices of this process, because those of other hosts cannot be used from here.
     local = jax.local_devices()
     if chosen is None:
         return local

@@ -1,5 +1,5 @@
-"""Engines: where the chunks of a campaign are computed. Behind one interface stand this process,
-other processes of this machine, a Dask cluster, and several hosts; all give the same bits."""
+"""Engines, which compute the chunks of a campaign: in this process, in other processes of this
+machine, on a Dask cluster, or on several hosts; all give the same bits."""
 
 from collections.abc import Callable, Sequence
 from typing import final
@@ -49,7 +49,7 @@ class MultiHost(AbstractEngine):
         return jax.process_index()
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
-        # In turn, so that all of them come to the end together.
+        # In turn, so that all processes end together.
         return list(extents[jax.process_index() :: jax.process_count()])
 
     def sync(self, stage: str) -> None:

@@ -1,4 +1,4 @@
-"""Where the runs of a campaign land: its footprint on the ground, with ellipses.
+"""Footprint of a campaign on the ground, with ellipses of its landings.
 
 The runs have the outputs `east` and `north`, from the point that they started at.
 """
@@ -26,6 +26,7 @@ class Footprint(NamedTuple):
     unit: str
     ellipses: tuple[Ellipsoid, ...]
 
+    @property
     def rows(self) -> list[tuple[float, ...]]:
         """For each ellipse its probability, its centre to the east and to the north, its long and
         its short semi-axis, the bearing of the long one, deg from north towards east, from 0 to
@@ -39,13 +40,14 @@ class Footprint(NamedTuple):
             rows.append(tuple(map(float, numbers)))
         return rows
 
+    @property
     def words(self) -> list[tuple[str, ...]]:
         """The same as the lines of a table, below their heads; lengths to a hundredth of the short
         semi-axis, which is less than the sampling error of a campaign."""
         unit = f" [{self.unit}]" if self.unit else ""
         heads = ("east", "north", "long semi-axis", "short")
         lines = [("ellipse", *(f"{x}{unit}" for x in heads), "bearing [deg]", "runs inside")]
-        for share, east, north, long, short, bearing, inside in self.rows():
+        for share, east, north, long, short, bearing, inside in self.rows:
             digits = max(0, 2 - int(np.floor(np.log10(short)))) if short > 0.0 else 0
             lengths = (f"{x:.{digits}f}" for x in (east, north, long, short))
             ends = (f"{bearing:.0f}", f"{100.0 * inside:.3g} %")

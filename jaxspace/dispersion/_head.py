@@ -1,8 +1,8 @@
 """The head of a store: its attributes and those of its arrays, in the file `zarr.json`.
 
 Zarr has checksums for the numbers of a store, and none for its head. A copy in the manifest begins
-with the checksum of the rest, so that it vouches for itself. Where the two differ the copy counts:
-it is written first, and whatever has changed `zarr.json` later, it was no campaign.
+with its checksum. Where the two differ the copy is right: it is written first, and no campaign
+changes `zarr.json` alone.
 """
 
 import hashlib
@@ -15,7 +15,7 @@ from typing import Any
 from ._lock import StoreError
 
 HEAD, COPY = "zarr.json", ".manifest/head"
-# How long a campaign under way may take between the two, s.
+# Longest time between the two writes of a running campaign, s.
 PATIENCE = 0.05
 
 
@@ -31,13 +31,13 @@ def unsealed(copy: bytes) -> bytes | None:
 
 
 def read_head(folder: Path) -> tuple[bytes, str]:
-    """The head of the store in this folder, and what is wrong with its files, in a sentence; empty
-    if nothing is.
+    """The head of the store in this folder, and the damage of its files in a sentence; empty if
+    there is none.
 
     **Raises** `StoreError` where neither file can be read."""
     head, kept = _both(folder)
     if kept != head:
-        # A campaign under way may just have written one of them.
+        # A running campaign may just have written one of them.
         time.sleep(PATIENCE)
         head, kept = _both(folder)
     if kept is None and head is None:
@@ -46,7 +46,7 @@ def read_head(folder: Path) -> tuple[bytes, str]:
             f"{HEAD}."
         )
     if kept is None:
-        # The copy is damaged or lost, and there is nothing to compare the head with.
+        # The copy is damaged or lost, so that the head cannot be compared.
         assert head is not None
         return head, f"{COPY}, the copy of {HEAD}, differs from its checksum."
     if kept != head:
@@ -57,11 +57,11 @@ def read_head(folder: Path) -> tuple[bytes, str]:
 def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
     """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
     theirs."""
-    found = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
-    if found:
+    result = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
+    if result:
         # A campaign that ends writes the head first, and these a moment later.
         time.sleep(PATIENCE)
-    return [name for name in found if _parsed(folder / name / HEAD) != arrays[name]]
+    return [name for name in result if _parsed(folder / name / HEAD) != arrays[name]]
 
 
 def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:

@@ -1,4 +1,4 @@
-"""What makes a campaign the one that a store is of, and how a difference is named."""
+"""The identity of a campaign: whether a store belongs to it, and the sentence for a difference."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -29,11 +29,11 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
     """Difference between a store and a campaign, in a sentence; empty if there is none."""
     there = store.attributes
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
-    # Asked last: where settings differ too, they are the cause.
+    # Compared last, because different settings are the cause of different numbers.
     names = sorted(set(columns) ^ set(store.columns))
     if not changed:
         return f"only one of the two has {names[0]!r}." if names else ""
-    # All settings agree and the numbers differ: the cause lies outside of the campaign.
+    # With equal settings, the cause of different numbers lies outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
     if changed[0] == "files":
@@ -50,7 +50,7 @@ def _texts(modules: Mapping[str, Any] | None) -> dict[str, str]:
 
 
 def _file(kind: str, there: Mapping[str, str], here: Mapping[str, str]) -> str:
-    """The first file of the scene, or module, that is another one."""
+    """The first file of the scene, or module, that differs."""
     name = next(x for x in (*there, *here) if there.get(x) != here.get(x))
     for own, other, where in ((there, here, "store"), (here, there, "campaign")):
         if name not in other and name in own:
@@ -60,10 +60,11 @@ def _file(kind: str, there: Mapping[str, str], here: Mapping[str, str]) -> str:
 
 
 def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
-    """Why the same question has another answer."""
-    # Versions first, which are the likelier cause.
+    """The likely cause of different results with the same settings."""
+    # Versions first, which are the more likely cause.
     for kind in ("versions", "machine"):
-        old, new = there.get(kind, {}), here[kind]
+        old = there.get(kind, {})
+        new = here[kind]
         changed = [key for key in new if old.get(key) != new[key]]
         if changed:
             causes = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
@@ -76,7 +77,7 @@ def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
 
 def _differing(old: str, new: str) -> tuple[str, str]:
     """The first pair of lines in which two texts differ."""
-    # One empty line more, so that a text differs from one that only goes on longer.
+    # One more empty line, so that a text differs from one that continues it.
     lines = zip((old + "\n").split("\n"), (new + "\n").split("\n"), strict=False)
     pairs = [(a.strip(), b.strip()) for a, b in lines if a != b]
     return pairs[0] if pairs else (old, new)

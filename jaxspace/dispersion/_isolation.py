@@ -1,4 +1,4 @@
-"""Runs that raise an error: found by halving, so that they cost their own rows alone."""
+"""Runs that raise an error are identified by halving, so that only their rows are lost."""
 
 import contextlib
 from collections.abc import Callable, Iterator
@@ -11,7 +11,7 @@ from ..integration.status import SimulationError
 
 T = TypeVar("T")
 
-# What jax raises when a compiled program fails: an error of a function that it calls back, too.
+# What JAX raises when a compiled program fails, also for an error of a called-back function.
 RAISED = jax.errors.JaxRuntimeError
 
 
@@ -21,31 +21,32 @@ def callbacks() -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        # The same text comes as a ValueError at times.
+        # JAX sometimes raises the same text as a ValueError.
         if isinstance(error, RAISED) or "CpuCallback error" not in str(error):
             raise
         raise RAISED(str(error)) from error
 
 
 def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
-    """Call `function(flown)` with all of `count` runs marked in `flown` that raise no error.
+    """Call `function(used)` with all of `count` runs marked in `used` that raise no error.
 
-    `function` computes the runs that are flown, (count,); the others take the nominal inputs.
+    `function` computes all runs, (count,); those that are not used take the nominal inputs.
 
     **Raises** `SimulationError` where an error is raised without any of these runs as well."""
 
-    def call(flown: np.ndarray) -> T:
+    def call(used: np.ndarray) -> T:
         with callbacks():
-            return function(flown)
+            return function(used)
 
-    flown = np.ones(count, bool)
+    used = np.ones(count, bool)
     try:
-        return call(flown)
+        return call(used)
     except RAISED as error:
-        # Short memory is no property of a run.
+        # A lack of memory is no property of a run.
         if "RESOURCE_EXHAUSTED" in str(error):
             raise
-        # The nominal inputs fly in place of every run: where these raise, nothing can be found out.
+        # The nominal inputs take the place of those of every run: where these raise, no run can be
+        # blamed.
         try:
             call(np.zeros(count, bool))
         except RAISED as nominal:
@@ -53,8 +54,8 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
                 f"The nominal run cannot be run: a function of the campaign raises an error "
                 f"({reason(nominal)})."
             ) from nominal
-        flown[_raising(call, np.arange(count), count)] = False
-        return call(flown)
+        used[_raising(call, np.arange(count), count)] = False
+        return call(used)
 
 
 def reason(error: BaseException) -> str:
@@ -66,10 +67,10 @@ def reason(error: BaseException) -> str:
 
 def _raising(call: Callable[[np.ndarray], T], among: np.ndarray, count: int) -> np.ndarray:
     """Find the runs among these for which the call raises, by halving the set."""
-    flown = np.zeros(count, bool)
-    flown[among] = True
+    used = np.zeros(count, bool)
+    used[among] = True
     try:
-        call(flown)
+        call(used)
         return among[:0]
     except RAISED:
         if among.size == 1:

@@ -1,4 +1,4 @@
-"""Inputs that are drawn together: what they have in common, and each of their numbers as an input.
+"""Inputs that are drawn together: their interface, and each of their numbers as an input.
 
 Files of the distributions: `_correlated.py`, `_cone.py`.
 """
@@ -55,7 +55,7 @@ class AbstractJoint(eqx.Module):
         if len(names) != self.size:
             raise InputError(f"{len(names)} names are given for {self.size} numbers.")
         source = "+".join(names)
-        # The abstract fields of the base are properties here, and no arguments.
+        # The abstract fields of the base are properties here, and not arguments.
         made = (
             Component(joint=self, index=k, shared=source)  # pyright: ignore[reportCallIssue]
             for k in range(self.size)
@@ -93,7 +93,7 @@ class Component(AbstractDistribution):
         return jnp.sqrt(self.joint.covariance[self.index, self.index])
 
     def sample(self, key: Array) -> Float[Array, ""]:
-        # Every component of a joint is given the same key, and so the same numbers z.
+        # Every component of a joint gets the same key, and thus the same numbers z.
         return self.from_normal(jax.random.normal(key, (self.joint.dimensions,)))
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:

@@ -1,4 +1,4 @@
-"""The lock of a store: one writer at a time, whose name the others see."""
+"""The lock of a store: one writer at a time, with its name for the others."""
 
 import json
 import os
@@ -9,20 +9,20 @@ from pathlib import Path
 from ..core import InputError
 
 NAME = ".lock"
-# How long a lock may be held without a name, s, before it is one of nobody known.
+# Longest time that a lock may be held without a name, s; then its owner counts as unknown.
 PATIENCE = 1.0
 
 
 class StoreError(InputError):
-    """A store that refuses what was asked of it, or cannot be read or written; the message says
-    why, and what to do."""
+    """A store that refuses a request, or cannot be read or written; the message says why, and what
+    to do."""
 
 
 class Lock:
     """Held from `acquire` to `release`; the system releases it when its process dies, however that
     dies, so that no lock outlives its owner on the same machine.
 
-    `stale` says in a sentence whose lock was found without its owner."""
+    `stale`: a sentence about a lock whose owner is gone; empty otherwise."""
 
     def __init__(self, folder: Path):
         self.path = folder / NAME
@@ -30,14 +30,17 @@ class Lock:
         self.stale = ""
 
     def acquire(self) -> None:
-        """Raises `StoreError` with the owner where another process holds the lock."""
+        """Take the lock. Raises `StoreError`, which names the owner, if another process holds
+        it."""
         handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
-        free, owner = _lock(handle), _owner(handle)
+        free = _lock(handle)
+        owner = _owner(handle)
         end = time.monotonic() + PATIENCE
-        # Who holds it writes the name after that, and takes it away before letting go.
+        # The owner writes its name after taking the lock, and removes it before releasing it.
         while not free and not owner and time.monotonic() < end:
             time.sleep(0.01)
-            free, owner = _lock(handle), _owner(handle)
+            free = _lock(handle)
+            owner = _owner(handle)
         host = socket.gethostname()
         # Not every network file system passes locks between machines: then the name decides.
         if not free or (owner and owner["host"] != host):
@@ -47,13 +50,14 @@ class Lock:
             self.stale = f"The {_process(owner)} ended without releasing the store."
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         text = json.dumps({"pid": os.getpid(), "host": host, "since": now})
-        # First emptied: the name of an earlier owner may be longer.
+        # Emptied first, because the name of an earlier owner may be longer.
         os.ftruncate(handle, 0)
         os.pwrite(handle, text.encode(), 0)
         self.handle = handle
 
     def release(self) -> None:
-        """Empty the file and let go. The file stays: who waits for it has it open."""
+        """Empty the file and release the lock. The file stays, because a waiting process has it
+        open."""
         if self.handle is not None:
             os.ftruncate(self.handle, 0)
             os.close(self.handle)
@@ -69,7 +73,7 @@ def _lock(handle: int) -> bool:
         import msvcrt
 
         try:
-            # Far behind the text: Windows forbids others to read what is locked.
+            # Far behind the text, because Windows does not let others read the locked part.
             os.lseek(handle, 2**20, os.SEEK_SET)
             msvcrt.locking(handle, msvcrt.LK_NBLCK, 1)  # type: ignore[attr-defined]
             return True
@@ -83,7 +87,7 @@ def _lock(handle: int) -> bool:
 
 
 def _owner(handle: int) -> dict[str, str | int]:
-    """Whose name the file bears; empty for nobody's."""
+    """Name of the owner in the file; empty without one."""
     try:
         os.lseek(handle, 0, os.SEEK_SET)
         return json.loads(os.read(handle, 4096))

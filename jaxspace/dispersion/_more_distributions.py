@@ -1,4 +1,4 @@
-"""Distributions that lean to one side, take few values, or come from a file.
+"""Skewed and discrete distributions, and those of measured values.
 
 triangular    p(x) rises in a straight line from a to c, and falls to b
 lognormal     ln x is normal:  s^2 = ln(1 + (d/m)^2),  ln x = ln m - s^2/2 + s z
@@ -35,7 +35,7 @@ from .distributions import (
 
 @final
 class Triangular(AbstractDistribution):
-    """From `low` over the most frequent value `mode` to `high`. Raises `InputError` unless
+    """A triangular distribution from `low` over its `mode` to `high`. Raises `InputError` unless
     low <= mode <= high and low < high."""
 
     mode: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="the most frequent value")
@@ -72,7 +72,9 @@ class Triangular(AbstractDistribution):
         return jnp.where(rising, self.low + jnp.sqrt(left), self.high - jnp.sqrt(right))
 
     def outside(self, low: float, high: float) -> float:
-        a, b, c = float(self.low), float(self.high), float(self.mode)
+        a = float(self.low)
+        b = float(self.high)
+        c = float(self.mode)
 
         def rising(x: float) -> float:
             """The share from a to x, which is below c."""
@@ -83,7 +85,7 @@ class Triangular(AbstractDistribution):
             return (b - x) ** 2 / ((b - a) * (b - c))
 
         x, y = (min(max(v, a), b) for v in (low, high))
-        # From the nearer end, so that a small share keeps its digits.
+        # From the nearer end, so that a small share has all its digits.
         below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
         above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
         return below + above

@@ -1,4 +1,4 @@
-"""The outputs of a campaign: what its function may return, and that no run depends on another."""
+"""Checks of the outputs of a campaign: their form, and that no run depends on another."""
 
 import dataclasses
 from collections.abc import Iterable, Mapping
@@ -27,22 +27,22 @@ COARSE = 1e-4
 
 
 class PilotRuns(NamedTuple):
-    """The nominal run and the first ones of a campaign: what outputs are tried on."""
+    """The nominal run and the first runs of a campaign, on which the outputs are checked."""
 
     result: MissionResult
     samples: dict[str, Float[Array, " runs"]]
 
 
 def check_names(field: str, names: Iterable[object]) -> None:
-    """Raise `InputError` for one of the `names` that is none for an array of a store.
+    """Raise `InputError` for a name that an array of a store cannot have.
 
-    `field`: what holds the names, for the sentence."""
+    `field`: the field with the names, for the sentence."""
     for name in names:
         if name in RESERVED:
             raise InputError(
                 f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
             )
-        # Zarr keeps such names to itself, and the store has its own beside the folders of arrays.
+        # Such names are reserved by Zarr and by the store.
         if not isinstance(name, str) or not name or name.startswith((".", "__", "zarr.json")):
             raise InputError(
                 f"{field} has the name {name!r}: it must be text that begins with no dot, with no "
@@ -94,9 +94,9 @@ def _kind(x: object) -> str:
 def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     """Check that the outputs of a run depend on that run alone.
 
-    The outputs of the pilots are computed once more with one pilot in place of all: each row must
-    then be what that pilot had among the others. Outputs that know which of their functions are
-    not known to keep runs apart have these in `to_check`, `None` for none: the library's own are.
+    The outputs of the pilots are computed again with copies of one pilot in place of all: each row
+    must equal that of the pilot among the others. Outputs may limit the check to those of their
+    functions that are not of the library: `to_check`, `None` for none.
 
     **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
     them; `SimulationError` where an output of the nominal run raises an error."""
@@ -107,9 +107,9 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     count = len(next(iter(pilots.samples.values())))
     status = np.broadcast_to(pilots.result.status, (count,))
 
-    def compute(flown: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        # The nominal run in place of one that raises.
-        rows = np.where(flown, np.arange(count), 0)
+    def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        # The nominal run takes the place of one that raises.
+        rows = np.where(used, np.arange(count), 0)
         return rows, _numbers(_at(campaign, pilots, rows))
 
     try:
@@ -117,9 +117,9 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     except SimulationError as error:
         nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), campaign.along)
         raise raised("The nominal run", campaign, *nominal, error) from error
-    flown = (rows == np.arange(count)) & (status <= Status.EVENT)
+    used = (rows == np.arange(count)) & (status <= Status.EVENT)
     # The greatest of all runs is that of one of them: two are asked.
-    for row in [*(np.flatnonzero(flown[1:])[:1] + 1).tolist(), 0]:
+    for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
         alone = _numbers(_at(campaign, pilots, np.full(count, row)))
         for name, x in alone.items():
             here = among[name][row].item()
@@ -144,7 +144,7 @@ def _same(x: np.ndarray, here: float, among: np.ndarray) -> np.ndarray:
     """Whether numbers are those of a row, but for rounding."""
     share = ROUNDING.get(jnp.result_type(float).name, COARSE)
     finite = np.abs(among[np.isfinite(among)])
-    # Beside zero that of the others counts, from which a difference may have been taken.
+    # Near zero relative to the other runs, because the output may be a difference.
     size = max(abs(here), np.median(finite).item() if finite.size else 0.0)
     with np.errstate(invalid="ignore"):
         near = np.abs(x - here) <= share * size
@@ -166,7 +166,7 @@ def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
     count = rows.shape[0]
 
     def taken(x: Any) -> Any:
-        # The runs are last; what all of them share has no such axis.
+        # The runs are last; shared arrays have no such axis.
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
     phases = [_filled(phase, along) for phase in pilots.result.phases]
@@ -177,8 +177,8 @@ def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
 def _filled(phase: RunResult, along: int) -> RunResult:
     """A phase with `along` states, on a straight line from its start to its end.
 
-    Far from the motion, but of the same shapes: which runs an output reads does not depend on
-    it."""
+    This is not the motion, but has the same shapes, which is enough to see which runs an output
+    reads."""
     share = np.linspace(0.0, 1.0, along)[:, None]
 
     def line(x: Array) -> Array:
@@ -197,9 +197,9 @@ def raised(
 
     **Arguments**
 
-    - `what`: was run, as the subject of the sentence.
+    - `what`: the subject of the sentence.
     - `result`, `samples`: of these runs.
-    - `error`: what was raised."""
+    - `error`: the error."""
     # One after the other, to find the one that raises.
     for name in eqx.filter_eval_shape(outputs_of, campaign, result, samples):
         try:

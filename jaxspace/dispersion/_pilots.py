@@ -18,11 +18,11 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.status import SimulationError, Status
 from ..simulation import Mission
-from ..simulation.flight import AbstractFlight
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionResult
 from ..simulation.mission_runs import OwnTimes, SaveTimes, ends_on_the_way, run_mission
 from ..simulation.phases import resolve_phases
+from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
@@ -33,13 +33,13 @@ from ._program import Drawn
 
 # Besides the nominal run.
 PILOTS = 15
-# The pilots share their steps, each as short as the strictest of them asks: together they may take
-# so many times what a run may take by itself, tried one after the other.
+# The pilots share steps as short as the strictest of them needs: together they may take this many
+# times the steps of a single run; the factors are tried one after the other.
 ROOM = (1, 4, 16, 64)
 
 
 class StepsForTurns(Exception):
-    """The steps of the nominal run ran out, and a part of its motion needs none."""
+    """The steps of the nominal run ran out, and its motion has an exact part."""
 
 
 @eqx.filter_jit(**QUICK)
@@ -58,8 +58,8 @@ def _pilots(
     mission, y0 = campaign.mission(samples)
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     every = _saved(campaign, kept, len(configs))
-    # Where runs have breaks or save times of their own, steps end at save times, too: a plan has to
-    # know them.
+    # If the runs differ in their breaks or save times, steps also end at save times, which the plan
+    # must contain.
     every_phase = [leg.phase for leg in legs_of(mission)[0]]
     pairs = zip(every_phase, every, strict=True)
     saved = [
@@ -69,7 +69,7 @@ def _pilots(
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=record)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in every_phase)
-    runs = PilotRuns(_as_flown(result), samples)
+    runs = PilotRuns(_as_run(result), samples)
     return [run.step_ends for run in result.phases], coupled, runs
 
 
@@ -102,15 +102,15 @@ def _ends_alone(campaign: Campaign, accuracy: Accuracy) -> bool:
     return Status(int(np.ravel(_alone(campaign, accuracy))[0])) != Status.MAX_STEPS
 
 
-def _as_flown(result: MissionResult) -> MissionResult:
+def _as_run(result: MissionResult) -> MissionResult:
     """The result as all runs of the campaign have it."""
     phases = [run._replace(step_ends=None) for run in result.phases]
     return dataclasses.replace(result, phases=phases)
 
 
 def _breaks_differ(system: Any) -> bool:
-    """Whether the times at which the vector field jumps differ from run to run."""
-    breaks = None if isinstance(system, AbstractFlight) else breaks_of(system)
+    """Whether the times at which the vector field jumps differ between runs."""
+    breaks = None if isinstance(system, AbstractRunnable) else breaks_of(system)
     return breaks is not None and breaks.ndim > 1
 
 
@@ -138,29 +138,29 @@ def pilot_plans(
     """The nodes at which the steps of the pilots ended, phase by phase; whether the runs of a block
     depend on one another; and the pilots.
 
-    `draw(flown)` are the inputs of the first `runs` runs.
+    `draw(used)` are the inputs of the first `runs` runs.
 
     **Raises** `SimulationError` when the nominal run fails, and `StepsForTurns` where it could be
     run with the exact part of its motion beside the steps."""
 
-    def flying(flown: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
-        drawn = draw(np.pad(flown, (0, runs - PILOTS)))
+    def simulating(used: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
+        drawn = draw(np.pad(used, (0, runs - PILOTS)))
         roomy = dataclasses.replace(accuracy, max_steps=room * accuracy.max_steps)
-        found = _pilots(campaign, roomy, drawn.flown, kept)
-        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, found)
+        result = _pilots(campaign, roomy, drawn.used, kept)
+        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, result)
 
     for room in ROOM:
-        taken, coupled, flown = isolate(functools.partial(flying, room=room), PILOTS)
-        nominal = Status(int(np.ravel(flown.result.status)[0]))
-        # The verdict on the nominal run is that of `simulate_mission`, which flies it alone.
+        taken, coupled, used = isolate(functools.partial(simulating, room=room), PILOTS)
+        nominal = Status(int(np.ravel(used.result.status)[0]))
+        # The status of the nominal run is that of `simulate_mission`, which runs it alone.
         if nominal != Status.MAX_STEPS:
             break
         if not _ends_alone(campaign, accuracy):
             if has_exact_part(campaign, accuracy):
                 raise StepsForTurns
             break
-    # A missed tolerance is no failure here: the runs are checked on finer plans anyhow.
+    # A missed tolerance is no failure here, because the runs are checked on finer plans.
     if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
         raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
     nodes = [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken]
-    return nodes, coupled, flown
+    return nodes, coupled, used

@@ -1,4 +1,4 @@
-"""Plans of steps: nodes in normalised time, refined until runs that are no pilots meet them."""
+"""Plans of steps: nodes in normalised time, refined until all runs meet the tolerance."""
 
 from collections.abc import Sequence
 from typing import Any, TypeAlias
@@ -9,16 +9,16 @@ from jaxtyping import Array, ArrayLike
 
 # How much finer than the pilots' plan the trial block runs.
 TRIAL = 1.2
-# Factor by which the errors of the trial block shall lie below the tolerance.
+# Factor by which the errors of the trial block have to be below the tolerance.
 MARGIN = 1.5
-# A cautious order of the local error: it shrinks at least with that power of the number of steps.
+# A lower bound of the order of the local error in the number of steps.
 ORDER = 6.0
-# Factors by which a plan is refined: first none, then for the runs that missed the tolerance.
+# Factors of refinement: first one, then those for the runs that missed the tolerance.
 FINENESS = (1.0, 2.0, 4.0)
-# How much finer than the pilots' plan a plan may be: what the padded length holds.
+# Largest refinement of the pilots' plan, for which the padded length suffices.
 FINEST = 8.0
-# Plans are padded to a multiple of this: the program can be compiled before the plan is known, and
-# a similar campaign finds it compiled.
+# Plans are padded to a multiple of this, so that the program can be compiled before the plan is
+# known, and a similar campaign can reuse it.
 PADDING = 2**14
 
 # The plan of each phase; `None` for a closed form, and for a phase whose steps are searched for its
@@ -32,17 +32,18 @@ def nodes_of(ends: np.ndarray) -> np.ndarray:
 
 
 def refinement(error: np.ndarray) -> float:
-    """How much finer than the pilots' plan the plan of a phase has to be, from the errors of the
-    trial block."""
+    """Factor by which the plan of a phase has to be finer than that of the pilots, from the errors
+    of the trial block."""
     finite = error[np.isfinite(error)]
-    # Not the maximum: single hard runs are repeated, and must not make the plan of all finer.
+    # Not the maximum, because single difficult runs are repeated and need not refine the plan of
+    # all.
     largest = float(np.quantile(finite, 0.99)) if finite.size else 1.0
     return float(np.clip(TRIAL * (MARGIN * largest) ** (1.0 / ORDER), 1.0, FINEST / FINENESS[-1]))
 
 
 def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
-    """The plans refined by `factors`, each brought to a length that holds the finest by nodes
-    beyond its end, which are never reached."""
+    """The plans refined by `factors`, each padded to the length of the finest with nodes beyond its
+    end, which are never reached."""
     plans: list[Array | None] = []
     for pilot, factor in zip(pilots, factors, strict=True):
         if pilot is None:
@@ -57,8 +58,8 @@ def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
 
 
 def placeholders(steps: Sequence[Any]) -> Plans:
-    """Plans of the length that most have, one step a segment, for phases whose recorded `steps`
-    look like this; `None` for one without a plan."""
+    """Plans of the usual padded length with one step for each segment, for phases with these
+    recorded `steps`; `None` for one without a plan."""
     return tuple(None if x is None else jnp.arange(PADDING, dtype=x.dtype) for x in steps)
 
 
@@ -71,7 +72,7 @@ def _refined(plan: ArrayLike, factor: float) -> np.ndarray:
         count = int(np.ceil(factor * (len(nodes) - 1)))
         places = np.linspace(0.0, len(nodes) - 1.0, count + 1)[1:]
         piece = np.interp(places, np.arange(len(nodes)), nodes)
-        # A step has to land on the end of the segment to the last bit.
+        # A step has to end exactly at the end of the segment.
         piece[-1] = k + 1.0
         pieces.append(piece)
     return np.concatenate(pieces)

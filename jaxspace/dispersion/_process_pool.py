@@ -49,11 +49,12 @@ class ProcessPool(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload, losses = payload_of(runner.planned), dict.fromkeys(extents, 0)
+        payload = payload_of(runner.planned)
+        losses = dict.fromkeys(extents, 0)
         hopeless = []
         while losses:
             started: dict[Future[Done], Extent] = {}
-            # What was lost comes last, so that it keeps nothing else waiting.
+            # Lost chunks come last, so that they do not delay the others.
             order = sorted(losses, key=lambda extent: (losses[extent], extent.chunk))
             for done in self._round(payload, order, started):
                 losses = {e: n for e, n in losses.items() if e.chunk != done.chunk}
@@ -90,7 +91,7 @@ class ProcessPool(AbstractEngine):
                 del started[future]
         # The caller finds in `started` what is lost, and begins another round.
         except (BrokenProcessPool, TimeoutError):
-            # First what has come: a process that dies must cost no chunk of another one.
+            # Finished chunks first, so that a process that dies costs no chunk of another one.
             for future in _come(started):
                 yield future.result()
                 del started[future]
@@ -99,7 +100,7 @@ class ProcessPool(AbstractEngine):
 
 
 def _first_done(started: Collection["Future[Done]"], limit: float | None) -> "Future[Done]":
-    """One that is done. Raises `TimeoutError` when nothing came within the limit."""
+    """A finished future. Raises `TimeoutError` if none finishes within the limit."""
     done, _ = wait(started, limit, FIRST_COMPLETED)
     if not done:
         raise TimeoutError
@@ -112,11 +113,11 @@ def _come(started: Collection["Future[Done]"]) -> list["Future[Done]"]:
 
 
 def _stop(pool: ProcessPoolExecutor) -> None:
-    """End the pool with all of its processes, whatever they do."""
+    """End the pool and all of its processes."""
     processes = list((pool._processes or {}).values())
     pool.shutdown(wait=False, cancel_futures=True)
     for process in processes:
-        # Killed and not asked to end: one that hangs would not hear.
+        # Killed, because a process that hangs would not end on request.
         process.kill()
     for process in processes:
         process.join()

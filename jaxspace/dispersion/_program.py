@@ -1,8 +1,8 @@
-"""The two programs of a campaign: one draws the inputs of a call, one flies its missions.
+"""The two programs of a campaign: one draws the inputs of a call, one runs its missions.
 
-The campaign is an argument of both, so that campaigns of the same functions share what has been
-compiled, whatever their numbers. Draws have a program of their own because the pilots take their
-inputs from it, too: written into both, they would be compiled twice.
+The campaign is an argument of both, so that campaigns of the same functions share the compiled
+programs, whatever their numbers. Draws are a separate program because the pilots use it, too:
+otherwise they would be compiled twice.
 """
 
 import functools
@@ -32,11 +32,11 @@ class Drawn(NamedTuple):
     """The inputs of some runs, each (runs,).
 
     - `inputs`: as drawn.
-    - `flown`: the nominal ones instead for a run that is refused or raises an error.
-    - `status`: why a run is not flown with its own inputs; `COMPLETED` where it is."""
+    - `used`: those of the run; the nominal ones for a run that is refused or raises an error.
+    - `status`: why a run has the nominal inputs; `COMPLETED` where it has its own."""
 
     inputs: dict[str, Array]
-    flown: dict[str, Array]
+    used: dict[str, Array]
     status: Integer[Array, " runs"]
 
 
@@ -45,27 +45,27 @@ def draw_inputs(
     campaign: Campaign,
     key: Array,
     numbers: Integer[Array, " runs"],
-    flown: Bool[Array, " runs"],
+    used: Bool[Array, " runs"],
 ) -> Drawn:
-    """The inputs of the runs with these `numbers`, of which those `flown` raise no error."""
+    """The inputs of the runs with these `numbers`, of which those `used` raise no error."""
     inputs = campaign.samples(key, numbers)
     allowed = campaign.allowed(inputs)
-    # A refused run takes the nominal inputs: whatever it drew harms no other run of its block.
+    # A refused run takes the nominal inputs, so that its own do not affect other runs of the block.
     nominal = campaign.nominal()
-    taken = {name: jnp.where(allowed & flown, x, nominal[name]) for name, x in inputs.items()}
-    status = jnp.where(flown, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
+    taken = {name: jnp.where(allowed & used, x, nominal[name]) for name, x in inputs.items()}
+    status = jnp.where(used, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
-    # Not weakly typed, as nothing that its shapes stand for is.
+    # Not weakly typed, as the arrays of these shapes are not.
     return jax.tree.map(lambda x: x.astype(x.dtype), drawn)
 
 
 @functools.cache
 def program(platform: str) -> Any:
-    """`_fly`, compiled for the widest vectors of a CPU."""
-    return eqx.filter_jit(_fly, **(WIDE_VECTORS if platform == "cpu" else {}))
+    """`_run`, compiled for the widest vectors of a CPU."""
+    return eqx.filter_jit(_run, **(WIDE_VECTORS if platform == "cpu" else {}))
 
 
-def _fly(
+def _run(
     campaign: Campaign,
     accuracy: Accuracy,
     drawn: Drawn,
@@ -81,7 +81,7 @@ def _fly(
     ) -> tuple[RunResults, Array]:
         return _block(*arguments, *batched)
 
-    batched = (drawn.flown, drawn.status)
+    batched = (drawn.used, drawn.status)
     results, errors = blocks.map(block, batched, (campaign, accuracy, plans, samples))
     return results._replace(inputs=drawn.inputs), errors
 
@@ -92,21 +92,21 @@ def _block(
     plans: Plans,
     samples: Kept,
     inputs: dict[str, Float[Array, " runs"]],
-    unflown: Integer[Array, " runs"],
+    not_run: Integer[Array, " runs"],
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     mission, y0 = campaign.mission(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
     outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
-    status = jnp.where(unflown == Status.COMPLETED, result.status, unflown)
+    status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 
     def every(x: Array) -> Array:
-        return jnp.broadcast_to(x, unflown.shape)
+        return jnp.broadcast_to(x, not_run.shape)
 
     stored = for_store(result, campaign.along, samples)
-    kept = trajectories(result.names, stored, unflown.shape)
+    kept = trajectories(result.names, stored, not_run.shape)
     outputs, kept = nan_where_failed((outputs, kept), status)
     errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
     results = RunResults({}, outputs, every(status), every(evaluations), kept)
@@ -116,7 +116,7 @@ def _block(
 def trajectories(
     names: Sequence[str], stored: Sequence[RunResult | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
-    """The times and the parts of the states that are kept of every phase, by "phase.part"."""
+    """The stored times and parts of the states of every phase, by "phase.part"."""
     kept = {}
     # `stored` is empty if no states are saved at all.
     for name, run in zip(names, stored, strict=bool(stored)):

@@ -17,14 +17,14 @@ LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray
 
 def versions() -> dict[str, str]:
     """The versions of Python and of the libraries on which the numbers depend."""
-    found = {"python": platform.python_version()}
+    result = {"python": platform.python_version()}
     for name in LIBRARIES:
         try:
-            found[name] = importlib.metadata.version(name)
+            result[name] = importlib.metadata.version(name)
         # A library that is not needed for this campaign may be absent.
         except importlib.metadata.PackageNotFoundError:
-            found[name] = "not installed"
-    return found
+            result[name] = "not installed"
+    return result
 
 
 def machine() -> dict[str, str | int]:
@@ -39,7 +39,7 @@ def machine() -> dict[str, str | int]:
 
 
 def _processor() -> str:
-    """The model of the processor, by the name that its maker gives it."""
+    """Name of the model of the processor."""
     known = Path("/proc/cpuinfo")
     if known.exists():
         for line in known.read_text(errors="replace").splitlines():
@@ -56,7 +56,7 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
     rtol = float(np.asarray(accuracy.rtol))
     return {
         "description": campaign.description,
-        # Left out where there are none, so that a store of an earlier version goes on.
+        # Omitted if empty, so that a store of an earlier version can be resumed.
         **({"files": dict(campaign.files)} if campaign.files else {}),
         **({"modules": modules} if modules else {}),
         "inputs": campaign.text(),

@@ -4,15 +4,15 @@ import math
 
 import numpy as np
 
-# So many units of rounding are no scatter: the sums over the steps of a run leave them.
+# Differences up to this many units of rounding are no scatter: they come from sums over the steps.
 NOISE = 4096.0
 
 
 def rounded(value: float, deviation: float) -> str:
     """The value down to a hundredth of the deviation's first digit: 84795, 1953, 0.0214.
 
-    Where nothing scatters, six significant digits. Very large and very small numbers are written
-    with an exponent, with digits to the same place."""
+    Without scatter, six significant digits. Very large and very small numbers have an exponent, and
+    digits to the same place."""
     if not math.isfinite(value):
         return "∞" if value > 0.0 else "-∞" if value < 0.0 else "none"
     if value == 0.0:

@@ -1,4 +1,4 @@
-"""The results of runs, and all that they depend on."""
+"""The results of runs, and everything on which they depend."""
 
 from typing import Any, NamedTuple
 
@@ -10,7 +10,7 @@ from ._plans import Plans
 
 class RunResults(NamedTuple):
     """Inputs, outputs, status and evaluations of runs, each (runs,); and by "phase.part" the states
-    of their trajectories, each (..., times, runs), where these were asked for."""
+    of their trajectories, each (..., times, runs), if requested."""
 
     inputs: dict[str, Any]
     outputs: dict[str, Any]
@@ -20,13 +20,13 @@ class RunResults(NamedTuple):
 
 
 class PlannedCampaign(NamedTuple):
-    """All that the numbers of a run depend on; it can be sent to another process.
+    """Everything on which the numbers of a run depend; it can be sent to another process.
 
-    - `plans`: for every level of fineness.
+    - `plans`: one for every factor of refinement.
     - `coupled`: whether the runs of a block share adaptive steps.
-    - `samples`: how many states of each phase are kept, 0 for none; or at which times.
-    - `digest`: of the results of the trial, which tells two campaigns, versions or kinds of
-      processor apart by what they compute."""
+    - `samples`: number of saved states of each phase, 0 for none; or their times.
+    - `digest`: of the results of the trial, which differs between campaigns, versions or processors
+      with different results."""
 
     campaign: Campaign
     accuracy: Accuracy

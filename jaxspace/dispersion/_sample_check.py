@@ -1,6 +1,6 @@
-"""Whether a mean and a deviation found without many runs are those of the runs.
+"""Comparison of a mean and a deviation from few runs with those of a sample of runs.
 
-    doubted where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
+    warning where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
 
     symbol    meaning                                                        unit
     m, s      mean and deviation by a method without many runs               of the output
@@ -10,8 +10,8 @@
     a         what is too little to matter: 0.1                              1
 
 Source: Kendall and Stuart, The Advanced Theory of Statistics, vol. 1, 10.9 (standard errors of a
-mean and of a deviation). A small sample sees only what is grossly wrong: of 256 normal values 4 e_m
-is 0.25, and 4 e_s is 0.18.
+mean and of a deviation). A small sample reveals only gross errors: for 256 normal values 4 e_m is
+0.25, and 4 e_s is 0.18.
 """
 
 import math
@@ -24,11 +24,11 @@ SIGNIFICANT, MATTERS = 4.0, 0.1
 
 
 def warning_of(mean: float, std: float, x: np.ndarray) -> str:
-    """What is wrong with a mean and a deviation of an output, in a sentence; empty if nothing is
-    seen.
+    """The contradiction of a mean or a deviation of an output with a sample, in a sentence; empty
+    if there is none.
 
     `x`: the output over the runs of a sample, (runs,), NaN where one failed."""
-    # Too few to say anything; their dispersion has its own words for that.
+    # Too few runs for a comparison, of which the dispersion warns by itself.
     if x.size < 2:
         return ""
     finite = x[np.isfinite(x)]
@@ -36,20 +36,21 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
         bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
         return f"{bad}, which these numbers leave out."
     own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
-    found = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
-    found += rounded(spread, spread)
-    # Nothing is known: of second order no number is given where an output is not smooth.
+    result = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
+    result += rounded(spread, spread)
+    # No numbers to compare: of second order an output that is not smooth has none.
     if not math.isfinite(mean + std):
-        return f"It is not smooth at the nominal run: {found}."
+        return f"It is not smooth at the nominal run: {result}."
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
         same = max(abs(mean - own), std) <= grain
-        return "" if same else f"{found}: nothing scatters."
-    off, more = (mean - own) / spread, std / spread - 1.0
+        return "" if same else f"{result}: nothing scatters."
+    off = (mean - own) / spread
+    more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)
     sound = sound and abs(more) <= max(SIGNIFICANT * error_of_std, MATTERS)
-    return "" if sound else f"{found}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
+    return "" if sound else f"{result}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
 
 
 def standard_errors(x: np.ndarray) -> tuple[float, float]:
@@ -57,7 +58,8 @@ def standard_errors(x: np.ndarray) -> tuple[float, float]:
 
     They are 1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k: 3 for a normal distribution.
     Both are NaN for fewer than two values and for equal values."""
-    n, spread = x.size, float(np.std(x)) if x.size else 0.0
+    n = x.size
+    spread = float(np.std(x)) if x.size else 0.0
     if n < 2 or spread == 0.0:
         return math.nan, math.nan
     kurtosis = float(np.mean(((x - np.mean(x)) / spread) ** 4))

@@ -60,7 +60,8 @@ class LatinHypercube(AbstractDesign):
     ) -> Float[Array, "runs dimensions"]:
         # Each time through the layers is another permutation.
         numbers = numbers.astype(jnp.uint32)
-        again, places = numbers // self.runs, numbers % self.runs
+        again = numbers // self.runs
+        places = numbers % self.runs
 
         def one(number: Array, again: Array, place: Array) -> Array:
             seeds = jax.random.bits(jax.random.fold_in(key, again), (dimensions,), jnp.uint32)
@@ -105,15 +106,15 @@ def _directions(dimensions: int) -> np.ndarray:
 
     engine = qmc.Sobol(dimensions, scramble=False, bits=BITS)
     # In Gray code the points 2^k - 1 and 2^k differ by the direction number k.
-    found = []
+    result = []
     for k in range(NUMBERS):
         # SciPy takes a skip of no points for one of 2^32.
         if k:
             engine.fast_forward(2**k - 1)
         whole = np.round(engine.random(2) * 2.0**BITS).astype(np.uint64).astype(np.uint32)
-        found.append(whole[0] ^ whole[1])
+        result.append(whole[0] ^ whole[1])
         engine.reset()
-    return np.stack(found, axis=1)
+    return np.stack(result, axis=1)
 
 
 def _reversed(x: Array) -> Array:
@@ -138,7 +139,8 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
     mask = 1
     while mask < count - 1:
         mask = 2 * mask + 1
-    w, p = jnp.uint32(mask), seed
+    w = jnp.uint32(mask)
+    p = seed
 
     def mixed(i: Array) -> Array:
         # Kensler's steps, each of which can be undone within the bits of w.
@@ -163,7 +165,7 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
 def normal_columns(inputs: Mapping[str, AbstractDistribution]) -> dict[str, list[int]]:
     """The columns of the standard normal numbers that each independent input takes, by the name of
     its first number."""
-    found: dict[str, list[int]] = {}
+    result: dict[str, list[int]] = {}
     sources: dict[str, str] = {}
     width = 0
     # Sorted, because a dict that passes through `jit` comes out so: places must not change.
@@ -171,9 +173,9 @@ def normal_columns(inputs: Mapping[str, AbstractDistribution]) -> dict[str, list
         # The numbers of a joint distribution share the columns of the first one.
         first = sources.setdefault(d.source, name) if d.source else name
         if first == name:
-            found[name] = list(range(width, width + d.dimensions))
+            result[name] = list(range(width, width + d.dimensions))
             width += d.dimensions
-    return found
+    return result
 
 
 def map_normals(
@@ -183,11 +185,11 @@ def map_normals(
     columns = normal_columns(inputs)
     by_source = {inputs[first].source or first: own for first, own in columns.items()}
     z = jnp.asarray(z)
-    found = {}
+    result = {}
     for name, d in inputs.items():
         own = by_source[d.source or name]
-        found[name] = jax.vmap(d.from_normal)(z[:, own] if d.source else z[:, own[0]])
-    return found
+        result[name] = jax.vmap(d.from_normal)(z[:, own] if d.source else z[:, own[0]])
+    return result
 
 
 def draw(
@@ -204,7 +206,8 @@ def draw(
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.
     def one(number: Array) -> dict[str, Array]:
-        own, found = jax.random.fold_in(key, number), {}
+        own = jax.random.fold_in(key, number)
+        result = {}
         for names in _alike(inputs):
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.
@@ -212,8 +215,8 @@ def draw(
             keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
             drawn = jax.vmap(lambda d, key: d.sample(key))(kind, keys)
             # Held: the compiler would write down all draws of a kind once more for each input.
-            found |= zip(names, barrier(drawn), strict=True)
-        return {name: found[name] for name in inputs}
+            result |= zip(names, barrier(drawn), strict=True)
+        return {name: result[name] for name in inputs}
 
     # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
     return jax.vmap(one)(numbers)

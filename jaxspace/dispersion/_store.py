@@ -107,8 +107,7 @@ class Store:
         )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
-        """What is wrong with the files of the metadata, a sentence each; nothing of the arrays
-        `but_for`."""
+        """Damages of the files of the metadata, a sentence each; without the arrays `but_for`."""
         # Other readers of the store open an array by its own file alone.
         arrays = [
             f"{name}/{HEAD} differs from {HEAD}, which is read in its place."
@@ -164,7 +163,8 @@ class Store:
         """An array over the runs of these finished chunks, runs first.
 
         **Raises** `StoreError`, naming the chunk, where it is damaged."""
-        column, parts = self.columns[name], []
+        column = self.columns[name]
+        parts = []
         for chunk in chunks:
             data, damage = self._checked(chunk, name)
             if damage:

@@ -37,7 +37,7 @@ class StoredColumns(Mapping[str, np.ndarray]):
 
 def open_store(path: str | os.PathLike[str]) -> Dispersion:
     """The runs of a store, also of a campaign that was interrupted or is under way: a warning then
-    says how many of the planned runs there are (`Dispersion.lacking`).
+    says how many of the planned runs there are (`Dispersion.missing_runs`).
 
     Its columns are read from the disk when they are asked for. Chunks that differ from what was
     written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
@@ -55,14 +55,14 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
             warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
         else:
             chunks.append(chunk)
-    found = as_dispersion(store, chunks)
+    result = as_dispersion(store, chunks)
     # Statistics of a part look like those of the whole.
-    if found.lacking:
-        warnings.warn(f"{path}: {found.lacking}", stacklevel=2)
-    return found
+    if result.missing_runs:
+        warnings.warn(f"{path}: {result.missing_runs}", stacklevel=2)
+    return result
 
 
-def _flying(entries: list[dict[str, Any]]) -> float:
+def _computing(entries: list[dict[str, Any]]) -> float:
     """Time, s, that it took to compute the chunks with these entries."""
     seconds: dict[int | None, float] = defaultdict(float)
     for entry in entries:
@@ -86,7 +86,7 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     attributes = {k: v for k, v in store.attributes.items() if k not in BOOKKEEPING}
     entries = [store.entry(chunk) or {} for chunk in chunks]
     preparation = float(store.attributes["preparation_seconds"])
-    flying = _flying(entries)
+    computing = _computing(entries)
     attributes["preparation_seconds"] = preparation
     attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
     # Each of them has as many cores as the one that made the store, as far as it knows.
@@ -98,7 +98,7 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
         store.values("evaluations", chunks),
         units,
         int(store.attributes["seed"]),
-        preparation + flying,
+        preparation + computing,
         attributes,
         store.values("run", chunks),
         str(store.path),

@@ -1,5 +1,5 @@
-"""What an engine is: it computes chunks of a campaign, each with the same bits anywhere; and how a
-campaign reaches a worker in another process."""
+"""Interface of engines, which compute chunks of a campaign with the same bits anywhere; and the
+transfer of a campaign to a worker in another process."""
 
 import contextlib
 import functools
@@ -78,7 +78,7 @@ class AbstractEngine(ABC):
 
     @property
     def host(self) -> int | None:
-        """Which of several that share a campaign this process is; `None` where it is alone."""
+        """Number of this process among those that share a campaign; `None` where it is alone."""
         return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:
@@ -103,7 +103,8 @@ def without_main() -> Iterator[None]:
     for what it defines travels with the campaign."""
     main = sys.modules["__main__"]
     kept = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
-    spec, main.__spec__ = getattr(main, "__spec__", None), None
+    spec = getattr(main, "__spec__", None)
+    main.__spec__ = None
     try:
         yield
     finally:
@@ -117,7 +118,8 @@ def payload_of(planned: PlannedCampaign) -> bytes:
     Raises `InputError` where it holds what cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
     # From the device, which another process may not have.
-    arrays, buffer = jax.device_get(planned), io.BytesIO()
+    arrays = jax.device_get(planned)
+    buffer = io.BytesIO()
     try:
         # Sends functions by what they do, also those of the script that is run.
         import cloudpickle as pickler

@@ -53,7 +53,7 @@ def compare_methods(
 
     **Returns** a row for each output and method, of each output that of the runs first."""
     # No sample of their own, for the runs are the better one.
-    found = [moments(campaign, method, accuracy=accuracy, check=0) for method in methods]
+    result = [moments(campaign, method, accuracy=accuracy, check=0) for method in methods]
     table = []
     # Without compiling, as those of the other methods.
     seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
@@ -61,8 +61,9 @@ def compare_methods(
         own = standard_errors(reference.together(row.name)[0])
         x = reference.values(row.name)[reference.good].astype(float)
         table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
-        for m in found:
-            mean, std = float(m.mean[m.names.index(row.name)]), m.std(row.name)
+        for m in result:
+            mean = float(m.mean[m.names.index(row.name)])
+            std = m.std(row.name)
             off = (mean - row.mean) / row.std if row.std > 0.0 else math.nan
             ratio = std / row.std - 1.0 if row.std > 0.0 else math.nan
             warning = warning_of(mean, std, x)

@@ -34,7 +34,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
@@ -49,7 +49,7 @@ from .evaluate import BLOCK, Evaluator, evaluate_traced
 
 # How far from the mean slopes are compared with the curvature, in deviations; and which part of
 # them may lack before the output counts as not smooth.
-NEARBY, LACK = 0.01, 1e-3
+NEARBY, MISSING_SHARE = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
 METHODS = ("lincov", "second_order", "unscented")
@@ -128,23 +128,23 @@ def moments(
     if 0 < check < FEWEST:
         raise InputError(f"check is {check}: it must be 0, or at least {FEWEST}.")
     accuracy = campaign.accuracy_for(accuracy)
-    found = (
+    result = (
         _unscented(campaign, accuracy)
         if method == "unscented"
         else _expanded(campaign, accuracy, method)
     )
     if check == 0:
-        return found
-    found = found._replace(warnings=_warnings(campaign, accuracy, found, check))
+        return result
+    result = result._replace(warnings=_warnings(campaign, accuracy, result, check))
     # Outputs that are not finite have had a warning already.
-    doubted = [name for name in found.warnings if math.isfinite(found.std(name))]
-    if doubted:
+    unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
+    if unsure:
         warnings.warn(
-            f"{method} is not to be trusted in {', '.join(doubted)}: {check} runs say otherwise, "
+            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs say otherwise, "
             f"and Moments.warnings what; Monte Carlo tells it.",
             stacklevel=2,
         )
-    return found
+    return result
 
 
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
@@ -212,24 +212,39 @@ def _derivatives(
 
     `names`: of the inputs in their order, which the dict loses on its way through `jit`."""
 
-    def outputs(u: Array) -> tuple[dict[str, Array], Array]:
+    def outputs(u: Array) -> tuple[dict[str, Array], tuple[dict[str, Array], Array]]:
         x = centre + scale * u
         samples = {name: x[k : k + 1] for k, name in enumerate(names)}
         found, status = evaluate_traced(campaign, accuracy, samples)
-        return {name: y[0] for name, y in found.items()}, status[0]
-
-    zero = jnp.zeros_like(centre)
-    values, status = outputs(zero)
+        found = {name: y[0] for name, y in found.items()}
+        return found, (found, status[0])
 
     # Forwards: all inputs ride along in one run.
-    def slopes(u: Array) -> dict[str, Array]:
-        return jax.jacfwd(lambda u: outputs(u)[0])(u)
-
+    slopes = jax.jacfwd(outputs, has_aux=True)
+    zero = jnp.zeros_like(centre)
     if not second:
-        return _Series(values, slopes(zero), {}, {}, status)
+        first, (values, status) = slopes(zero)
+        return _Series(values, first, {}, {}, status)
+
+    # One program for each column of the second derivatives and for the slopes beside the point: a
+    # second direction that rides along, too, would take several times as long to compile.
+    def along(row: tuple[Array, Array]) -> tuple[dict[str, Array], dict[str, Array], PyTree]:
+        point, direction = row
+        return jax.jvp(slopes, (point,), (direction,), has_aux=True)
+
+    n = centre.size
     aside = NEARBY * jnp.ones_like(centre)
-    beside = jax.lax.map(slopes, jnp.stack([aside, -aside]))
-    return _Series(values, slopes(zero), jax.jacfwd(slopes)(zero), beside, status)
+    points = jnp.concatenate([jnp.zeros((n, n)), aside[None], -aside[None]])
+    directions = jnp.concatenate([jnp.eye(n), jnp.zeros((2, n))])
+    first, columns, aux = jax.lax.map(along, (points, directions))
+    values, status = jax.tree.map(lambda x: x[0], aux)
+    return _Series(
+        values,
+        {name: y[0] for name, y in first.items()},
+        {name: y[:n] for name, y in columns.items()},
+        {name: y[n:] for name, y in first.items()},
+        status,
+    )
 
 
 def _has_kink(hessian: Array, beside: Array) -> bool:
@@ -238,11 +253,12 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     h, (above, below) = np.asarray(hessian), np.asarray(beside)
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
-    expected, found = 2.0 * NEARBY * h.sum(axis=1), above - below
-    lacking = np.abs(found - expected).max()
+    expected = 2.0 * NEARBY * h.sum(axis=1)
+    result = above - below
+    missing = np.abs(result - expected).max()
     # A fourth derivative lets a little lack, rounding a little of the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
-    return bool(lacking > 0.5 * np.abs(found).max() and lacking > LACK * steepest)
+    return bool(missing > 0.5 * np.abs(result).max() and missing > MISSING_SHARE * steepest)
 
 
 def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
@@ -256,16 +272,16 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     weights[0] = k / (n + k)
     points = map_normals(campaign.inputs, z)
     run = Evaluator(campaign, accuracy)
-    found = run(points)
+    result = run(points)
     # Once more, for the time without compiling.
     started = time.perf_counter()
-    found = run(points)
+    result = run(points)
     seconds = time.perf_counter() - started
     # A point of no weight may fail: it is the nominal run of a large problem.
-    for status in found.status[weights > 0.0]:
+    for status in result.status[weights > 0.0]:
         _check_good(int(status), "sigma point")
-    names = tuple(in_order(campaign, found.outputs))
-    y = np.stack([found.outputs[name].astype(float) for name in names])[:, weights > 0.0]
+    names = tuple(in_order(campaign, result.outputs))
+    y = np.stack([result.outputs[name].astype(float) for name in names])[:, weights > 0.0]
     weights = weights[weights > 0.0]
     mean = y @ weights
     away = y - mean[:, None]

@@ -1,5 +1,5 @@
-"""How an input scatters. Every parameter is in the unit of the quantity, and traced: changing it
-compiles nothing again.
+"""Distributions of an input. Every parameter is in the unit of the quantity, and traced: changing
+it causes no new compilation.
 
 normal             p(x) ~ exp(-(x - m)^2 / (2 s^2))
 truncated normal   the same between a and b, zero outside

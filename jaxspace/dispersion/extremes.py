@@ -52,9 +52,9 @@ def greatest(
     compete.
 
     **Raises** `InputError` for fewer states, and for times that do not fit the values."""
-    found = [_of_phase(t, q) for t, q in _phases(times, values)]
-    value, time = found[0]
-    for other in found[1:]:
+    result = [_of_phase(t, q) for t, q in _phases(times, values)]
+    value, time = result[0]
+    for other in result[1:]:
         # The first of equal values is taken.
         better = other.value > value
         value, time = jnp.where(better, other.value, value), jnp.where(better, other.time, time)
@@ -64,10 +64,16 @@ def greatest(
 def least(
     times: ArrayLike | Sequence[ArrayLike], values: ArrayLike | Sequence[ArrayLike]
 ) -> Extreme:
-    """The least value of a quantity along a run; as `greatest`."""
+    """The least value of a quantity along a run.
+
+    **Arguments**
+
+    - `times`, `values`: as in `greatest`.
+
+    **Returns** an `Extreme`, as `greatest` does."""
     pairs = _phases(times, values)
-    found = greatest([t for t, _ in pairs], [-q for _, q in pairs])
-    return Extreme(-found.value, found.time)
+    result = greatest([t for t, _ in pairs], [-q for _, q in pairs])
+    return Extreme(-result.value, result.time)
 
 
 def _phases(times: Any, values: Any) -> list[tuple[Array, Array]]:
@@ -106,7 +112,10 @@ def _slopes(q: Float[Array, " times *runs"]) -> Float[Array, " times *runs"]:
 def _of_phase(t: Float[Array, " times *runs"], q: Float[Array, " times *runs"]) -> Extreme:
     """The greatest value among the cubics between the states."""
     s = _slopes(q)
-    q_0, q_1, b, s_1 = q[:-1], q[1:], s[:-1], s[1:]
+    q_0 = q[:-1]
+    q_1 = q[1:]
+    b = s[:-1]
+    s_1 = s[1:]
     c, d = 3.0 * (q_1 - q_0) - 2.0 * b - s_1, 2.0 * (q_0 - q_1) + b + s_1
     square = c * c - 3.0 * b * d
     real = square > 0.0

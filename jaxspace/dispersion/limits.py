@@ -136,8 +136,13 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
 
 
 def runs_for(share: float, confidence: float = 0.95) -> int:
-    """How many runs a one-sided limit needs: the fewest n whose greatest value lies above the
-    percentile `share` with this confidence, 1 - share^n >= confidence (Wilks 1941)."""
+    """Number of runs that a one-sided limit needs: the fewest n whose greatest value lies above the
+    percentile with this confidence, 1 - share^n >= confidence (Wilks 1941).
+
+    **Arguments**
+
+    - `share`: of the percentile, between 0 and 1.
+    - `confidence`: between 0 and 1."""
     check_share("share", share)
     check_share("confidence", confidence)
     # The slack keeps a quotient that is whole but for rounding from one run more.

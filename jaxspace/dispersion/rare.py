@@ -109,11 +109,11 @@ def rare_event(
     def margin(z: np.ndarray) -> np.ndarray:
         """g of runs, (runs,), from z, (runs, n); minus infinity where a run failed."""
         nonlocal failed
-        found = run(map_normals(campaign.inputs, z))
-        g = sign * (found.outputs[output].astype(float) - limit)
-        failed += int(np.count_nonzero(~found.good))
+        result = run(map_normals(campaign.inputs, z))
+        g = sign * (result.outputs[output].astype(float) - limit)
+        failed += int(np.count_nonzero(~result.good))
         # An infinite output lies on one side of the limit; what is not a number meets none.
-        return np.where(found.good & ~np.isnan(g), g, -np.inf)
+        return np.where(result.good & ~np.isnan(g), g, -np.inf)
 
     rng = np.random.default_rng(seed)
     if method == "subset":
@@ -169,21 +169,21 @@ Margin = Callable[[np.ndarray], np.ndarray]
 
 def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray:
     """The nearest violations, (points, n), from several starts."""
-    found: list[np.ndarray] = []
+    result: list[np.ndarray] = []
     # Beside the origin, where magnitudes have no slope; each start with its opposite.
     away = rng.standard_normal((STARTS // 2, n))
     away /= np.linalg.norm(away, axis=1)[:, None]
     for start in np.concatenate([0.5 * away, -0.5 * away]):
         z = _nearest(slope, start)
         # Nearer ones are the same place found again, which must not be drawn about twice.
-        if z is not None and all(np.linalg.norm(z - other) > 0.3 for other in found):
-            found.append(z)
-    if not found:
+        if z is not None and all(np.linalg.norm(z - other) > 0.3 for other in result):
+            result.append(z)
+    if not result:
         raise InputError(
             "No violation was found along the derivatives: take method='subset', or check that "
             "the limit can be reached."
         )
-    points = np.stack(found)
+    points = np.stack(result)
     distance = np.linalg.norm(points, axis=1)
     # What lies farther off by so much is rarer by a factor of a thousand or more.
     return points[0.5 * distance**2 < 0.5 * distance.min() ** 2 + 7.0]

@@ -45,12 +45,12 @@ class Replay(eqx.Module):
 
     @property
     def status(self) -> Status:
-        """How the run ended."""
+        """Status of the run."""
         return Status.REFUSED if self.refusal else Status(int(self.trajectory.status))
 
 
 @eqx.filter_jit
-def _fly(
+def _run(
     campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
 ) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
     mission, y0 = campaign.mission(samples)
@@ -72,11 +72,11 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     try:
         with callbacks():
-            found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+            found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
             out = int(found[0].status[0]) == Status.MAX_STEPS
             if out and has_exact_part(campaign, accuracy):
                 accuracy = dataclasses.replace(accuracy, decoupled=True)
-                found = jax.block_until_ready(_fly(campaign, accuracy, samples, num_saved))
+                found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
     result, outputs, configs = found
@@ -104,7 +104,7 @@ def _error(
     bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
         with callbacks():
-            result, _, _ = jax.block_until_ready(_fly(bare, accuracy, samples, 0))
+            result, _, _ = jax.block_until_ready(_run(bare, accuracy, samples, 0))
     except RAISED:
         return SimulationError(
             f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."

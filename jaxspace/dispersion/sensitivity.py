@@ -1,5 +1,5 @@
-"""Which input moves an output: rank correlation from the runs of a campaign, Sobol indices by runs
-of their own.
+"""Sensitivity of an output to the inputs: rank correlation from the runs of a campaign, Sobol
+indices from further runs.
 
     S_j  = V(E[y | x_j]) / V(y)            first order: x_j alone
     S_Tj = E[V(y | x without x_j)] / V(y)  total: x_j with all its products
@@ -39,11 +39,16 @@ class RankCorrelation(NamedTuple):
 
 
 def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
-    """Spearman's rank correlation of two quantities over their runs, each (runs,).
+    """Spearman's rank correlation of two quantities over their runs.
 
     The interval is that of Fisher's transformation with the variance of Bonett and Wright,
     Psychometrika 65 (2000), 23. Infinite values have their ranks, and pairs with NaN are left out.
-    Raises `InputError` for fewer than five pairs."""
+
+    **Arguments**
+
+    - `x`, `y`: the quantities, each (runs,).
+
+    **Raises** `InputError` for fewer than five pairs."""
     from scipy.stats import rankdata
 
     x, y = np.asarray(x, float), np.asarray(y, float)
@@ -124,14 +129,14 @@ def sobol_indices(
         samples.append(mixed)
     run = Evaluator(campaign, campaign.accuracy_for(accuracy))
     # All samples in one call, which fills its blocks across them.
-    found = run(map_normals(campaign.inputs, np.concatenate(samples)))
-    good = found.good.reshape(len(samples), points).all(axis=0)
+    result = run(map_normals(campaign.inputs, np.concatenate(samples)))
+    good = result.good.reshape(len(samples), points).all(axis=0)
     names = list(columns)
     indices = {}
-    for output, y in found.outputs.items():
+    for output, y in result.outputs.items():
         values = y.astype(float).reshape(len(samples), points)[:, good]
         indices[output] = _indices(names, values)
-    return SobolIndices(indices, len(found.status), int(np.count_nonzero(~found.good)))
+    return SobolIndices(indices, len(result.status), int(np.count_nonzero(~result.good)))
 
 
 def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
@@ -145,14 +150,14 @@ def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     if variance == 0.0 or f_a.size < 2:
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     root = np.sqrt(f_a.size)
-    found = {}
+    result = {}
     for name, f_j in zip(names, f_mixed, strict=True):
         first = f_b * (f_j - centre - f_a) / variance
         total = 0.5 * (f_a - (f_j - centre)) ** 2 / variance
-        found[name] = SobolIndex(
+        result[name] = SobolIndex(
             float(first.mean()),
             float(first.std(ddof=1) / root),
             float(total.mean()),
             float(total.std(ddof=1) / root),
         )
-    return found
+    return result

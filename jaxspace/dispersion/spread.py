@@ -43,10 +43,14 @@ class Ellipsoid(NamedTuple):
 
 
 def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
-    """The ellipsoid of a normal distribution with the mean and the covariance of the `values`,
-    (d, runs).
+    """The ellipsoid of a normal distribution with the mean and the covariance of the values.
 
-    Raises `InputError` for a probability outside (0, 1), and for fewer than two runs."""
+    **Arguments**
+
+    - `values`: of d outputs, (d, runs).
+    - `probability`: share of the distribution within it.
+
+    **Raises** `InputError` for a probability outside (0, 1), and for fewer than two runs."""
     from scipy.stats import chi2
 
     check_share("probability", probability)
@@ -112,7 +116,11 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
 
     - `x`: an output, (runs,).
     - `share`: of the percentile, within 0 and 1.
-    - `steps`: how many counts."""
+    - `steps`: number of counts.
+
+    **Returns** a `Convergence`.
+
+    **Raises** `InputError` for a share outside (0, 1), and for values of which none is finite."""
     x = np.asarray(x, float)
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)
@@ -155,12 +163,12 @@ class StopRule(NamedTuple):
         """Half of the confidence interval of the percentile, over its distance from the mean;
         infinite with too few runs and where the percentile is, zero where nothing scatters."""
         x = np.asarray(x, float)
-        found = percentile(x, self.share, self.confidence)
+        result = percentile(x, self.share, self.confidence)
         # However many runs there are, an infinite limit has no distance to be compared with.
-        if not np.isfinite([found.value, found.low, found.high]).all():
+        if not np.isfinite([result.value, result.low, result.high]).all():
             return np.inf
-        distance = abs(found.value - float(np.mean(x[np.isfinite(x)])))
-        half = 0.5 * (found.high - found.low)
+        distance = abs(result.value - float(np.mean(x[np.isfinite(x)])))
+        half = 0.5 * (result.high - result.low)
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
 
     def check(self) -> None:
@@ -181,6 +189,7 @@ class StopRule(NamedTuple):
 
     def more(self, x: ArrayLike) -> int:
         """Estimate, from these runs, of the total number needed; 0 where that is not known."""
-        error, runs = self.error(x), int((~np.isnan(np.asarray(x, float))).sum())
+        error = self.error(x)
+        runs = int((~np.isnan(np.asarray(x, float))).sum())
         # The interval shrinks as one over the root of the number of runs.
         return int(np.ceil(runs * (error / self.precision) ** 2)) if np.isfinite(error) else 0

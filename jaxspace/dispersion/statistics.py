@@ -80,30 +80,30 @@ class Dispersion(eqx.Module):
         return f"{self.enough} runs are enough, {StopRule(**self.attributes['until']).text()}."
 
     @property
-    def wanted(self) -> int:
+    def planned_runs(self) -> int:
         """Number of runs of the complete campaign."""
         return int(self.enough or self.attributes.get("planned_runs", self.runs))
 
     @property
-    def lacking(self) -> str:
-        """How many of the planned runs are here, and what computes the rest, in a sentence; empty
-        when the campaign is complete, also one that ended itself."""
-        if self.runs >= self.wanted:
+    def missing_runs(self) -> str:
+        """Number of the planned runs that are here, and what computes the rest, in a sentence;
+        empty if the campaign is complete, or ended by its rule."""
+        if self.runs >= self.planned_runs:
             return ""
         # The command line builds campaigns of scene files alone.
         scene = "scene_file" in self.attributes
         rest = f"jaxspace resume {self.store}" if scene else "disperse(..., resume=True)"
         return (
-            f"{self.runs} of {self.wanted} planned runs are in the store: `{rest}` computes the "
-            f"rest."
+            f"{self.runs} of {self.planned_runs} planned runs are in the store: `{rest}` computes "
+            f"the rest."
         )
 
     @property
     def requirements(self) -> dict[str, tuple[float | None, float | None]]:
         """The least and the greatest value that is allowed of each output that has a requirement,
         `None` for no such limit."""
-        found = self.attributes.get("requirements", {})
-        return {name: (at[0], at[1]) for name, at in found.items() if name in self.outputs}
+        result = self.attributes.get("requirements", {})
+        return {name: (at[0], at[1]) for name, at in result.items() if name in self.outputs}
 
     @property
     def cores(self) -> int:
@@ -115,11 +115,11 @@ class Dispersion(eqx.Module):
     def utilisation(self) -> float:
         """The share of these cores that was at work while the runs were computed; NaN where that is
         not known."""
-        flying = self.seconds - self.attributes.get("preparation_seconds", 0.0)
+        computing = self.seconds - self.attributes.get("preparation_seconds", 0.0)
         busy = self.attributes.get("cpu_seconds", 0.0)
         # Zero if nothing was computed, or nothing was recorded.
-        known = flying > 0.0 and busy > 0.0 and self.cores > 0
-        return busy / (flying * self.cores) if known else float("nan")
+        known = computing > 0.0 and busy > 0.0 and self.cores > 0
+        return busy / (computing * self.cores) if known else float("nan")
 
     @property
     def good(self) -> np.ndarray:
@@ -161,7 +161,7 @@ class Dispersion(eqx.Module):
         """A `Row` for each of the "outputs" or "inputs", over the good runs.
 
         Limits and extremes count infinite values, mean and deviation leave them out; the row says
-        how many there are (`Row.doubt`). Raises `InputError` for any other word."""
+        how many there are (`Row.warning`). Raises `InputError` for any other word."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         return [
@@ -169,10 +169,11 @@ class Dispersion(eqx.Module):
             for name, x in getattr(self, of).items()
         ]
 
-    def doubts(self) -> tuple[str, ...]:
-        """What to know before the numbers are used, a sentence each: runs that the store lacks, and
-        outputs that are infinite or not a number in runs that ended well."""
-        sentences = (self.lacking, *(row.doubt() for row in self.table()))
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Warnings about the numbers, a sentence each: runs that are missing in the store, and
+        outputs that are infinite or not a number in good runs."""
+        sentences = (self.missing_runs, *(row.warning for row in self.table()))
         return tuple(sentence for sentence in sentences if sentence)
 
     def contributors(self, output: str, count: int | None = 5) -> Contributors:
@@ -192,8 +193,8 @@ class Dispersion(eqx.Module):
         known = self._known_contributors
         if output not in known:
             known[output] = contributors(output, self.inputs, self.values(output), self.good)
-        found = known[output]
-        return found._replace(shares=dict(list(found.shares.items())[:count]))
+        result = known[output]
+        return result._replace(shares=dict(list(result.shares.items())[:count]))
 
     @functools.cached_property
     def _known_contributors(self) -> dict[str, Contributors]:
@@ -244,8 +245,8 @@ class Dispersion(eqx.Module):
         return ellipsoid(self._finite(*names), probability)
 
     def footprint(self) -> Footprint | None:
-        """Where the runs land, with ellipses of 50, 90 and 99 %; `None` unless `east` and `north`
-        are outputs of one unit, finite in three good runs or more."""
+        """Footprint of the landings, with ellipses of 50, 90 and 99 %; `None` unless `east` and
+        `north` are outputs of one unit, finite in three good runs or more."""
         units = {self.units.get(name) for name in LANDING}
         if not set(LANDING) <= set(self.outputs) or len(units) > 1:
             return None
@@ -299,14 +300,15 @@ class Dispersion(eqx.Module):
 
     def rank_correlations(self, output: str, count: int = 5) -> dict[str, RankCorrelation]:
         """Spearman's rank correlation of an output with the inputs, the strongest first."""
-        found = {}
+        result = {}
         for name in self.inputs:
             x, y = self.values(name), self.values(output)
             some = self.good & ~(np.isnan(x) | np.isnan(y))
-            x, y = x[some].astype(float), y[some].astype(float)
+            x = x[some].astype(float)
+            y = y[some].astype(float)
             if x.size >= 5 and np.ptp(x) > 0.0:
-                found[name] = rank_correlation(x, y)
-        order = sorted(found.items(), key=lambda pair: -abs(pair[1].value))
+                result[name] = rank_correlation(x, y)
+        order = sorted(result.items(), key=lambda pair: -abs(pair[1].value))
         return dict(order[:count])
 
     def to_csv(self, path: "str | os.PathLike[str]") -> None:

@@ -47,7 +47,8 @@ class Row(NamedTuple):
         counts = (("∞", self.above), ("-∞", self.below), ("not a number", self.undefined))
         return ", ".join(f"{words} in {count}" for words, count in counts if count)
 
-    def doubt(self) -> str:
+    @property
+    def warning(self) -> str:
         """Effect of these runs on the statistics, in sentences; empty if there are none."""
         if not self.missing():
             return ""

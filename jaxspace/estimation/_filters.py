@@ -43,7 +43,7 @@ KAPPA = 1.0
 
 @final
 class Filtered(eqx.Module):
-    """What a filter knows after each reading; runs, of a batch, are on the last axis.
+    """Estimates of a filter after each reading; the runs of a batch are on the last axis.
 
     - `ts`, `states`, `covariance`: times (times,), means and covariances (n, n, times, *runs), in
       the coordinates named by `names`.
@@ -64,6 +64,7 @@ class Filtered(eqx.Module):
         """Standard deviations of the coordinates of the state."""
         return jnp.sqrt(jnp.stack([self.covariance[k, k] for k in range(len(self.names))]))
 
+    @property
     def nis(self) -> Float[Array, "times *#runs"]:
         """Normalised innovations squared, r^T S^-1 r: chi^2 with m degrees of freedom on average if
         the filter is consistent."""
@@ -204,7 +205,8 @@ def _predict_unscented(
         # What the noise adds to a state that is known.
         exact = MeanCovariance(known.mean, jnp.zeros_like(P))
         added, status_of_noise = _predict_extended(system, exact, t0, t1, process, accuracy)
-        P, status = P + added.covariance, jnp.maximum(status, status_of_noise)
+        P = P + added.covariance
+        status = jnp.maximum(status, status_of_noise)
     return MeanCovariance(about.moved(mean), P), status
 
 
@@ -307,5 +309,6 @@ def _inverse(S: Array) -> Array:
 def _normalised(e: Array, P: Array) -> Array:
     """e^T P^-1 e, of errors (n, times, *runs)."""
     shape = e.shape[1:]
-    rows, matrices = e.reshape(e.shape[0], -1), P.reshape(*P.shape[:2], -1)
+    rows = e.reshape(e.shape[0], -1)
+    matrices = P.reshape(*P.shape[:2], -1)
     return jax.vmap(lambda e, P: e @ _inverse(P) @ e, in_axes=-1)(rows, matrices).reshape(shape)

@@ -128,11 +128,11 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
         leaves = leaves * len(coordinates.blocks)
     if len(leaves) != len(coordinates.blocks):
         raise InputError(f"prior must be one number or a tree like the parameters, {blocks}.")
-    found = [
+    result = [
         jnp.broadcast_to(jnp.asarray(s, coordinates.dtype), shape).reshape(-1)
         for s, shape in zip(leaves, coordinates.shapes, strict=True)
     ]
-    return jnp.concatenate(found)
+    return jnp.concatenate(result)
 
 
 @eqx.filter_jit
@@ -158,7 +158,7 @@ def _search(
     def scaled(u: Array, _: None) -> Array:
         return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
 
-    found = optimistix.least_squares(
+    result = optimistix.least_squares(
         scaled,
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
@@ -168,12 +168,15 @@ def _search(
         # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},
     )
-    solved = found.result == optimistix.RESULTS.successful
-    return _found(task, scale * found.value.astype(dtype), solved, found.stats["num_steps"], stated)
+    solved = result.result == optimistix.RESULTS.successful
+    return _found(
+        task, scale * result.value.astype(dtype), solved, result.stats["num_steps"], stated
+    )
 
 
 class _Task(NamedTuple):
-    """What is fitted: a model of parameters in `coordinates`, and readings with their deviations.
+    """A problem of a fit: a model of parameters in `coordinates`, and readings with their
+    deviations.
 
     - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
 
@@ -197,7 +200,8 @@ class _Task(NamedTuple):
                 f"{jax.tree.map(jnp.shape, data)}."
             )
         beforehand = _prior_of(prior, coordinates)
-        count, least = sum(z.size for z in jax.tree.leaves(data)), coordinates.count
+        count = sum(z.size for z in jax.tree.leaves(data))
+        least = coordinates.count
         if count + (least if beforehand is not None else 0) < least:
             raise InputError(
                 f"There are {count} readings for {least} parameters: there must be at least as "
@@ -228,7 +232,7 @@ class _Task(NamedTuple):
 
 
 def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
-    """What is known at the end of a search, at the coordinates x."""
+    """The result of a search that ended at the coordinates x."""
     jacobian, (r, tree) = task.linear(x)
     count = task.coordinates.count if task.beforehand is None else 0
     readings = jnp.asarray(sum(jnp.sum(s) for s in jax.tree.leaves(task.seen)))

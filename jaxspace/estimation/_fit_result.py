@@ -1,4 +1,5 @@
-"""What a fit leaves: parameters, their covariance, tests of the residuals, what cannot be seen."""
+"""Result of a fit: parameters, their covariance, tests of the residuals, unobservable
+combinations."""
 
 from typing import final
 
@@ -52,7 +53,7 @@ class Fit(eqx.Module):
 
     @property
     def unseen(self) -> Bool[Array, "n *#runs"]:
-        """Which parameters take part in a combination that no reading depends on."""
+        """Whether each parameter is part of a combination on which no reading depends."""
         share = jnp.where(self._seen[:, None], 0.0, self.directions**2)
         # A component of a thousandth, squared: the limit of the sentences below.
         return jnp.sum(share, axis=0) > 1e-6
@@ -86,7 +87,7 @@ class Fit(eqx.Module):
         return tail if self.stated else jnp.full_like(tail, jnp.nan)
 
     def observability(self) -> str:
-        """What cannot be seen in the data, as sentences; empty where everything is.
+        """Sentences on the unobservable combinations of parameters; empty without any.
 
         **Raises** `InputError` for a batch: ask `of(i)`."""
         if self.singular_values.ndim > 1:

@@ -39,8 +39,12 @@ def chi_squared_tail(value: Array, degrees: Array | float) -> Array:
 
 
 def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> ResidualTests:
-    """The tests of residuals whose last axis is the time; readings that are not `seen` count
-    nowhere."""
+    """The tests of residuals whose last axis is the time.
+
+    **Arguments**
+
+    - `r`: residuals over their deviations, times on the last axis.
+    - `seen`: whether each reading counts."""
     r, seen = r.reshape(-1, r.shape[-1]), seen.reshape(-1, r.shape[-1])
     weight = seen.astype(r.dtype)
     m = jnp.sum(weight)

@@ -74,7 +74,7 @@ class Earth(NamedTuple):
         return north / (along + height), east / ((across + height) * jnp.cos(latitude)), up
 
     def transport_rate(self, latitude: Scalar, height: Scalar, velocity: Vector) -> Vector:
-        """How level axes turn over the earth as they move, rad/s, in level axes."""
+        """Angular velocity of moving level axes relative to the earth, rad/s, in level axes."""
         north, east, _ = self.place_rates(latitude, height, velocity)
         parts = (-north, east * jnp.cos(latitude), east * jnp.sin(latitude))
         return jnp.stack(jnp.broadcast_arrays(*parts))

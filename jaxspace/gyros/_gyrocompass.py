@@ -101,7 +101,7 @@ class Gyrocompass(AbstractSystem):
             level = north * cp - east * sp
             return ca * level + sa * up, -(east * cp + north * sp), ca * up - sa * level
 
-        u, h, e = components(*self.frame_rate())
+        u, h, e = components(*self.frame_rate)
         w_u = u + y.azimuth_rate * sa
         w_h = h - y.tilt_rate
         w_e = e + y.azimuth_rate * ca
@@ -141,6 +141,7 @@ class Gyrocompass(AbstractSystem):
         given = (as_float(x) for x in (tilt, azimuth, tilt_rate, azimuth_rate))
         return GyrocompassState(*jnp.broadcast_arrays(*given))
 
+    @property
     def frame_rate(self) -> tuple[Scalar, Scalar, Scalar]:
         """W, rad/s, of the local east, north and up."""
         north, east = self.speed * jnp.cos(self.course), self.speed * jnp.sin(self.course)
@@ -148,51 +149,60 @@ class Gyrocompass(AbstractSystem):
         turn = self.earth_rate + east / (self.radius * c)
         return -north / self.radius, turn * c, turn * s
 
+    @property
     def rest_tilt(self) -> Scalar:
         """The elevation alpha at which the axis rests, rad (Thomson 6.4); NaN with the azimuth."""
         return self._rest()[0]
 
+    @property
     def rest_azimuth(self) -> Scalar:
         """The azimuth psi at which the axis rests, rad west of north: the heading error of the
         ship's motion and the offset of the damping together (Thomson 6.5-16, there for a small
         one); NaN where the offset is too large for a rest."""
         return self._rest()[1]
 
+    @property
     def heading_error(self) -> Scalar:
         """The angle by which the ship's speed turns the meridian of the compass to the west, rad:
         tan(gamma) = v cos(course) / (R Omega cos(latitude) + v sin(course))."""
-        east, north, _ = self.frame_rate()
+        east, north, _ = self.frame_rate
         return jnp.arctan2(-east, north)
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the slow oscillation about the meridian and of the
         nutation, both without damping (Thomson 6.5-11)."""
-        H, inertias = self.spin_momentum, self.tilt_inertia * self.azimuth_inertia
-        a, b = H * self.frame_rate()[1], self._stiffness()
+        H = self.spin_momentum
+        inertias = self.tilt_inertia * self.azimuth_inertia
+        a = H * self.frame_rate[1]
+        b = self._stiffness()
         total = (H * H + a * self.tilt_inertia + b * self.azimuth_inertia) / inertias
         product = a * b / inertias
         fast = 0.5 * (total + jnp.sqrt(total * total - 4.0 * product))
         # By the product of the roots: their difference has no digit of the slow one.
         return jnp.sqrt(product / fast), jnp.sqrt(fast)
 
+    @property
     def slow_frequency(self) -> Scalar:
         """Angular frequency, rad/s, of the slow oscillation without the inertias and the damping:
         sqrt(W_N b / H)."""
-        return jnp.sqrt(self.frame_rate()[1] * self._stiffness() / self.spin_momentum)
+        return jnp.sqrt(self.frame_rate[1] * self._stiffness() / self.spin_momentum)
 
+    @property
     def damping_ratio(self) -> Scalar:
         """Damping ratio of the slow oscillation: we / (2 H) over its frequency (Thomson 6.5-15)."""
-        return 0.5 * self.damping_moment / (self.spin_momentum * self.slow_frequency())
+        return 0.5 * self.damping_moment / (self.spin_momentum * self.slow_frequency)
 
+    @property
     def clamped_frequency(self) -> Scalar:
         """Angular frequency, rad/s, in azimuth with the tilt clamped (Thomson 6.5, problem 3)."""
-        return jnp.sqrt(self.spin_momentum * self.frame_rate()[1] / self.azimuth_inertia)
+        return jnp.sqrt(self.spin_momentum * self.frame_rate[1] / self.azimuth_inertia)
 
     def small_motion(self, t: Scalar, y: GyrocompassState) -> GyrocompassState:
         """The state a time `t`, s, after `y`, by the linear equations, exactly: nutation and slow
         motion together (Thomson 6.5-9)."""
         H, I_h, I_e = self.spin_momentum, self.tilt_inertia, self.azimuth_inertia
-        east, north, up = self.frame_rate()
+        east, north, up = self.frame_rate
         matrix = rows(
             (0.0, 0.0, 1.0, 0.0),
             (0.0, 0.0, 0.0, 1.0),
@@ -205,7 +215,7 @@ class Gyrocompass(AbstractSystem):
     def slow_motion(self, t: Scalar, tilt: Scalar, azimuth: Scalar) -> tuple[Scalar, Scalar]:
         """Tilt and azimuth, rad, a time `t`, s, later, without the nutation (Thomson 6.5-3, -14):
         an ellipse of the axis's end, a spiral with damping."""
-        east, north, up = self.frame_rate()
+        east, north, up = self.frame_rate
         matrix = rows(
             (-self.damping_moment / self.spin_momentum, -north),
             (self._stiffness() / self.spin_momentum, 0.0),
@@ -217,18 +227,19 @@ class Gyrocompass(AbstractSystem):
     def _rest(self) -> tuple[Scalar, Scalar]:
         """Tilt and azimuth, rad, of the rest on a ship that does not roll, by the moments of H and
         of the bail; those of the inertias are less by the earth's rate over the spin, 1e-7."""
-        east, north, up = self.frame_rate()
+        east, north, up = self.frame_rate
         level = jnp.sqrt(east * east + north * north)
-        H, across = self.spin_momentum, 0.0 * level
+        H = self.spin_momentum
+        across = 0.0 * level
         # Without damping the first step is exact, with it each one divides the error by 1e5.
         for _ in range(REST_STEPS):
             along = jnp.sqrt((level - across) * (level + across))
             tilt = jnp.arctan2(H * up, self.pendulous_moment + H * along)
             across = self.damping_moment / H * jnp.sin(tilt)
-        return tilt, self.heading_error() - jnp.arcsin(across / level)
+        return tilt, self.heading_error - jnp.arcsin(across / level)
 
     def _stiffness(self) -> Scalar:
-        return self.pendulous_moment + self.spin_momentum * self.frame_rate()[1]
+        return self.pendulous_moment + self.spin_momentum * self.frame_rate[1]
 
     def _plumb(self, t: Scalar) -> tuple[Scalar, Scalar, Scalar]:
         """f / g, to the east, north and up."""

@@ -47,8 +47,8 @@ def unstacked(x: Float[Array, "n *#runs"], like: State) -> State:
     axes = jax.tree.leaves(component_axes_of(like))
     sizes = [leaf.shape[0] if k > 0 else 1 for leaf, k in zip(leaves, axes, strict=True)]
     parts = jnp.split(x, np.cumsum(sizes)[:-1].tolist())
-    found = [part if k > 0 else part[0] for part, k in zip(parts, axes, strict=True)]
-    return jax.tree.unflatten(structure, found)
+    result = [part if k > 0 else part[0] for part, k in zip(parts, axes, strict=True)]
+    return jax.tree.unflatten(structure, result)
 
 
 def linear_rate(matrix: Array, drive: Array, y: State) -> Any:

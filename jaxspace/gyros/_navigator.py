@@ -46,7 +46,7 @@ Given = Three | tuple[float, float, float]
 
 @final
 class NavigatorState(eqx.Module):
-    """What a navigator computes; also the rates of all."""
+    """State of a navigator; also its rates."""
 
     latitude: NumberField = quantity("rad", doc="phi, geodetic")
     longitude: NumberField = quantity("rad", doc="lambda, to the east")
@@ -102,7 +102,8 @@ class InertialNavigator(AbstractSystem):
     gimballed: bool = eqx.field(static=True, default=False)
 
     def vector_field(self, t: Scalar, y: NavigatorState) -> NavigatorState:
-        earth, felt = self.earth(), self.felt(t)
+        earth = self.earth
+        felt = self.felt(t)
         force, turn = self._measured(felt, y.attitude)
         # What all runs share meets what each has of its own.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
@@ -131,8 +132,10 @@ class InertialNavigator(AbstractSystem):
     def state(
         self, position: Given = ZERO, velocity: Given = ZERO, tilt: Given = ZERO
     ) -> NavigatorState:
-        """What a navigator with these errors in level axes, (3, *runs), holds at the time zero."""
-        felt, earth = self.felt(0.0), self.earth()
+        """The state of a navigator with these errors in level axes, (3, *runs), at the time
+        zero."""
+        felt = self.felt(0.0)
+        earth = self.earth
         east, north, up = as_float(position)
         place = felt.place
         along, across = earth.curvature_radii(place.latitude)
@@ -146,13 +149,14 @@ class InertialNavigator(AbstractSystem):
         v = with_rank(v, rank) + with_rank(felt.velocity, rank)
         return NavigatorState(*parts, place.height + up, v, attitude)
 
+    @property
     def earth(self) -> Earth:
         """The earth on which it navigates."""
         return Earth(self.radius, self.flattening, self.mu, self.j2, self.earth_rate)
 
     def felt(self, t: Scalar) -> Felt:
         """The motion of the vehicle at `t`, s, and what perfect instruments would feel."""
-        return felt_on(self._course if self.path is None else self.path, self.earth(), t)
+        return felt_on(self._course if self.path is None else self.path, self.earth, t)
 
     def errors(self, t: Scalar, y: NavigatorState) -> NavigationErrorState:
         """The errors of what the navigator holds, in the true level axes, exactly; its tilt is that
@@ -163,9 +167,9 @@ class InertialNavigator(AbstractSystem):
         here = NavigatorState(*place[:3], felt.velocity, true)
         level, computed = (_level(p.latitude, p.longitude) for p in (here, y))
         # In inertial space: differences in level axes would mix in how both sets of axes differ.
-        found, known = self._inertial(y, computed), self._inertial(here, level)
-        rank = found[1].ndim - 1
-        r, v = (a - with_rank(b, rank) for a, b in zip(found, known, strict=True))
+        result, known = self._inertial(y, computed), self._inertial(here, level)
+        rank = result[1].ndim - 1
+        r, v = (a - with_rank(b, rank) for a, b in zip(result, known, strict=True))
         position = level.rotate_back(r)
         velocity = level.rotate_back(v) - cross(with_rank(felt.level_rate, rank), position)
         tilt = computed.then(y.attitude).then(level.then(true).inverse()).rotation_vector()
@@ -175,7 +179,7 @@ class InertialNavigator(AbstractSystem):
         """The linear error equations of 6.11 at the time `t`, s, with constant coefficients: exact
         to first order for a body that keeps its heading on a parallel of a sphere."""
         felt = self.felt(t)
-        p, z = self.earth().from_axis(felt.place.latitude, felt.place.height)
+        p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
         radius = jnp.sqrt(p * p + z * z)
         faults = (self.accelerometer_bias, self.gyro_drift)
         turn = Quaternion.identity() if self.gimballed else felt.attitude
@@ -194,7 +198,7 @@ class InertialNavigator(AbstractSystem):
     def _course(self, t: Scalar) -> Place:
         place = self.latitude, self.height
         speed = jnp.broadcast_arrays(self.east_speed, self.north_speed, self.climb)
-        north, east, up = self.earth().place_rates(*place, jnp.stack(speed))
+        north, east, up = self.earth.place_rates(*place, jnp.stack(speed))
         roll = self.roll_amplitude * jnp.sin(self.roll_frequency * t)
         still = 0.0 * t
         return Place(
@@ -229,7 +233,7 @@ class InertialNavigator(AbstractSystem):
 
     def _inertial(self, y: NavigatorState, level: Quaternion) -> tuple[Vector, Vector]:
         """Position and velocity in inertial axes that meet those of the earth now."""
-        p, z = self.earth().from_axis(y.latitude, y.height)
+        p, z = self.earth.from_axis(y.latitude, y.height)
         r = jnp.stack(jnp.broadcast_arrays(p * jnp.cos(y.longitude), p * jnp.sin(y.longitude), z))
         spin = jnp.stack(jnp.broadcast_arrays(-r[1], r[0], 0.0 * r[2]))
         v = level.rotate(y.velocity)
@@ -237,7 +241,7 @@ class InertialNavigator(AbstractSystem):
 
 
 def _level(latitude: Scalar, longitude: Scalar) -> Quaternion:
-    """From level axes to those of the earth."""
+    """The attitude from level axes to those of the earth."""
     # East to y, north to z, up to x, then down to the latitude and round to the longitude.
     half = 0.5 + 0.0 * latitude
     swap = Quaternion(jnp.stack([half, half, half, half]))

@@ -80,14 +80,17 @@ class RateGyro(AbstractSystem):
     def closed_form(self) -> LinearFlow:
         return LinearFlow(*self._matrices())
 
+    @property
     def natural_frequency(self) -> Scalar:
         """sqrt(K / A), rad/s."""
         return jnp.sqrt(self.spring / self.transverse_inertia)
 
+    @property
     def damping_ratio(self) -> Scalar:
         """c / (2 sqrt(K A))."""
         return 0.5 * self.damping / jnp.sqrt(self.spring * self.transverse_inertia)
 
+    @property
     def error_torque(self) -> Scalar:
         """M, N m, of bias, unbalance and anisoelasticity."""
         unbalance = self.spin_unbalance * self.input_force - self.input_unbalance * self.spin_force
@@ -97,25 +100,28 @@ class RateGyro(AbstractSystem):
             + self.anisoelasticity * (self.input_force * self.spin_force)
         )
 
+    @property
     def drift_rate(self) -> Scalar:
         """The input rate, rad/s, that error torques feign: M / H."""
-        return self.error_torque() / self.spin_momentum
+        return self.error_torque / self.spin_momentum
 
+    @property
     def steady_angle(self) -> Scalar:
         """The angle at which the spring holds the gimbal, rad."""
         torque = self.spin_momentum * (1.0 + self.scale_factor_error) * self.input_rate
         stiffness = self.spring + self.spin_momentum * self.spin_axis_rate
-        return (torque + self.error_torque()) / stiffness
+        return (torque + self.error_torque) / stiffness
 
     def step_response(self, t: Scalar) -> Scalar:
         """theta, rad, at `t`, s, after the input has begun, from rest."""
         zero = jnp.zeros_like(as_float(t))
         return self.closed_form().flow(t, RateGyroState(zero, zero)).angle
 
+    @property
     def overshoot(self) -> Scalar:
-        """How far the step response passes the steady angle, as a part of it; zero from a damping
+        """Overshoot of the step response as a fraction of the steady angle; zero from a damping
         ratio of one on."""
-        z = self.damping_ratio()
+        z = self.damping_ratio
         inside = z < 1.0
         under = jnp.where(inside, z, 0.0)
         # (1 - z) (1 + z), because 1 - z^2 loses its digits near critical damping.
@@ -145,4 +151,4 @@ class RateGyro(AbstractSystem):
         stiffness = self.spring + self.spin_momentum * self.spin_axis_rate
         torque = self.spin_momentum * (1.0 + self.scale_factor_error) * self.input_rate
         matrix = rows((0.0, 1.0), (-stiffness / A, -self.damping / A))
-        return matrix, rows((0.0,), ((torque + self.error_torque()) / A,))[:, 0]
+        return matrix, rows((0.0,), ((torque + self.error_torque) / A,))[:, 0]

@@ -101,7 +101,7 @@ class TwoGimbalGyro(AbstractSystem):
         return GimbalState(
             theta=y.theta_rate,
             psi=psi_rate,
-            theta_rate=tilting / self.inner_inertia(),
+            theta_rate=tilting / self.inner_inertia,
             # A moment that all runs share has the shape of the runs in a rate.
             angular_momentum=turning + jnp.zeros_like(y.angular_momentum),
             spin_momentum=spin,
@@ -125,7 +125,7 @@ class TwoGimbalGyro(AbstractSystem):
         """Kinetic energy of rotor and gimbals, J."""
         turning = self.outer_inertia(y.theta) * self.outer_rate(y) ** 2
         spin = self.spin_momentum(y) ** 2 / self.axial_inertia
-        return 0.5 * (self.inner_inertia() * y.theta_rate**2 + turning + spin)
+        return 0.5 * (self.inner_inertia * y.theta_rate**2 + turning + spin)
 
     @constructor(
         theta=argument(
@@ -143,12 +143,12 @@ class TwoGimbalGyro(AbstractSystem):
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
             y = replace(y, spin_momentum=self.spin_momentum() + 0.0 * h)
-        if self.inner_bearing is not None and self.inner_bearing.slips():
+        if self.inner_bearing is not None and self.inner_bearing.slips:
             y = replace(y, slip_inner=jnp.sign(theta_rate + 0.0 * h))
-        if self.outer_bearing is not None and self.outer_bearing.slips():
+        if self.outer_bearing is not None and self.outer_bearing.slips:
             y = replace(y, slip_outer=jnp.sign(psi_rate + 0.0 * h))
-        for name, bearing, _, acting, slip in self._slipping(y):
-            y = replace(y, **{name: jnp.where(slip == 0.0, bearing.slip_at_rest(acting), slip)})
+        for name, bearing, _, applied, slip in self._slipping(y):
+            y = replace(y, **{name: jnp.where(slip == 0.0, bearing.slip_at_rest(applied), slip)})
         return y
 
     def outer_rate(self, y: GimbalState) -> Scalar:
@@ -167,8 +167,8 @@ class TwoGimbalGyro(AbstractSystem):
         return self.axial_inertia * self.spin_rate
 
     def friction_margin(self, t: Scalar, y: GimbalState) -> Scalar:
-        """What falls to zero where a bearing stops or begins to slip: the condition of an event
-        with `direction=-1`, `terminal=False` and `then=gyro.stick_or_slip`."""
+        """A margin that falls to zero where a bearing stops or begins to slip: the condition of an
+        event with `direction=-1`, `terminal=False` and `then=gyro.stick_or_slip`."""
         del t
         margins = [b.margin(*motion) for _, b, *motion in self._slipping(y)]
         return jnp.min(jnp.stack(jnp.broadcast_arrays(*margins)), axis=0)
@@ -178,29 +178,29 @@ class TwoGimbalGyro(AbstractSystem):
         are."""
         del t
         least = self.friction_margin(0.0, y)
-        for name, bearing, rate, acting, slip in self._slipping(y):
-            margin = bearing.margin(rate, acting, slip)
+        for name, bearing, rate, applied, slip in self._slipping(y):
+            margin = bearing.margin(rate, applied, slip)
             # Two at the same time are one event.
             now = (margin <= least) | (margin <= 0.0)
             y = self._at_rest(y, name, now)
-            y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(acting), slip)})
+            y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(applied), slip)})
         return y
 
     def struck(self, y: GimbalState, inner: Scalar, outer: Scalar = 0.0) -> GimbalState:
         """The state after impulses about the inner and about the outer axis, N m s."""
-        rate = y.theta_rate + inner / self.inner_inertia()
+        rate = y.theta_rate + inner / self.inner_inertia
         return replace(y, theta_rate=rate, angular_momentum=y.angular_momentum + outer)
 
     def arrested(self, y: GimbalState) -> tuple[GimbalState, Scalar, Scalar]:
         """The state with both gimbals brought to rest, and the impulses about the inner and the
         outer axis, N m s, that do it."""
         outer = self.spin_momentum(y) * jnp.cos(y.theta) - y.angular_momentum
-        inner = -self.inner_inertia() * y.theta_rate
+        inner = -self.inner_inertia * y.theta_rate
         still = self.spin_momentum(y) * jnp.cos(y.theta) + 0.0 * outer
         return replace(y, theta_rate=0.0 * inner, angular_momentum=still), inner, outer
 
     def attitude_change(self, turn: Scalar) -> tuple[Scalar, Scalar]:
-        """How two impulses across the axis turn it (Thomson 6.2, problems 5 to 7).
+        """Change of the attitude by two impulses across the axis (Thomson 6.2, problems 5 to 7).
 
         Valid for gimbals without mass. Half a nutation after the first impulse the axis has turned
         by 2 atan(M / H), and `arrested` stops it.
@@ -216,6 +216,7 @@ class TwoGimbalGyro(AbstractSystem):
         time = jnp.pi * self.transverse_inertia * jnp.cos(0.5 * turn) / self.spin_momentum()
         return impulse, time
 
+    @property
     def inner_inertia(self) -> Scalar:
         """Inertia A + A_i of all that turns about the inner axis, kg m^2."""
         return self.transverse_inertia + self.inner_xi
@@ -240,7 +241,7 @@ class TwoGimbalGyro(AbstractSystem):
         return (
             self.spin_momentum()
             * jnp.sin(theta)
-            / jnp.sqrt(self.outer_inertia(theta) * self.inner_inertia())
+            / jnp.sqrt(self.outer_inertia(theta) * self.inner_inertia)
         )
 
     def walk(self, theta: Scalar, theta_rate: Scalar) -> GimbalWalk:
@@ -250,7 +251,7 @@ class TwoGimbalGyro(AbstractSystem):
             theta=as_float(theta),
             theta_rate=as_float(theta_rate),
             spin_momentum=self.spin_momentum(),
-            inner_inertia=self.inner_inertia(),
+            inner_inertia=self.inner_inertia,
             outer_inertia_upright=self.inner_zeta + self.outer,
             outer_inertia_across=self.transverse_inertia + self.inner_eta + self.outer,
         )
@@ -310,9 +311,11 @@ class TwoGimbalGyro(AbstractSystem):
     def _moments(
         self, y: GimbalState, psi_rate: Scalar, spin: Scalar | None
     ) -> tuple[Scalar, Scalar]:
-        """What turns the inner gimbal, and what turns the outer one from rest, less the friction,
-        N m."""
-        s, c, H = jnp.sin(y.theta), jnp.cos(y.theta), self.spin_momentum(y)
+        """The moments on the inner gimbal, and on the outer one at rest, without the friction, N
+        m."""
+        s = jnp.sin(y.theta)
+        c = jnp.cos(y.theta)
+        H = self.spin_momentum(y)
         # One product, because both terms vanish together where psi' does.
         inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
         outer = self.moment_outer + H * s * y.theta_rate

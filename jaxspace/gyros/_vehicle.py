@@ -1,4 +1,4 @@
-"""What perfect instruments feel in a vehicle on a known path.
+"""Readings of perfect instruments in a vehicle on a known path.
 
     f = v' + (2 Omega + rho) x v - g           in level axes
     omega_B = omega_NB + C_BN (Omega + rho)    in body axes
@@ -29,7 +29,7 @@ from ._earth import Earth
 
 
 class Place(NamedTuple):
-    """Where a vehicle is and how it is turned, each (*runs,): latitude, longitude, rad, and height,
+    """Place and attitude of a vehicle, each (*runs,): latitude, longitude, rad, and height,
     m; heading from north to east, pitch and roll, rad."""
 
     latitude: Scalar
@@ -39,8 +39,9 @@ class Place(NamedTuple):
     pitch: Scalar
     roll: Scalar
 
+    @property
     def attitude(self) -> Quaternion:
-        """From body axes to level axes."""
+        """The attitude from body axes to level axes."""
         turned = Quaternion.about(2, self.heading).then(Quaternion.about(1, self.pitch))
         # North, east, down as seen from east, north, up: half a turn about the line between.
         half = jnp.sqrt(0.5) + 0.0 * self.heading
@@ -76,7 +77,8 @@ class Felt(NamedTuple):
 
 
 def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
-    """What a vehicle on a path feels at the time `t`, s; vectors in level axes, (3, *runs)."""
+    """Readings of perfect instruments in a vehicle on a path at the time `t`, s; vectors in level
+    axes, (3, *runs)."""
     t = jnp.asarray(t)
     one = jnp.ones_like(t)
 
@@ -96,4 +98,4 @@ def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
     force = v_rate + cross(2.0 * turn + transport, v) - gravity
 
     omega = place.body_rate(rate)
-    return Felt(place, v, force, turn + transport, place.attitude(), omega)
+    return Felt(place, v, force, turn + transport, place.attitude, omega)

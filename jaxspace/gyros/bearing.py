@@ -41,6 +41,7 @@ class BearingFriction(AbstractParameters):
         doc="r_0 of smooth dry friction; without it slip and stick are events",
     )
 
+    @property
     def slips(self) -> bool:
         """Whether slip is a part of the state."""
         return self.creep is None
@@ -54,16 +55,16 @@ class BearingFriction(AbstractParameters):
         # A smooth sign needs no slip in the state and no event; under load the bearing creeps.
         return viscous - self.dry * jnp.tanh(rate / self.creep)
 
-    def margin(self, rate: Scalar, acting: Scalar, slip: Scalar) -> Scalar:
-        """What falls to zero where a slipping bearing stops, rad/s, and where a stuck one begins to
-        slip, N m, under the moment `acting`, N m, less the friction."""
+    def margin(self, rate: Scalar, applied: Scalar, slip: Scalar) -> Scalar:
+        """A margin that falls to zero where a slipping bearing stops, rad/s, and where a stuck one
+        begins to slip, N m, under the moment `applied`, N m, less the friction."""
         # One number for both, so that one event serves a bearing that slips and one that sticks.
-        return jnp.where(slip == 0.0, self.dry - jnp.abs(acting), slip * rate)
+        return jnp.where(slip == 0.0, self.dry - jnp.abs(applied), slip * rate)
 
-    def slip_at_rest(self, acting: Scalar) -> Scalar:
-        """The slip of a bearing at rest: that of the moment `acting`, N m, or 0 where the friction
+    def slip_at_rest(self, applied: Scalar) -> Scalar:
+        """The slip of a bearing at rest: that of the moment `applied`, N m, or 0 where the friction
         holds it."""
-        return jnp.where(jnp.abs(acting) < self.dry, 0.0, jnp.sign(acting))
+        return jnp.where(jnp.abs(applied) < self.dry, 0.0, jnp.sign(applied))
 
 
 @final

@@ -59,6 +59,7 @@ class DuffingOscillator(AbstractSystem):
         del t, y
         return {}
 
+    @property
     def first_order(self) -> tuple[Scalar, Scalar]:
         """Amplitudes, m, of sin(p t) and of sin(3 p t) without damping, to first order in b."""
         p2 = self.frequency**2

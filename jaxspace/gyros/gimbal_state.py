@@ -42,6 +42,11 @@ class GimbalState(eqx.Module):
 
 def near_gimbal_lock(t: Scalar, y: GimbalState) -> Scalar:
     """|sin(theta)| - 1e-3: zero where the rotor's axis all but lies along the outer gimbal's:
-    the condition of an event with `direction=-1`."""
+    the condition of an event with `direction=-1`.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state of the gyro."""
     del t
     return jnp.abs(jnp.sin(y.theta)) - LOCK

@@ -67,10 +67,11 @@ class GimbalWalk(eqx.Module):
     outer_inertia_upright: Float[Array, "*#runs"]
     outer_inertia_across: Float[Array, "*#runs"]
 
+    @property
     def drift_to_second_order(self) -> Scalar:
         """Mean rate of the outer gimbal, rad/s, to second order in the rate of theta (Thomson
         6.3-22); zero at 90 deg and for gimbals without mass."""
-        scale = self.theta_rate / (self.frequency() * self.outer_inertia(self.theta))
+        scale = self.theta_rate / (self.frequency * self.outer_inertia(self.theta))
         return (
             -0.5
             * scale
@@ -80,13 +81,15 @@ class GimbalWalk(eqx.Module):
             * jnp.cos(self.theta)
         )
 
+    @property
     def offset_to_second_order(self) -> Scalar:
         """Mean of theta - theta_0, rad (Thomson 6.3, problem 5, with all second-order terms)."""
         s = jnp.sin(self.theta)
         c = jnp.cos(self.theta)
         bend = c / s - 2.0 * self._difference() * s * c / self.outer_inertia(self.theta)
-        return -0.75 * (self.theta_rate / self.frequency()) ** 2 * bend
+        return -0.75 * (self.theta_rate / self.frequency) ** 2 * bend
 
+    @property
     def second_harmonic(self) -> tuple[Scalar, Scalar]:
         """Amplitudes of cos(2 w t) in psi', rad/s, and in theta, rad, to second order in the rate
         of theta (Thomson 6.3, problem 1).
@@ -96,15 +99,17 @@ class GimbalWalk(eqx.Module):
         s, c = jnp.sin(self.theta), jnp.cos(self.theta)
         inertia = self.outer_inertia(self.theta)
         slope = 2.0 * self._difference() * s * c / inertia
-        theta = -0.25 * (self.theta_rate / self.frequency()) ** 2 * (c / s - slope)
+        theta = -0.25 * (self.theta_rate / self.frequency) ** 2 * (c / s - slope)
         # Of the square of the first harmonic, sin^2 = (1 - cos(2 w t)) / 2.
-        square = 0.5 * (self.theta_rate / self.frequency()) ** 2 * (s * slope - 0.5 * c)
+        square = 0.5 * (self.theta_rate / self.frequency) ** 2 * (s * slope - 0.5 * c)
         return self.spin_momentum / inertia * (s * theta + square), theta
 
+    @property
     def drift(self) -> Scalar:
         """Mean rate of the outer gimbal, rad/s, exactly."""
         chi, deviation, theta, slope = self._nodes()
-        s0, bend = jnp.sin(self.theta), self._bend(deviation)
+        s0 = jnp.sin(self.theta)
+        bend = self._bend(deviation)
         # psi' / X' = theta_0' sin(chi) J / (H v), v = sin(theta) - bend. Of it 1/v_0 has the mean
         # zero: it is taken off, because the drift of a small nutation is of second order.
         inverse = (bend - self._rise(deviation)) / ((jnp.sin(theta) - bend) * s0)
@@ -112,10 +117,12 @@ class GimbalWalk(eqx.Module):
         # Means over time: equal steps in chi have the duration 1 / X'.
         return turn * jnp.mean(jnp.sin(chi) * inverse, axis=0) / jnp.mean(1.0 / slope, axis=0)
 
+    @property
     def offset(self) -> Scalar:
         """Mean of theta - theta_0, rad, exactly."""
         _, d, theta, slope = self._nodes()
-        s0, inertia = jnp.sin(self.theta), self.outer_inertia(self.theta)
+        s0 = jnp.sin(self.theta)
+        inertia = self.outer_inertia(self.theta)
         # d / X' less X / X_0'^2 = share rest / X': what is taken off has the mean zero, because X =
         # theta_0' sin(chi). The offset is of second order, and so is every term of the rest.
         growth = self._difference() * jnp.sin(2.0 * self.theta + d) * jnp.sin(d)
@@ -125,10 +132,12 @@ class GimbalWalk(eqx.Module):
         share = inertia / (self.outer_inertia(theta) * s0 * s0)
         return jnp.mean(share * rest / slope, axis=0) / jnp.mean(1.0 / slope, axis=0)
 
+    @property
     def period(self) -> Scalar:
         """Time, s, of one nutation, exactly."""
         return 2.0 * jnp.pi * jnp.mean(1.0 / self._nodes()[3], axis=0)
 
+    @property
     def frequency(self) -> Scalar:
         """Frequency w, rad/s, of a small nutation."""
         return (
@@ -143,6 +152,7 @@ class GimbalWalk(eqx.Module):
         c = jnp.cos(theta)
         return self.outer_inertia_across * s * s + self.outer_inertia_upright * c * c
 
+    @property
     def greatest_rate(self) -> Scalar:
         """The rate |theta_0'|, rad/s, with which the gimbal just reaches the nearer pole; infinite
         for gimbals without mass."""
@@ -190,9 +200,9 @@ class GimbalWalk(eqx.Module):
         axis."""
         # A gimbal that passes over the pole has no turning points, and no period of this kind.
         theta_rate = jnp.where(
-            jnp.abs(self.theta_rate) < self.greatest_rate(), self.theta_rate, jnp.nan
+            jnp.abs(self.theta_rate) < self.greatest_rate, self.theta_rate, jnp.nan
         )
-        rate = theta_rate / self.frequency()
+        rate = theta_rate / self.frequency
         shape = (NODES,) + (1,) * rate.ndim
         chi = 2.0 * jnp.pi / NODES * (jnp.arange(NODES, dtype=rate.dtype).reshape(shape) + 0.5)
         # The small nutation is the start of Newton's iteration for X(theta) = theta_0' sin(chi).

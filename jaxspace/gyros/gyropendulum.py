@@ -30,12 +30,21 @@ from ._linear import LinearFlow, linear_rate, rows
 
 
 def schuler_frequency(gravity: Scalar, radius: Scalar) -> Scalar:
-    """sqrt(g / R), rad/s, of gravity, m/s^2, and the radius of the earth, m (Thomson 6.11-12)."""
+    """sqrt(g / R), rad/s (Thomson 6.11-12).
+
+    **Arguments**
+
+    - `gravity`: m/s^2, (*runs,).
+    - `radius`: of the earth, m, (*runs,)."""
     return jnp.sqrt(gravity / radius)
 
 
 def schuler_period(gravity: Scalar, radius: Scalar) -> Scalar:
-    """2 pi sqrt(R / g), s: 84.4 minutes on the earth; arguments as in `schuler_frequency`."""
+    """2 pi sqrt(R / g), s: 84.4 minutes on the earth.
+
+    **Arguments**
+
+    - `gravity`, `radius`: as in `schuler_frequency`."""
     return 2.0 * jnp.pi / schuler_frequency(gravity, radius)
 
 
@@ -83,6 +92,7 @@ class Gyropendulum(AbstractSystem):
     def closed_form(self) -> LinearFlow:
         return LinearFlow(*self._matrices())
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the precession and of the nutation, without erection:
         (sqrt(H^2 + 4 A Wl) -+ H) / (2 A)."""
@@ -100,7 +110,9 @@ class Gyropendulum(AbstractSystem):
 
     def _matrices(self) -> tuple[Array, Array]:
         H, A, k = self.spin_momentum, self.transverse_inertia, self.erection_rate
-        w, e, h = self.weight_moment / A, H * k / A, H / A
+        w = self.weight_moment / A
+        e = H * k / A
+        h = H / A
         one, two = self.acceleration_theta / self.gravity, self.acceleration_phi / self.gravity
         matrix = rows(
             (0.0, 0.0, 1.0, 0.0), (0.0, 0.0, 0.0, 1.0), (-w, -e, 0.0, -h), (e, -w, h, 0.0)

@@ -99,7 +99,8 @@ class NavigationErrors(AbstractSystem):
         of_velocity = -2.0 * turn - self.altitude_rate_gain * up
         of_tilt = -_cross_matrix(self.specific_force)
         shape = (3, 3, *runs)
-        zero, one = jnp.zeros(shape, w2.dtype), jnp.broadcast_to(axes, shape)
+        zero = jnp.zeros(shape, w2.dtype)
+        one = jnp.broadcast_to(axes, shape)
         blocks = (
             (zero, one, zero),
             (of_position, of_velocity, of_tilt),

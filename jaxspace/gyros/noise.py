@@ -60,15 +60,19 @@ def allan_variance(
     """
     start = jnp.zeros_like(rates[:1])
     angle = jnp.concatenate([start, jnp.cumsum(rates * step, axis=0)])
-    found = []
+    result = []
     for m in factors:
         # Second differences of the angle: overlapping averages without a loop over them.
         second = angle[2 * m :] - 2.0 * angle[m:-m] + angle[: -2 * m]
-        found.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
-    return jnp.stack(found)
+        result.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
+    return jnp.stack(result)
 
 
 def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:
-    """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over `time`, s, of many
-    samples; `angle_walk` and `rate_walk` as there."""
+    """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over many samples.
+
+    **Arguments**
+
+    - `time`: over which is averaged, s.
+    - `angle_walk`, `rate_walk`: as in `gyro_noise`."""
     return angle_walk**2 / time + rate_walk**2 * time / 3.0

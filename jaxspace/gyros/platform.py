@@ -71,10 +71,12 @@ class PlatformAxis(AbstractSystem):
     def closed_form(self) -> LinearFlow:
         return LinearFlow(*self._matrices())
 
+    @property
     def at_rest(self) -> PlatformState:
         """The state in which all angles and rates are zero."""
         return PlatformState(*(as_float(0.0) for _ in range(5)))
 
+    @property
     def nutation_frequency(self) -> Scalar:
         """h / sqrt(J I), rad/s, without servo and damping (Thomson 6.8-4)."""
         return self.spin_momentum / jnp.sqrt(self.platform_inertia * self.gyro_inertia)
@@ -117,6 +119,6 @@ def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar
 
 
 def gimbal_lock_margin(yaw: Scalar) -> Scalar:
-    """How far a yaw, rad, is from gimbal lock, where two gimbals turn about one axis: |cos(yaw)|,
+    """Margin of a yaw, rad, to gimbal lock, where two gimbals turn about one axis: |cos(yaw)|,
     zero at 90 deg. As the condition of an event it falls through a least margin."""
     return jnp.abs(jnp.cos(yaw))

@@ -114,13 +114,13 @@ class StablePlatform(AbstractSystem):
         forces = jnp.broadcast_to(forces, (forces.shape[0], *runs))
         # With pivots: towards the lock two axes fall together, and only the gimbals' own inertia
         # keeps the matrix regular.
-        found = jnp.linalg.solve(
+        result = jnp.linalg.solve(
             jnp.moveaxis(mass, front, back), jnp.moveaxis(forces, 0, -1)[..., None]
         )
         gyro = (h * w - c * theta_rate) / self.gyro_inertia
         return StablePlatformState(
             rates,
-            jnp.moveaxis(found[..., 0], -1, 0),
+            jnp.moveaxis(result[..., 0], -1, 0),
             theta_rate,
             gyro,
             theta,
@@ -200,21 +200,26 @@ def gimbal_axes(angles: Gimbals) -> Float[Array, "3 gimbals *#runs"]:
     - `angles`: from the outermost gimbal inwards, rad, (3, *runs) or (4, *runs).
 
     **Returns** E, (3, gimbals, *runs): the platform's rate relative to the vehicle is E Phi'."""
-    one, zero = jnp.ones_like(angles[0]), jnp.zeros_like(angles[0])
+    one = jnp.ones_like(angles[0])
+    zero = jnp.zeros_like(angles[0])
     s, c = jnp.sin(angles[-1]), jnp.cos(angles[-1])
     sz, cz = jnp.sin(angles[-2]), jnp.cos(angles[-2])
-    roll, yaw, pitch = (c * cz, -sz, s * cz), (-s, zero, c), (zero, one, zero)
+    roll = (c * cz, -sz, s * cz)
+    yaw = (-s, zero, c)
+    pitch = (zero, one, zero)
     columns = [roll, yaw, pitch]
     if angles.shape[0] == 4:
         # The vehicle's z axis, turned by roll, then by yaw, then by pitch.
         sx, cx = jnp.sin(angles[1]), jnp.cos(angles[1])
-        x, y, z = sx * sz, sx * cz, cx
+        x = sx * sz
+        y = sx * cz
+        z = cx
         columns = [(x * c - z * s, y, z * c + x * s), *columns]
     return jnp.stack([jnp.stack(column) for column in columns], axis=1)
 
 
 def _vehicle_axes(angles: Gimbals) -> Quaternion:
-    """From axes of the platform to those of the vehicle."""
+    """Components in the axes of the vehicle from those in the axes of the platform."""
     turned = Quaternion.about(0, angles[-3]).then(Quaternion.about(2, angles[-2]))
     turned = turned.then(Quaternion.about(1, angles[-1]))
     return Quaternion.about(2, angles[0]).then(turned) if angles.shape[0] == 4 else turned

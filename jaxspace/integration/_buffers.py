@@ -12,9 +12,9 @@ from ._memory import check_memory
 
 
 def empty_buffer(count: int, y: State) -> State:
-    """Memory for `count` states: most of a buffer is never used."""
-    # Not `jax.lax.empty`, which is zero on a CPU all the same: JAX 0.10 gives it, and then all that
-    # is written to it, an axis of its own under every map.
+    """Memory for `count` states, most of which is never used."""
+    # Not `jax.lax.empty`, which is zeros on a CPU anyway: with JAX 0.10 every map gives it, and all
+    # that is written to it, a further axis.
     return jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), y)
 
 
@@ -37,7 +37,7 @@ def empty_steps(
     limit: int, clock: Array, y: State, dense: bool
 ) -> tuple[Float[Array, " steps"], State | None]:
     """Memory for the ends of `limit` steps, like the times of the `clock`, (*runs,), and, for a
-    `dense` output, the states at them. Raises `InputError` where there is not so much."""
+    `dense` output, the states at them. Raises `InputError` where the memory does not suffice."""
     kept = (clock, *jax.tree.leaves(y)) if dense else (clock,)
     check_memory("the steps of the run", limit, sum(x.size * x.dtype.itemsize for x in kept))
     ends = jnp.zeros((limit, *clock.shape), clock.dtype)
@@ -45,7 +45,7 @@ def empty_steps(
 
 
 class SavedStates(NamedTuple):
-    """States at the save times, times first, filled from the front. `count` of them are there."""
+    """States at the save times, times first, of which the first `count` are filled in."""
 
     states: State
     count: Int[Array, ""]
@@ -60,7 +60,7 @@ class SavedStates(NamedTuple):
         size = save_ts.shape[0]
 
         def due(saved: SavedStates) -> Bool[Array, ""]:
-            # Clamped, because the condition is evaluated once more after the last save time.
+            # Clamped, because the condition is also evaluated after the last save time.
             following = save_ts[jnp.minimum(saved.count, size - 1)]
             return (saved.count < size) & (following <= t1)
 

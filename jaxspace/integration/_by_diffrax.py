@@ -1,8 +1,8 @@
 """An integration by diffrax's own loop.
 
-Its adjoints integrate again backwards, in a program of its own in which the last digits round
-otherwise. If the error estimates chose the steps there as well, those would end at other times than
-the steps that they stand for, and the derivatives would be wrong. So the steps are chosen once,
+Its adjoints integrate again backwards, by another program, whose last digits are rounded
+differently. If the error estimates chose the steps there as well, these would end at other times
+than the steps of the run, and the derivatives would be wrong. The steps are therefore chosen once,
 without derivatives, and diffrax takes them as a plan.
 """
 
@@ -26,8 +26,8 @@ def solve_by_diffrax(
     settings: LoopSettings,
     adjoint: diffrax.AbstractAdjoint | None,
 ) -> Outcome:
-    """The outcome by diffrax's loop: for its adjoints, and for methods that carry on more than a
-    state from step to step."""
+    """The outcome by diffrax's loop, for its adjoints, and for methods that carry more than a state
+    from step to step."""
     chosen = None
     if settings.plan is None:
         chosen = _chosen_steps(field, y0, settings)
@@ -57,9 +57,9 @@ def solve_by_diffrax(
     taken, rejected = (solution.stats[f"num_{how}_steps"] for how in ("accepted", "rejected"))
     if chosen is not None:
         out_of_steps = out_of_steps | chosen.exhausted
-        # Where they ran out, the plan goes on to the end in one step more.
+        # If the steps ran out, one more step of the plan reaches the end.
         taken, rejected = chosen.num_accepted, chosen.num_rejected
-    # As the loop of `solve` leaves it: a state that was not reached is NaN.
+    # As in the loop of `solve`, a state that was not reached is NaN.
     states = jax.tree.map(lambda x: jnp.where(out_of_steps, jnp.nan, x), solution.ys[0])
     return Outcome(
         states,

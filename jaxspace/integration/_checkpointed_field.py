@@ -1,4 +1,4 @@
-"""A vector field of which a derivative keeps the arguments alone, and computes the rest again."""
+"""A vector field of which reverse mode stores the arguments alone, and computes the rest again."""
 
 from typing import final
 
@@ -12,8 +12,8 @@ from ..solvers.vector_field import ScaledField
 class CheckpointedField(eqx.Module):
     """The vector field `field` under `jax.checkpoint`.
 
-    What it computes on its way takes longer to write and to read back than to compute: a step holds
-    all of its stages at once. And the program that keeps none of it compiles sooner."""
+    Its intermediate values take longer to write and to read back than to compute, because a step
+    holds all of its stages at once. The program that stores none of them also compiles sooner."""
 
     field: ScaledField
 

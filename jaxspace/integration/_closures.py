@@ -97,7 +97,7 @@ def closures_as_leaves(
       has no other.
     - `s`, `y0`: a normalised time and a state, for their shapes.
     """
-    # Only what the method evaluates is converted: each conversion traces it once.
+    # Only what the method evaluates is converted, because each conversion is a trace.
     convert = eqx.filter_closure_convert
     t = jax.eval_shape(field.time, s)
     duration = jax.eval_shape(field.duration, s, s)
@@ -110,7 +110,7 @@ def closures_as_leaves(
     elif needs == "regularised":
         form = field.regularised()
         z = jax.eval_shape(form.to_regularised, y0)
-        # Each run has its own time in the last variable, also where all share the segment.
+        # The last variable is the time of each run, also where all runs share a segment.
         duration_of_run = jax.eval_shape(lambda z: z[-1], z)
         t_of_run = jax.eval_shape(lambda t, z: t + z[-1], t, z)
         perturbation = jax.eval_shape(form.perturbation, t_of_run, z)

@@ -1,6 +1,6 @@
 """The rules by which JAX differentiates and transposes the primitives of an integration.
 
-JAX learns of them when this file is imported.
+The rules are registered with JAX when this file is imported.
 """
 
 from collections.abc import Callable, Sequence
@@ -28,7 +28,7 @@ from ._primitives import (
 )
 from ._problem import Avals, Leaves, Moving, Problem
 
-# A derivative that is zero by structure, and not by value, is marked by JAX as such.
+# JAX marks a derivative that is zero by structure, and not only by value.
 Tangents: TypeAlias = Sequence[Array | ad.Zero]
 # In a transpose, the arguments in which the primitive is linear have shapes and no values.
 Unknown: TypeAlias = ArrayLike | ad.UndefinedPrimal
@@ -41,7 +41,7 @@ REVERSE_OF_DERIVATIVE = (
 
 
 def _moving(tangents: Tangents) -> Moving:
-    """Which arguments have a derivative that is not zero by structure."""
+    """Numbers of the arguments whose derivative is not zero by structure."""
     return tuple(
         k
         for k, t in enumerate(tangents)
@@ -56,7 +56,7 @@ def _zeros(values: Leaves) -> list[ad.Zero]:
 def _jvp_in(
     function: Program, values: Leaves, moving: Sequence[int], tangents: Leaves
 ) -> tuple[list[Array], list[Array]]:
-    """`function(*values)`, and its tangent for `tangents` of those of the values that move."""
+    """`function(*values)`, and its tangent for the `tangents` of those values that have one."""
 
     def of(*some: Array) -> list[Array]:
         every = list(values)
@@ -70,7 +70,7 @@ def _jvp_in(
 def _jvp_in_floats(
     function: Program, values: Leaves, tangents: Tangents
 ) -> tuple[list[Array], list[Array]]:
-    """`function(*values)` and its tangent, as JAX finds it by itself."""
+    """`function(*values)` and its tangent, by JAX's own rules."""
     # Counters have no derivative that `jax.jvp` would take.
     moving = [k for k, x in enumerate(values) if jnp.issubdtype(x.dtype, jnp.floating)]
     whole = [ad.instantiate_zeros(t) for t in tangents]
@@ -109,7 +109,7 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[L
         outs = primitive.bind(*primals, **params)
         d_last = [ad.instantiate_zeros(t) for t in d_last]
         d_outs = primitive.bind(*args, *record, *d_last, **params)
-        # A derivative of the derivative: of what the primitive is not linear in.
+        # A derivative of the derivative, by the arguments in which the primitive is not linear.
         moves = _moving([*d_args, *d_record])
         if moves:
             given = [[*d_args, *d_record][k] for k in moves]
@@ -139,8 +139,8 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed
             jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c
             for c, s in zip(cotangents, shapes(*map(aval, values), **params), strict=True)
         ]
-        found = primitive.bind(*args, *record, *cotangents, **params)
-        return [*[None] * (len(args) + len(record)), *found]
+        result = primitive.bind(*args, *record, *cotangents, **params)
+        return [*[None] * (len(args) + len(record)), *result]
 
     return rule
 

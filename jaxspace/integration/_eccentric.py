@@ -1,7 +1,7 @@
-"""Whether runs are eccentric orbits for which steps in regularised variables pay off: their
-numbers at the start show it.
+"""Whether runs are eccentric orbits for which steps in regularised variables pay off, by their
+initial states.
 
-    e >= 1/2 in half of the runs looked at, at least one revolution of each, and at most eight
+    e >= 1/2 in half of the sampled runs, at least one revolution of each, and at most eight
     states asked for in a revolution
 
 The orbit is the osculating one, that of two bodies about the attracting point. On rounder ones
@@ -29,7 +29,7 @@ from ..solvers.regularised_step import form_in
 from .stiffness import InitialConditions
 
 ECCENTRIC = 0.5
-# States in a revolution up to which to land on each costs less than dense output.
+# Up to this number of states in a revolution, a landing on each costs less than dense output.
 STATES = 8.0
 
 
@@ -38,10 +38,10 @@ def is_eccentric(starts: InitialConditions, system: AbstractSystem) -> bool:
 
     **Arguments**
 
-    - `starts`: runs of which some are looked at.
+    - `starts`: runs of which some are sampled.
     - `system`: their system.
 
-    `False` where the numbers are not known (under `jit`, or in a derivative)."""
+    `False` where the numbers are unknown (under `jit`, or in a derivative)."""
     if not starts.readable:
         return False
     mu = _attraction_of(system)
@@ -63,7 +63,7 @@ def is_second_order_regularised(system: AbstractSystem, y: State) -> bool:
 
 
 def _attraction_of(system: AbstractSystem) -> Scalar | None:
-    """The gravitational parameter about which a motion goes; `None` where there is none."""
+    """The gravitational parameter of the attracting point; `None` where there is none."""
     place = _attraction_place(system)
     if isinstance(place, int):
         return jax.tree.leaves(system)[place]
@@ -73,8 +73,10 @@ def _attraction_of(system: AbstractSystem) -> Scalar | None:
 
 @once_per_structure
 def _attraction_place(system: AbstractSystem) -> int | Literal["none", "computed"]:
-    """Which of the leaves of a system is its attraction, where it is one of them: to read it takes
-    a hundredth of the time in which a scene makes its regularised variables."""
+    """The number of the leaf of a system that is its attraction, if one of them is.
+
+    To read a leaf takes a hundredth of the time in which a scene makes its regularised
+    variables."""
     shapes, static = eqx.partition(system, lambda x: isinstance(x, jax.ShapeDtypeStruct))
 
     def attraction(shapes: PyTree) -> Scalar | None:
@@ -92,15 +94,15 @@ def _attraction_place(system: AbstractSystem) -> int | Literal["none", "computed
         k for k, x in enumerate(jax.tree.leaves(system)) if isinstance(x, jax.ShapeDtypeStruct)
     ]
     places = dict(zip(jaxpr.invars, arrays, strict=True))
-    (found,) = jaxpr.outvars
+    (result,) = jaxpr.outvars
     # A number that no array holds is a literal, which cannot be looked up.
-    return "computed" if isinstance(found, Constant) else places.get(found, "computed")
+    return "computed" if isinstance(result, Constant) else places.get(result, "computed")
 
 
 def _orbits(starts: InitialConditions, mu: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """Eccentricity and revolutions of each run looked at; zero where an orbit does not come back.
+    """Eccentricity and revolutions of each sampled run; zero for an orbit that does not return.
 
-    In NumPy, which compiles nothing: it is part of every first call."""
+    In NumPy, which compiles nothing, because it is part of every first call."""
     _, y, ts = starts.runs
     _, axes, time_axes = starts.run_axes
 
@@ -111,7 +113,7 @@ def _orbits(starts: InitialConditions, mu: ArrayLike) -> tuple[np.ndarray, np.nd
     v = of_rows(y.velocity, axes.velocity)
     duration = np.ptp(of_rows(ts, time_axes), axis=0)
     mu = of_rows(mu, int(np.size(mu) > 1))
-    # A run that starts at the centre, or without attraction, is none of these orbits.
+    # A run that starts at the centre, or without attraction, does not count.
     with np.errstate(all="ignore"):
         distance = np.linalg.norm(r, axis=0)
         curvature = 2.0 / distance - np.sum(v * v, axis=0) / mu

@@ -1,7 +1,7 @@
-"""The zero of a condition between two samples, closed in by Newton's method within its bracket.
+"""The zero of a condition between two samples, by Newton's method within a bracket.
 
 In a dip, where the condition has one sign at both samples, the extremum is sought first, by the
-secant of the slopes. From the first place beyond zero on the search is the same as elsewhere.
+secant of the slopes. As soon as a point beyond zero is found, the search goes on as elsewhere.
 """
 
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -14,21 +14,22 @@ from ..core import Scalar
 from ..core.safe import safe_divide
 from .events import Event
 
-# Steps within the bracket, at most. Four are enough for a simple zero; one of a ball's last bounces
-# is next to another zero, the start, where Newton's method gains a bit a step, as bisection does.
+# Most steps within the bracket. Four are enough for a simple zero. The last bounces of a ball have
+# their zero next to another one, the start, where Newton's method gains one bit a step, as does
+# bisection.
 CLOSING_STEPS = 128
 # Width, as a part of an interval, to which the place of an extremum is sought.
 NARROW = 1e-4
 
 
 class _Bracket(NamedTuple):
-    """Where the zero is sought: between `low`, still on the side of `sign`, and `high`; next at
-    `guess`.
+    """The bracket of the zero: from `low`, where the condition has the `sign`, to `high`; the next
+    point is `guess`.
 
-    - `dip`: whether the condition has shown one sign alone so far.
+    - `dip`: whether the condition has had a single sign so far.
     - `slopes`: rates at both ends, positive away from zero, infinite where unknown.
     - `moving`: whether the guess still changes.
-    - `left`: the steps that are left.
+    - `left`: number of further steps that are allowed.
     - `finite`: whether the condition was finite at every guess."""
 
     low: Scalar
@@ -44,7 +45,7 @@ class _Bracket(NamedTuple):
 
 @runtime_checkable
 class WithinSpan(Protocol):
-    """The condition of an event as a function of time, or of what stands for it."""
+    """The condition of an event as a function of time, or of normalised time."""
 
     @property
     def event(self) -> Event:
@@ -64,7 +65,7 @@ def close_in(
     within: WithinSpan,
     span: tuple[Scalar, Scalar],
     g: tuple[Scalar, Scalar],
-    wanted: Bool[Array, "*runs"],
+    sought: Bool[Array, "*runs"],
     behind: Scalar | None = None,
 ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
     """The zero between two samples.
@@ -73,7 +74,7 @@ def close_in(
 
     - `within`: the condition between them.
     - `span`: the times of the samples, and `g` the condition there.
-    - `wanted`: the runs whose zero is sought.
+    - `sought`: the runs whose zero is sought.
     - `behind`: time after which the zero is sought, by default that of the first sample. If it is
       given, `g[0]` is the condition just after it.
 
@@ -81,8 +82,8 @@ def close_in(
     t, end = span
     first = t if behind is None else behind
     # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
-    # splits the span into two with one zero each: the first is sought, or the second where only a
-    # return to the sign of the ends counts.
+    # splits the span into two parts with one zero each. The event is the first zero, unless its
+    # direction admits only the second one, at which the condition returns to the sign of the ends.
     back = jnp.sign(g[0]) * within.event.direction > 0.0
     forwards = jnp.sign(end - first)
     length = jnp.abs(end - first)
@@ -97,7 +98,7 @@ def close_in(
         resolved = least * jnp.maximum(jnp.abs(guess), length)
         enough = jnp.where(new.dip, NARROW * length, resolved)
         new = new._replace(guess=following, moving=old.moving & (change > enough))
-        # A run that has its zero stays there, however long the others search.
+        # A run whose search has ended stays at its zero while the others go on.
         new = jax.tree.map(
             lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
         )
@@ -105,8 +106,8 @@ def close_in(
 
     unknown = jnp.full_like(t, jnp.inf)
     dip = g[0] * g[1] > 0.0
-    # The zero of the secant, kept away from both ends, because of a zero at the start itself. A
-    # failed run must not pass a time that is NaN to the other runs of its block.
+    # The zero of the secant, away from both ends, because the start itself may be a zero. A failed
+    # run must not pass a time that is NaN to the other runs of its block.
     secant = safe_divide(g[0], g[0] - g[1])
     share = jnp.where(dip | ~jnp.isfinite(secant), 0.5, jnp.clip(secant, 0.02, 0.98))
     start = _Bracket(
@@ -116,22 +117,22 @@ def close_in(
         sign=jnp.sign(g[0]),
         dip=dip,
         slopes=(-unknown, unknown),
-        moving=wanted,
+        moving=sought,
         left=CLOSING_STEPS,
         finite=jnp.ones(jnp.shape(t), bool),
     )
-    found = jax.lax.while_loop(
+    result = jax.lax.while_loop(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
     )
-    met = ~found.dip
+    met = ~result.dip
     touch = within.event.touch
     if touch is not None:
-        met = met & (jnp.abs(within.condition(found.guess)) <= touch)
-    return found.guess, met, ~found.moving & found.finite
+        met = met & (jnp.abs(within.condition(result.guess)) <= touch)
+    return result.guess, met, ~result.moving & result.finite
 
 
 def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:
-    """The bracket with its guess as one of its ends, where the condition is `value`.
+    """The bracket with its guess, where the condition is `value`, as one of its ends.
 
     **Arguments**
 
@@ -139,8 +140,7 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
     - `back`: whether only the second zero of a dip counts."""
     low, high, guess, sign, dip, slopes, *_ = bracket
     same = value * sign > 0.0
-    # In a dip, the first point beyond zero separates two zeros: the direction decides which of
-    # them counts.
+    # In a dip, the first point beyond zero separates two zeros, of which the direction selects one.
     turned = dip & ~same & back
     before = jnp.where(dip & same, away < 0.0, same) | turned
     return bracket._replace(
@@ -157,8 +157,8 @@ def _next_guess(bracket: _Bracket, value: Scalar, slope: Scalar) -> Scalar:
     """Newton's step; in a dip the zero of the secant of the slopes; else the middle."""
     low, high, guess, _, dip, slopes, *_ = bracket
     newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
-    # Newton's step only within the bracket: outside of it the dense output is no bound, and a step
-    # from end to end might lead back, where the condition is rounding at both.
+    # Newton's step is taken only within the bracket. A step from one end exactly to the other is
+    # not, because it might lead back where the condition is of the size of rounding at both.
     within = ((newton - low) * (newton - high) < 0.0) | (newton == guess)
     inside = (slope != 0.0) & within & ~dip
     share = jnp.where(

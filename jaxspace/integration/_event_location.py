@@ -1,15 +1,14 @@
-"""The first event of each run, found by the steps of the run itself.
+"""The first event of each run, located by the steps of the run itself.
 
-Each accepted step is searched by its own polynomial: the conditions are sampled, and a change of
-sign, or a dip that might hide two, is closed in (`_event_bracket`). A run whose event lies in the
-step waits there. When all runs wait, or are at the end, the steps that hold the events are taken
-once more, shortened, until Newton's method has brought the condition at their ends to zero. So a
-state at an event is the end of a step, and the vector field stands in the program once.
+Each accepted step is searched by its dense output: the conditions are sampled, and a change of
+sign, or a dip that might hide two, is bracketed (`_event_bracket`). A run whose event lies in the
+step waits there. When all runs wait or have ended, the steps that hold the events are repeated with
+a shorter length, until Newton's method has brought the condition at their ends to zero. A state at
+an event is thus the end of a step, and the program holds the vector field once.
 
     x_{k+1} = x_k - g / (dg/ds)            x: length of the last step, normalised time
 
-A run shortens its own step: where the steps that all take together are repeated, each run takes its
-own part of it (`OwnStep`).
+The runs repeat these steps together, and each run takes its part of the common step (`OwnStep`).
 
     symbol    meaning                                                      unit
     g         condition of an event                                        any
@@ -32,10 +31,10 @@ from .events import Event
 from .normalised_time import OwnStep
 from .status import Status
 
-# Parts of a step that are sampled at once.
+# Number of parts of a step that are sampled at once.
 PARTS = 16
-# Repetitions of a step until its end is at the event. Three reach rounding where the condition is
-# smooth; where it is not, the best that they found counts.
+# Most repetitions of a step until its end is at the event. Three reach rounding where the condition
+# is smooth; elsewhere the best result so far counts.
 REPETITIONS = 12
 
 
@@ -44,8 +43,8 @@ class SoughtEvents(eqx.Module):
     """Which events end the runs.
 
     - `events`: all of them end a run.
-    - `rounding`: what a relative change of one in all components of the initial state does to each
-      condition."""
+    - `rounding`: change of each condition for a relative change of one in all components of the
+      initial state."""
 
     events: tuple[Event, ...]
     rounding: Float[Array, "events *#runs"]
@@ -55,12 +54,12 @@ class Location(NamedTuple):
     """State of the search for the first event of each run.
 
     - `waiting`: whether the run waits at the step that holds its event; `which`: the number of the
-      event, -1 where the run must not go on for another reason, which is its `status`.
+      event, or -1 for a run that has ended for another reason, given by its `status`.
     - `start`, `y0`: the normalised time and the state at which that step begins; `whole`: its
-      length, `length`: up to the event. `y`: the state there.
+      length; `length`: that up to the event; `y`: the state there.
     - `sizes`: the largest value of each condition so far.
     - `change`: the last change of the length; `again`: whether the step is still repeated.
-    - `repetitions`: how many there have been."""
+    - `repetitions`: their number so far."""
 
     waiting: Bool[Array, "*runs"]
     which: Int[Array, "*runs"]
@@ -110,9 +109,9 @@ class FoundEvents(NamedTuple):
     - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
     - `status`: `COMPLETED`, or why the search failed before that time; `failed`: how long after the
       start, s, infinite where it did not.
-    - `hits`, `sizes`: of each event whether it may happen together with the first one, and the
-      largest condition that was met.
-    - `state`: that at its time, where the search took the run there."""
+    - `hits`, `sizes`: of each event, whether it may happen together with the first one, and the
+      largest value of its condition.
+    - `state`: the state at its time, if the search has integrated to it."""
 
     time: Scalar
     which: Int[Array, "*runs"]
@@ -146,7 +145,7 @@ class _AlongStep(NamedTuple):
     def condition(self, t: Scalar) -> Scalar:
         """The condition at the normalised time `t`."""
         y = self.step.evaluate(t)
-        # Each run has a time, also where all share one.
+        # One time for each run, also where all share it.
         time = jnp.broadcast_to(self.segment.time(t), self.runs)
         return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
 
@@ -177,7 +176,7 @@ class SearchedStep(NamedTuple):
 class _Found(NamedTuple):
     """The first event of each run in the parts of a step that were searched, as in `Location`.
 
-    - `part`: the number of the next part."""
+    - `part`: the number of the next part to search."""
 
     part: Int[Array, ""]
     here: Bool[Array, "*runs"]
@@ -225,7 +224,7 @@ def searched(
             sooner = zero.hit & (zero.time < earliest)
             which = jnp.where(sooner, number, which)
             status = jnp.where(sooner, Status.EVENT, status)
-            # A failure counts where it comes before the event.
+            # A failure counts if it comes before the event.
             failed = zero.failed <= jnp.minimum(earliest, jnp.where(zero.hit, zero.time, jnp.inf))
             earliest = jnp.where(sooner, zero.time, earliest)
             status = jnp.where(failed, zero.status, status)
@@ -263,7 +262,7 @@ def searched(
         length=kept(found.s - step.s0, location.length),
         y=jax.tree.map(kept, step.y0, location.y),
         whole=kept(step.s1 - step.s0, location.whole),
-        # By more than a hundredth of the step its polynomial is not wrong.
+        # The dense output is accurate to a hundredth of the step.
         change=kept(0.02 * (step.s1 - step.s0), location.change),
         again=jnp.where(here, found.which >= 0, location.again),
         sizes=found.sizes,
@@ -288,7 +287,7 @@ def _first_zero(
     dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
     start, duration = span
-    # Per second, and over the larger of the times that the run counts.
+    # Per second, and relative to the largest time of the run.
     second = along.segment.rate.astype(g.dtype)
     longest = jnp.maximum(jnp.abs(start), jnp.abs(duration))
     change = rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
@@ -301,7 +300,8 @@ def _first_zero(
     if event.at_start:
         now = at_zero & (event.direction * slopes[0] >= 0.0)
         when = jnp.where(now, nodes[0], when)
-        hit, unresolved = hit | now, unresolved & ~now
+        hit = hit | now
+        unresolved = unresolved & ~now
     time = along.segment.time(when)
     after = jnp.abs(time - start)
     resolved = APART * eps * jnp.maximum(jnp.abs(start), jnp.abs(time))
@@ -321,13 +321,16 @@ def shortened(
     s1: Float[Array, ""],
     y1: State,
 ) -> Location:
-    """The location after the steps that hold the events were taken to where these were thought to
-    be: up to `s1` in shared time, where the states are `y1`."""
+    """The location after the steps that hold the events were repeated with their `length`, up to
+    `s1` in shared time, where the states are `y1`."""
     none = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
-    value, slope, first, first_slope = none, none, none, none
+    value = none
+    slope = none
+    first = none
+    first_slope = none
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
-        # At both ends of the step, by one copy of the condition.
+        # At both ends of the step, by one copy of the condition in the program.
         values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
         value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
@@ -336,9 +339,9 @@ def shortened(
     length = location.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
-    # Beyond an event at which the field jumps, as where the propellant is used up, the condition
-    # may be flat, and no slope leads back: that at the start of the step does. Where the condition
-    # itself jumps there is none, and the polynomial has found the place.
+    # Beyond an event at which the field jumps, such as the end of the propellant, the condition may
+    # be flat, so that its slope does not lead back; the slope at the start of the step does. Where
+    # the condition itself jumps no slope does, and the place by the dense output stays.
     share = -safe_divide(first, first_slope)
     back = (slope == 0.0) & (value * first < 0.0) & (share > 0.0) & (share < 1.0)
     change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)
@@ -346,8 +349,8 @@ def shortened(
     change = within - length
     least = 16.0 * jnp.finfo(length.dtype).eps
     resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
-    # Newton's method converges from where the polynomial has its zero; what does not has no slope
-    # that leads to the zero, and the end stays where the polynomial found it.
+    # Newton's method converges from the zero of the dense output. Where it does not, no slope leads
+    # to the zero, and the end stays at that of the dense output.
     regular = jnp.isfinite(change) & (back | (jnp.abs(change) <= 0.5 * location.change))
     more = location.again & regular & (jnp.abs(change) > resolved)
     more = more & (location.repetitions + 1 < REPETITIONS)

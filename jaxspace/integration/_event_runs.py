@@ -1,7 +1,7 @@
-"""The zeros of a condition along runs that are integrated for them: by samples of the dense output,
-and by integrations from the sample before.
+"""The zeros of a condition by further integrations: samples of the dense output of one, and short
+ones from the sample before each zero.
 
-For methods whose steps cannot be searched as they are taken (`_event_location`)."""
+For methods whose steps cannot be searched while they are taken (`_event_location`)."""
 
 from typing import NamedTuple
 
@@ -30,7 +30,7 @@ from .status import Status
 
 
 class ConditionOnRun(NamedTuple):
-    """The condition of an event along the runs of a system, and how these are integrated."""
+    """The condition of an event along the runs of a system, and the configuration of these runs."""
 
     system: AbstractSystem
     event: Event
@@ -47,7 +47,7 @@ class ConditionOnRun(NamedTuple):
 
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
-        # A few short runs, and one more program of a step: where one run is sought, a small one.
+        # A few short integrations, and one more program of a step: a small one for a single run.
         config = self.config if self.run_axes else self.config.small_program()
         result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
@@ -59,8 +59,7 @@ class ConditionOnRun(NamedTuple):
 
 
 class FromSample(NamedTuple):
-    """The condition of an event along runs from the state `y` at the time `t`, s, by integrations
-    from there."""
+    """The condition of an event, by integrations from the state `y` at the time `t`, s."""
 
     along: ConditionOnRun
     y: State
@@ -83,8 +82,8 @@ class FromSample(NamedTuple):
 class Samples(NamedTuple):
     """A condition along each run.
 
-    - `times`, `states`, `g`: of the samples, which lead; at a zero at the start `g` has the sign
-      that it is about to take.
+    - `times`, `states`, `g`: of the samples, on the first axis; where the start is a zero, `g` has
+      the sign that follows.
     - `candidate`: the intervals in which there may be a zero.
     - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
     - `size`: the largest condition.
@@ -110,8 +109,8 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     def within(index: Array) -> WithinSpan:
         return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
 
-    found = first_in_intervals(within, samples.times, samples.g, samples.candidate)
-    when, hit, unresolved = found
+    result = first_in_intervals(within, samples.times, samples.g, samples.candidate)
+    when, hit, unresolved = result
     event = along.event
     at_zero = samples.at_zero
     if event.at_start:
@@ -122,7 +121,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     after = jnp.abs(when - t0)
     eps = float(jnp.finfo(samples.g.dtype).eps)
     resolved = APART * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
-    # An event that the rounding of the time cannot tell from the start, as of a ball at rest.
+    # An event within the rounding of the time of the start, as of a ball at rest.
     piled = at_zero & hit & (after <= resolved) & (not event.at_start)
     status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
     failed = jnp.where(piled | unresolved, after, jnp.inf)
@@ -138,7 +137,7 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
     g = jnp.broadcast_to(jax.vmap(along.value)(times, states), times.shape)
-    # Slopes at the two ends only: they stand in for the samples that lie beyond the run.
+    # Slopes at the two ends only, in place of samples beyond the run.
     ends = jax.tree.map(lambda x: x[:: times.shape[0] - 1], (times, states))
     slopes = jax.vmap(lambda t, y: along.slope(t, y)[1])(*ends)
     dip = dips(g, (times[1] - times[0]) * slopes)

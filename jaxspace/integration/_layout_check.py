@@ -1,4 +1,4 @@
-"""Whether a vector field keeps to the layout of the library, so that mapped runs can be a batch."""
+"""Whether a vector field follows the layout of the library, so that mapped runs can be a batch."""
 
 import equinox as eqx
 import jax
@@ -13,11 +13,11 @@ from ..core.structure import once_per_structure
 
 @once_per_structure
 def follows_layout(system: AbstractSystem, y0: PyTree) -> bool:
-    """Whether the vector field treats a trailing axis as runs that have nothing to do with another.
+    """Whether the vector field treats a trailing axis as independent runs.
 
-    Seen from values: the field of three random states at once is that of each of them. A system
-    that sums over all axes of its state, say, fails, and is mapped by JAX instead."""
-    # Positive numbers of order one: roots and logarithms of a field stay defined.
+    Decided by values: the field of three random states together must equal that of each of them. A
+    system that sums over all axes of its state, for example, fails and is mapped by JAX instead."""
+    # Positive numbers of order one, for which the roots and logarithms of a field are defined.
     random = np.random.default_rng(0)
 
     def numbers(shape: tuple[int, ...], x: jax.ShapeDtypeStruct) -> Array:

@@ -1,6 +1,6 @@
 """The rules by which JAX maps the primitives of an integration over runs or tangents.
 
-JAX learns of them when this file is imported.
+The rules are registered with JAX when this file is imported.
 """
 
 from collections.abc import Callable, Sequence
@@ -16,7 +16,7 @@ from ._primitives import Program, along, along_p, back, back_p, derivative_p, re
 from ._problem import Leaves, Moving, Parts, Problem, arguments_of
 from .mapping import add_run_axis, over_blocks
 
-# Which axis of each argument is mapped; `None` for one that is not.
+# The mapped axis of each argument; `None` for one that is not mapped.
 Dims: TypeAlias = Sequence[int | None]
 Batched: TypeAlias = tuple[list[Array], list[int | None]]
 
@@ -26,7 +26,7 @@ def _size(values: Leaves, dims: Dims) -> int:
 
 
 def _with_axis(values: Leaves, dims: Dims, size: int, axis: int) -> list[Array]:
-    """The arrays with the mapped axis at `axis`, where they have none a new one."""
+    """The arrays with the mapped axis at `axis`; those without one get a new axis."""
 
     return [
         jnp.moveaxis(jnp.broadcast_to(x, (size, *x.shape)) if d is None else x, d or 0, axis)
@@ -35,7 +35,7 @@ def _with_axis(values: Leaves, dims: Dims, size: int, axis: int) -> list[Array]:
 
 
 def _by_jax(function: Program, values: Leaves, dims: Dims) -> Batched:
-    """JAX's own map."""
+    """The batching of the traced program by JAX."""
     outs = jax.vmap(function, in_axes=tuple(dims))(*values)
     return outs, [0] * len(outs)
 
@@ -56,7 +56,7 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
 
 def _record_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     outs, out_dims = _solve_batch(values, dims, problem=problem)
-    # The record of a mapped run is computed where it is used: nothing reads this one.
+    # The record of a mapped run is computed again where it is used, so that this one is not read.
     empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals]
     return [*outs, *empty], [*out_dims, *[None] * len(empty)]
 
@@ -77,7 +77,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
                 *args, *record, *last, problem=problem, moving=moving, columns=columns + 1
             )
             return outs, [0] * len(outs)
-        # Every run has its own derivative with respect to what moves.
+        # Every run has its own derivative with respect to the arguments that move.
         flags = [k in moving for k in range(len(args))]
         mapped = add_run_axis(problem.parts, args, arg_dims, size, flags=flags)
         if mapped is None:
@@ -92,13 +92,14 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
             return _by_jax(one, [*args, *last], [*arg_dims, *last_dims])
 
         def block(parts: Parts, last: Leaves) -> list[Array]:
-            inner, args = Problem(parts), arguments_of(parts)
+            inner = Problem(parts)
+            args = arguments_of(parts)
             _, record = inner.split_record(record_p.bind(*args, problem=inner))
             return primitive.bind(
                 *args, *record, *last, problem=inner, moving=moving, columns=columns
             )
 
-        # Every result carries the runs already, which a rank that none has says.
+        # A rank that no result has says that every result carries the runs already.
         ranks = [-1] * (problem.num_states if primitive is along_p else len(moving))
         outs = over_blocks(block, mapped, size, ranks, _with_axis(last, last_dims, size, -1))
         return outs, [x.ndim - 1 for x in outs]

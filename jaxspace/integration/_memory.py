@@ -1,4 +1,4 @@
-"""Whether there is memory for what a run writes down, with room for all of its `max_steps`."""
+"""Whether the memory suffices for the records of a run, with room for all of its `max_steps`."""
 
 import os
 
@@ -13,13 +13,13 @@ SMALL = 2**28
 
 
 def check_memory(what: str, steps: int, per_step: int) -> None:
-    """Raise `InputError` if room for so many steps is more than `SHARE` of the memory.
+    """Raise `InputError` if the records of all steps take more than `SHARE` of the memory.
 
     **Arguments**
 
-    - `what`: is written down.
-    - `steps`: for how many there is room.
-    - `per_step`: bytes of each."""
+    - `what`: the name of the records.
+    - `steps`: the largest number of steps.
+    - `per_step`: bytes of one step."""
     size = steps * per_step
     if size <= SMALL:
         return
@@ -33,7 +33,7 @@ def check_memory(what: str, steps: int, per_step: int) -> None:
 
 
 def memory() -> float:
-    """Bytes of the device that computes, or of this machine; infinite where neither says so."""
+    """Memory of the device in use, or of this machine, bytes; infinite if both are unknown."""
     # None from a CPU.
     limit = (jax.devices()[0].memory_stats() or {}).get("bytes_limit")
     if limit is not None:

@@ -18,8 +18,8 @@ class Outcome(NamedTuple):
 
     - `states`: at the save times, or the last one alone.
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
-    - `step_ends`, `step_states`: of the accepted steps, where asked for.
-    - `location`: of the first event of each run, where some are sought; the last of the `states` is
+    - `step_ends`, `step_states`: of the accepted steps, if requested.
+    - `location`: of the first event of each run, if events are sought; the last of the `states` is
       the state there."""
 
     states: State
@@ -32,7 +32,7 @@ class Outcome(NamedTuple):
     location: Location | None = None
 
     def unpacked(self, packing: Packing) -> "Outcome":
-        """The outcome with states in place of the vectors of one run."""
+        """The outcome with states in place of the packed vectors of one run."""
         states, step_states, location = self.states, self.step_states, self.location
         if step_states is not None:
             step_states = jax.vmap(packing.state)(step_states)
@@ -49,7 +49,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     finished = loop.t >= settings.end
     short = ~finished
     if location is not None:
-        # Neither a run that waits at its event nor one that is lost needs more steps.
+        # Neither a run that waits at its event nor one that failed needs more steps.
         short = short & ~location.waiting & settings.tolerance.alive(loop.y)
     if loop.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
@@ -75,7 +75,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
 
 
 def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
-    """The outcome of runs of which each takes its own steps, in regularised variables."""
+    """The outcome of runs that each take their own steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
     states = loop.saved
     if states is None:

@@ -15,7 +15,8 @@ from .loop import LoopSettings
 def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
     """Write the state of each run that is `done` into the row of its segment.
 
-    `rows` is (times, ..., *runs), `number` the segment of each run. The other runs change nothing.
+    `rows` is (times, ..., *runs), and `number` holds the segment of each run. Rows of the other
+    runs stay as they are.
     """
     runs = number.size
     row = jnp.where(done, number, jnp.inf).reshape(runs)
@@ -30,9 +31,9 @@ def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"])
 
 
 def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Read the row of its segment for each run that is `done`; the other runs get zero.
+    """Read, for each run that is `done`, the row of its segment; zero for the other runs.
 
-    `rows` is (times, ..., *runs), `number` the segment of each run."""
+    `rows` is (times, ..., *runs), and `number` holds the segment of each run."""
     runs = number.size
 
     def leaf(x: Array) -> Array:
@@ -44,7 +45,7 @@ def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
     return jax.tree.map(leaf, rows)
 
 
-def kept_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
+def record_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
     """The record of one pass: the step of each run, and whether the run landed, (2, *runs)."""
     return jnp.stack([h, done.astype(h.dtype)])
 
@@ -62,7 +63,7 @@ def written(
     saved, ends, states, recording = loop[-5:-1]
     moved = jnp.any(accept)
     if saved is not None:
-        # A loop of at most one pass: a condition would copy the whole buffer.
+        # A loop of at most one pass, because a conditional would copy the whole buffer.
         saved, _ = jax.lax.while_loop(
             lambda carry: carry[1],
             lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
@@ -75,7 +76,7 @@ def written(
     if states is not None:
         states = put_row(states, loop.count, y)
     if recording is not None:
-        step = kept_of_pass(h, done)
+        step = record_of_pass(h, done)
         layout = RecordLayout.of(y, step, settings.max_steps)
         recording = recording.add(layout, loop.count, step, y, moved)
     return loop._replace(

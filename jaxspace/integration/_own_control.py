@@ -1,15 +1,15 @@
 """Step-size control where every run takes its own steps.
 
-From the error of a step follows the length that would have had just the error allowed, its ideal.
-Along an orbit that length goes with a power of a scale of the motion, such as the distance from the
-centre, which is known from the unperturbed motion for the next step as well:
+From the error of a step follows its ideal length, at which the error is just the allowed one. Along
+an orbit this length is proportional to a power of a scale of the motion, such as the distance from
+the centre, which the unperturbed motion predicts for the next step:
 
     h_next = S h_ideal (b/b_0)^p        b, b_0: scale in the middle of the next step and of this one
     p = sum x y / sum x^2               x, y: change of log b and of log h_ideal, step by step
 
-So steps shorten in time on the way to a periapsis, and lengthen after it, by as much as it takes:
-p is close to one where a perturbation is felt at the periapsis alone, and zero where all steps are
-equal. Logarithm and power are rational approximations; the next error corrects what they miss.
+Steps thus shorten before a periapsis is reached, and lengthen after it. The power p is close to one
+where a perturbation acts at the periapsis alone, and zero where all steps are equal. Logarithm and
+power are rational approximations, whose error the control corrects at the next step.
 
     symbol  meaning
     S       safety factor
@@ -27,9 +27,9 @@ from ..solvers.regularised_step import Regular, order_of
 from ..solvers.step_control import GROW, SHRINK
 
 SAFETY = 0.85
-# Safety factor for variables that offer no scale of the motion.
+# Safety factor for variables without a scale of the motion.
 CLOSER = 0.9
-# Decay of the sums for the power per step: about as many steps count as an orbit has.
+# Decay of the sums for the power at each step: their memory is about the steps of one orbit.
 MEMORY = 0.9
 # Initial power, and its weight.
 FIRST_POWER, FIRST_WEIGHT = 0.5, 0.02
@@ -38,7 +38,7 @@ REPEATS = 3
 
 
 class Trend(NamedTuple):
-    """Statistics of the steps of each run, from which the length of the next one is predicted.
+    """Statistics of the steps of each run, which predict the length of the next one.
 
     - `ideal`: ideal length of the last step, zero before the first one.
     - `step_scale`: the scale in the middle of the last step.
@@ -57,10 +57,8 @@ class Trend(NamedTuple):
 
 
 def ideal_length(form: AbstractRegularised, h: Array, local: Array) -> Array:
-    """The length of a step `h` that would have had just the error allowed, from its error `local`
-    in units of that."""
-    # In single precision, which is enough here: a power in double precision takes as long as some
-    # stages.
+    """The ideal length of a step `h`, from its error `local` in units of the allowed error."""
+    # Single precision is enough here, and a power in double precision costs as much as some stages.
     size = jnp.clip(local, 1e-14, 1e14).astype(jnp.float32)
     return jnp.abs(h) * jnp.exp(jnp.log(size) * (-1.0 / order_of(form))).astype(h.dtype)
 
@@ -80,11 +78,11 @@ def following(
 
     - `ideal`, `h`: ideal length of the step, and its length with its direction.
     - `z0`, `z`: the variables at its start, and where the next one starts.
-    - `used`: whether the step is taken and says something about the next one."""
+    - `used`: whether the step is accepted and serves the prediction."""
     known = used & (trend.ideal > 0.0)
     if not isinstance(form, AbstractSecondOrderForm):
         # Drag in a thin shell follows no power of the distance: where the ideal length has shrunk,
-        # the next step assumes that it shrinks by the same factor again.
+        # the prediction lets it shrink by the same factor again.
         last = jnp.where(known, trend.ideal, 1.0)
         again = jnp.where(known, jnp.minimum(ideal / last, 1.0), 1.0)
         return trend._replace(ideal=jnp.where(used, ideal, trend.ideal)), CLOSER * ideal * again
@@ -120,6 +118,6 @@ def _power(a: Scalar, b: Scalar, p: Scalar) -> Scalar:
 
 
 def bounded(proposal: Array, h: Array, good: Bool[Array, "*runs"]) -> Array:
-    """The length `proposal` within what may follow a step `h` whose error is allowed or not."""
+    """The length `proposal` within the limits of growth and reduction after a step `h`."""
     h = jnp.abs(h)
     return jnp.clip(proposal, SHRINK * h, jnp.where(good, GROW, SAFETY) * h)

@@ -1,7 +1,8 @@
-"""Derivatives along the recorded steps of runs that take steps of their own.
+"""Derivatives along the recorded steps of runs that each take their own steps.
 
-As in `_replay.py`. A record holds the step of every run instead of the ends of common ones; the
-steps have no derivatives, and the landing at the end of a segment makes up for it.
+As in `_replay.py`, but a record holds the length of the step of every run instead of the ends of
+common steps. These lengths have no derivatives; the landing at the end of a segment corrects for
+it.
 """
 
 from typing import final
@@ -22,16 +23,17 @@ from ._replay import Replay
 
 @final
 class OwnReplay(Replay):
-    """The steps of runs with steps of their own once more; fields as of `Replay`."""
+    """The recorded steps of runs with their own steps; fields as of `Replay`."""
 
     def _landed(self, n: Array) -> Array:
         return self.record.step(n)[1] > 0.5
 
     def step(self, moving: PyTree, n: Array, y: OwnState) -> tuple[OwnState, None]:
-        """The state after the steps number `n` from `y`."""
+        """The state after step number `n` of every run, from `y`."""
         field = eqx.combine(moving, self.fixed)
         form = form_of(field, y.z)
-        h, done = self.record.step(n)[0], self._landed(n)
+        h = self.record.step(n)[0]
+        done = self._landed(n)
         segment = Segment.of(field, self.settings, y.segment)
         z = attempt(form, *segment, y.z, h).z
         y = OwnState(jnp.where(h != 0.0, z, y.z), y.segment)

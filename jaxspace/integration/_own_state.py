@@ -26,17 +26,17 @@ class OwnState(eqx.Module):
 
 
 class OwnLoop(NamedTuple):
-    """Carry of the loop. Each run has its own values; only the
-    buffers, `count` and `passes` are shared.
+    """Carry of the loop. Buffers, `count` and `passes` are shared; all else is of each run.
 
-    - `h`: the next step; `free`, the length that the error allows; `trend`, what the lengths tell.
-    - `landing`: whether the next step is one that should end the segment; `pending`, whether the
-      run waits for the others before it takes such a step, or has taken one.
+    - `h`: the next step; `free`: the length that the error allows; `trend`: the prediction of the
+      length.
+    - `landing`: whether the next step should end the segment; `pending`: whether the run waits for
+      the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
-    - `count`: the passes in which a run moved, of all `passes`.
-    - `recording`: of each of these, the steps of the runs (zero for one that does not move) and
-      whether they landed, and states.
-    - `ends`, `states`: normalised times and states after each of these passes, where asked for.
+    - `count`: number of the `passes` in which a run moved.
+    - `recording`: for each of these passes the steps of the runs (zero for a run that does not
+      move), whether they landed, and states.
+    - `ends`, `states`: normalised times and states after each of these passes, if requested.
     - `left_out`: the runs for which the others would have waited too long."""
 
     y: OwnState
@@ -73,7 +73,8 @@ class Segment(NamedTuple):
 
 def alive(z: Regular) -> Bool[Array, "*runs"]:
     """Whether all variables of a run are finite."""
-    # The sum of all is finite if they are, and no reduction, which takes one run after the other.
+    # The sum is finite if all are. Added one by one, because a reduction over the first axis would
+    # treat one run after the other.
     return jnp.isfinite(functools.reduce(jnp.add, list(z)))
 
 

@@ -1,8 +1,8 @@
-"""The loop of an integration in which every run takes steps of its own, in regularised variables.
+"""The loop of an integration in which every run takes its own steps, in regularised variables.
 
-A pass of the loop is a step for each run that is not yet at its end: accepted or rejected, and as
-long as that run allows. So nothing is lost where the runs of a block are at different places of
-their orbits. Each run lands on the end of every segment, and then begins the next one.
+In a pass of the loop, each run that is not yet at its end takes one step, accepted or rejected, of
+its own length. Runs of a block that are at different places of their orbits thus do not slow each
+other down. Each run lands on the end of every segment, and then begins the next one.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ from ..solvers.regularised_step import (
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
 from ._buffers import empty_steps, nan_buffer, put_row
-from ._own_buffers import kept_of_pass, written
+from ._own_buffers import record_of_pass, written
 from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
 from ._record import Recording, RecordLayout
@@ -95,7 +95,7 @@ def _start(
     if settings.save_ts is not None:
         saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
     if recorded:
-        step = kept_of_pass(free, landing)
+        step = record_of_pass(free, landing)
         recording = Recording.empty(RecordLayout.of(y0, step, limit))
     if settings.record_steps or settings.dense:
         clock = jnp.broadcast_to(settings.end, runs)
@@ -132,14 +132,14 @@ def _advance(
     z1, error, rate = attempt(form, *segment, y.z, h)
     local = form.size(error, y.z, z1) / settings.tolerance.rtol
     local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(free.dtype)
-    # Held, because much of what follows reads them.
+    # Behind a barrier, because many of the following operations read them.
     z1, local = barrier((z1, local))
     if settings.longest_steps is not None:
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
-    # A step as short as this is taken whatever its error, which the status then reports.
+    # So short a step is accepted whatever its error, which the status then reports.
     tiny = ~(jnp.abs(h * rate) > SMALLEST_STEP * jnp.abs(segment.duration))
     good = moving & ((local <= 1.0) | tiny)
-    # The direction of the duration, and not of the step: one that lands may go back a little.
+    # By the direction of the duration, because a step that lands may go back a little.
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
     past = good & ~loop.landing & beyond
     accept = good & ~past
@@ -148,18 +148,19 @@ def _advance(
     used = accept & ~loop.landing
     trend, proposal = following(form, loop.trend, ideal, h, y.z, z, used)
     proposal = bounded(proposal, loop.h, good)
-    # A step that lands is shorter than it might have been.
+    # A step that lands is shorter than the error allows.
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
     free = jnp.where(moving & ~past, proposal, free)
     pending = active & (loop.pending | past | (accept & loop.landing))
-    turn = _Turn(
+    state = _PassState(
         OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
     )
-    # All at once, when no run is still on its way: to land costs as much as some steps.
+    # All runs at once, when none is still on its way, because a landing costs as much as some
+    # steps.
     y1, h1, pending, landing, done = jax.lax.cond(
         jnp.any(pending) & jnp.all(pending | ~active),
-        lambda: _turned(settings, form, field, segment, turn, free),
-        lambda: (*turn, jnp.zeros_like(past)),
+        lambda: _enter_segments(settings, form, field, segment, state, free),
+        lambda: (*state, jnp.zeros_like(past)),
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
     taken = jnp.where(accept, loop.h, 0.0)
@@ -177,7 +178,7 @@ def _advance(
     )
 
 
-class _Turn(NamedTuple):
+class _PassState(NamedTuple):
     """State of the runs between two passes.
 
     - `y`: variables and segments.
@@ -191,28 +192,28 @@ class _Turn(NamedTuple):
     landing: Bool[Array, "*runs"]
 
 
-def _turned(
+def _enter_segments(
     settings: LoopSettings,
     form: AbstractRegularised,
     field: ScaledField,
     segment: Segment,
-    turn: _Turn,
+    state: _PassState,
     free: Array,
 ) -> tuple[OwnState, Array, Array, Array, Array]:
     """Advance runs that are close to the end of their segment; those at its end enter the next one.
 
-    **Returns** the fields of the next `_Turn`, and which runs have landed."""
-    z = turn.y.z
+    **Returns** the fields of the next `_PassState`, and which runs have landed."""
+    z = state.y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]
     close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * unit(form, z, rate)
-    done = turn.pending & (close | (segment.duration == 0.0))
-    y1 = landing_state(form, segment, turn.y, done)
+    done = state.pending & (close | (segment.duration == 0.0))
+    y1 = landing_state(form, segment, state.y, done)
     following = Segment.of(field, settings, y1.segment)
     to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
-    landing = turn.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
+    landing = state.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
     h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
-    return y1, h, jnp.zeros_like(turn.pending), landing, done
+    return y1, h, jnp.zeros_like(state.pending), landing, done
 
 
 def _too_long(
@@ -222,7 +223,8 @@ def _too_long(
     y: OwnState,
     z1: Regular,
 ) -> Array:
-    """The step in units of the longest that is allowed, as an error that shortens it as much."""
+    """The step relative to the longest one allowed, as an error that makes the control shorten
+    it."""
     assert settings.longest_steps is not None
     index = jnp.minimum(y.segment, settings.end - 1.0).astype(int)
     longest = settings.longest_steps[index] * jnp.abs(segment.duration)

@@ -1,10 +1,10 @@
 """A system whose state is one vector, for the small program of one run.
 
-Whatever a step does to a state beside the vector field (weighted sums of stages, norms, choices) it
-does to each of its blocks: position, velocity, attitude. On one vector that holds them all it is a
-single operation in place of five or six, and the program of a large field compiles sooner.
-The vector field sees its own state, which is cut from the vector and costs nothing beside it. Of
-many runs the copies would take as long as the field.
+Beside the vector field, each operation of a step (weighted sums of stages, norms, selections) acts
+on every block of the state: position, velocity, attitude. On one vector that holds all blocks it is
+a single operation in place of five or six, and the program of a large field compiles sooner. The
+vector field takes its state, which is cut from the vector at negligible cost. For many runs these
+copies would take as long as the field.
 """
 
 import dataclasses
@@ -26,7 +26,7 @@ from .normalised_time import ScaledVectorField
 
 @final
 class Packing(eqx.Module):
-    """Layout of the blocks of a state in one vector, one behind the other."""
+    """Layout of the blocks of a state in one vector."""
 
     structure: jax.tree_util.PyTreeDef = eqx.field(static=True)
     shapes: tuple[tuple[int, ...], ...] = eqx.field(static=True)
@@ -48,8 +48,9 @@ class Packing(eqx.Module):
         return jnp.concatenate([x.reshape(size, *x.shape[len(s) :]) for x, s, size in leaves])
 
     def state(self, v: Float[Array, "components *#rest"]) -> State:
-        """The state that lies in a vector; further axes stay behind the components."""
-        leaves, first = [], 0
+        """The state of a vector; further axes stay behind the components."""
+        leaves = []
+        first = 0
         for shape, size in zip(self.shapes, self.sizes, strict=True):
             leaf = jax.lax.slice_in_dim(v, first, first + size)
             leaves.append(leaf.reshape(*shape, *v.shape[1:]))
@@ -72,7 +73,7 @@ class _PackedCondition(eqx.Module):
 
 @final
 class PackedSystem(AbstractSystem):
-    """A system whose state is a vector; of its capabilities those that steps ask for."""
+    """A system whose state is a vector, with the capabilities that steps need."""
 
     packing: Packing
     system: AbstractSystem
@@ -80,7 +81,8 @@ class PackedSystem(AbstractSystem):
     def vector_field(self, t: Scalar, y: State) -> State:
         state = self.packing.state(y)
         rate = self.system.vector_field(t, state)
-        # A constant of double precision in a user's effect must not change that of the run.
+        # A constant of double precision in a user's effect must not change the precision of the
+        # run.
         return self.packing.vector(
             jax.tree.map(
                 lambda k, x: jnp.broadcast_to(jnp.asarray(k, x.dtype), x.shape), rate, state

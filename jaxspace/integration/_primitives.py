@@ -1,4 +1,4 @@
-"""The primitives of JAX that integrate: their programs, and the shapes of what they return."""
+"""The JAX primitives of an integration: their programs, and the shapes of their results."""
 
 from collections.abc import Callable
 from typing import TypeAlias
@@ -66,13 +66,13 @@ def _with_columns(shapes: Avals, values: Avals, columns: int) -> Avals:
 
 
 def along_avals(*values: ShapedArray, problem: Problem, moving: Moving, columns: int) -> Avals:
-    """The shapes of what `along` returns."""
+    """The shapes of the results of `along`."""
     _, _, tangents = problem.split(values)
     return _with_columns(problem.outcome_avals[: problem.num_states], tangents, columns)
 
 
 def back_avals(*values: ShapedArray, problem: Problem, moving: Moving, columns: int) -> Avals:
-    """The shapes of what `back` returns."""
+    """The shapes of the results of `back`."""
     args, _, cotangents = problem.split(values)
     return _with_columns([args[k] for k in moving], cotangents, columns)
 
@@ -87,5 +87,5 @@ record_p = _primitive(
 )
 along_p = _primitive("tangent_along_steps", along, along_avals)
 back_p = _primitive("cotangent_along_steps", back, back_avals)
-# A primitive of its own only so that its transpose can be refused with a sentence that helps.
+# A separate primitive only so that its transpose can be refused with a helpful sentence.
 derivative_p = _primitive("derivative_along_steps", _derivative, _derivative_avals)

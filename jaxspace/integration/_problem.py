@@ -1,11 +1,12 @@
-"""One integration as a function of flat arrays: what the primitives of `_primitives.py` compute.
+"""One integration as a function of flat arrays, which the primitives of `_primitives.py` compute.
 
-JAX hands a primitive its arguments as flat arrays. A `Problem` keeps the rest, and turns arrays
-into the field, the initial state and the settings of an integration, and results into arrays.
+JAX passes flat arrays to a primitive. A `Problem` holds the rest, and turns arrays into the field,
+the initial state and the settings of an integration, and results into arrays.
 """
 
 import dataclasses
 import functools
+import math
 from collections.abc import Sequence
 from typing import TypeAlias, TypeVar, cast, final
 
@@ -22,7 +23,7 @@ from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ._field_trace import field_trace
 from ._outcome import outcome_of, own_outcome_of
-from ._own_buffers import kept_of_pass
+from ._own_buffers import record_of_pass
 from ._own_replay import OwnReplay
 from ._own_state import OwnState
 from ._own_steps import integrate_own_steps
@@ -43,9 +44,9 @@ RECORD_ARRAYS = 3
 
 # Operations of a vector field from which the steps are a small program: they compile in a third of
 # the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
-# many runs up to 1.7 times. Many runs without derivatives are there to be fast: they lose a tenth
-# or so from `VERY_LARGE` on. From `MEDIUM` on a single run that is differentiated is small forwards
-# as well, and its replay holds a step once: below, this would save little and slow down both.
+# many runs up to 1.7 times. For many runs without derivatives speed matters most: from `VERY_LARGE`
+# on they lose about a tenth. From `MEDIUM` on, a differentiated single run takes the small program
+# in both directions, and its replay holds a step once; below, this would save little and slow both.
 MEDIUM, LARGE, VERY_LARGE = 100, 200, 800
 
 
@@ -83,7 +84,7 @@ class Problem:
         assert not (recorded and settings.sought is not None), (
             "events are found outside derivatives"
         )
-        # The state says which loop it belongs to.
+        # The type of the state decides which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
             kept = own.recording, own.count
@@ -118,15 +119,21 @@ class Problem:
         return jax.make_jaxpr(self.record)(*self.avals)
 
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
-        """Whether the steps are a small program, those of a run or of a `derivative`."""
-        if settings.tolerance.run_axes == 0:
-            # A derivative holds a step three times over, and its first call is mostly compilation.
+        """Whether the steps of a run, or of a `derivative`, are a small program."""
+        if self._is_alone(settings):
+            # A derivative holds a step three times, and its first call is mostly compilation.
             return derivative or self.field_operations >= LARGE
         return self.field_operations >= (LARGE if derivative else VERY_LARGE)
 
     def _is_single(self, settings: LoopSettings) -> bool:
-        """Whether this is a single run of a field that is worth a small program throughout."""
-        return settings.tolerance.run_axes == 0 and self.field_operations >= MEDIUM
+        """Whether this is a single run of a field so large that every program of it should be
+        small."""
+        return self._is_alone(settings) and self.field_operations >= MEDIUM
+
+    def _is_alone(self, settings: LoopSettings) -> bool:
+        """Whether there is one run, with or without an axis of runs."""
+        last = self.avals[self.num_field + self.num_states - 1].shape
+        return math.prod(last[len(last) - settings.tolerance.run_axes :]) == 1
 
     def _packing(self, field: PyTree, y0: State, settings: LoopSettings) -> Packing | None:
         """Layout of the packed state for a single run of a large field; `None` for other runs."""
@@ -171,7 +178,8 @@ class Problem:
         return list(values[:n]), list(values[n:m]), list(values[m:])
 
     def _replay(self, args: Leaves, record: Leaves, moving: Moving) -> tuple[Replay, PyTree, State]:
-        """The replay, the moving part of the field, the initial state, and which of it moves."""
+        """The replay, the differentiated part of the field, the initial state, and which of its
+        blocks are differentiated."""
         field_args = list(args[: self.num_field])
         moves = [k for k in moving if k < self.num_field]
         part = [field_args[k] if k in moves else None for k in range(self.num_field)]
@@ -184,7 +192,7 @@ class Problem:
         _, y0, settings = self.parts(args)
         fixed = eqx.combine(tree(rest), self.static[0])
         own = isinstance(y0, OwnState)
-        step = kept_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.end
+        step = record_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.end
         steps = Record(RecordLayout.of(y0, step, settings.max_steps), *record)
         if own:
             return OwnReplay(settings, fixed, steps, False, False), tree(part), y0
@@ -221,15 +229,15 @@ class Problem:
         moving: Moving,
         cotangents: Leaves,
     ) -> list[Array]:
-        """The cotangents of the arguments that move."""
+        """The cotangents of the differentiated arguments."""
         replay, part, y0 = self._replay(args, record, moving)
         structure = jax.tree.structure(y0)
         of_part, of_state = replay.vjp(part, y0, jax.tree.unflatten(structure, cotangents))
         state = jax.tree.leaves(of_state)
         of_field = [k for k in moving if k < self.num_field]
-        found = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
-        found |= {self.num_field + k: x for k, x in enumerate(state)}
-        return [found[k] for k in moving]
+        result = dict(zip(of_field, jax.tree.leaves(of_part), strict=True))
+        result |= {self.num_field + k: x for k, x in enumerate(state)}
+        return [result[k] for k in moving]
 
 
 def _arrays_of(recording: Recording | None, count: Array) -> list[Array]:

@@ -1,13 +1,13 @@
-"""Record of a run for its derivatives: the steps that it took, and some states along them.
+"""Record of a run for its derivatives: its steps, and some of the states between them.
 
-Both lie in one array of numbers, in which they grow towards each other:
+Both are stored in one array, from opposite ends:
 
     state, state, state, ...                                       ..., step 2, step 1, step 0
 
-The states are those after every `stride`-th step, after each one at first. Where they meet the
-steps, every second state is dropped, and the stride doubles. So there is room for all steps that a
-run may take, and little is set aside, filled and moved for a short one, whose derivative would
-spend much of its time on that.
+The states are those after every `stride`-th step, where the stride is one at first. When the array
+is full, every second state is dropped, and the stride doubles. The array thus has room for all
+steps that a run may take, and stays small enough that the derivative of a short run does not spend
+its time on filling and copying it.
 """
 
 import math
@@ -75,7 +75,7 @@ class RecordLayout(NamedTuple):
     @property
     def longest(self) -> int:
         """Largest number of steps between two recorded states: a power of two."""
-        # One row is always free, for the state after the next step.
+        # One row stays free for the state after the next step.
         rows = (self.size - self.limit * self.step_size) // self.state_size - 1
         stride = 1
         while rows * stride < self.limit:
@@ -108,7 +108,7 @@ class RecordLayout(NamedTuple):
 
 
 class Recording(NamedTuple):
-    """A record as it grows: `count` states lie in it."""
+    """A record that is being filled; it holds `count` states."""
 
     numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
@@ -149,7 +149,7 @@ class Recording(NamedTuple):
         half = layout.size // (2 * size)
         count = self.count // 2
         moved = self.numbers[: 2 * half * size].reshape(half, 2, size)[:, 1].reshape(-1)
-        # Behind the states lie steps, which stay.
+        # The steps at the other end of the array stay.
         is_state = jnp.arange(half * size) < count * size
         front = jnp.where(is_state, moved, self.numbers[: half * size])
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, front, 0, 0)

@@ -4,11 +4,11 @@
     forwards   (y_{n+1}', d_n') = d(step)/d(p, y_n) (p', y_n')
     backwards  (p*, y_n*) = (p*, 0) + [y_{n+1}*, d_n*] d(step)/d(p, y_n)
 
-A repetition that chose its steps again could, by a difference of one rounding, choose others, and
-the derivative would belong to no run at all (seen: wrong by its own size, over a thousand steps).
-So the ends of the accepted steps are recorded, with the state at as many of them as the buffer
-holds. Backwards, the steps between two checkpoints are taken again, in chunks whose states are all
-kept at once.
+If the steps were chosen again, a difference of one rounding could lead to other steps, and the
+derivative would be that of no run (observed: an error as large as the derivative itself, over a
+thousand steps). The ends of the accepted steps are therefore recorded, with as many states as the
+buffer holds. Backwards, the steps between two of these checkpoints are repeated in chunks, whose
+states are all in memory at once.
 """
 
 from collections.abc import Callable
@@ -33,7 +33,7 @@ CHUNK = 32
 """Steps between which all states are kept at once: more of them leave the cache, fewer are taken
 twice in short runs."""
 
-# From the cotangents of what a step returns to those of the field and of the state before it.
+# Maps the cotangents of the results of a step to those of the field and of the state before it.
 Pullback: TypeAlias = Callable[[PyTree], tuple[PyTree, ...]]
 
 
@@ -46,7 +46,7 @@ def _select(condition: Array, first: PyTree, second: PyTree) -> PyTree:
 
 
 class Replay(eqx.Module):
-    """The steps of a run once more, as functions of the part of the field that is differentiated.
+    """The recorded steps of a run as functions of the differentiated part of the field.
 
     - `settings`: those of the run. `record`: its steps.
     - `fixed`: the part of the field that is not differentiated.
@@ -68,15 +68,16 @@ class Replay(eqx.Module):
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
         """The normalised times at the start and at the end of step `n`."""
         record = self.record
-        # Held: the compiler would look them up again in every kernel of the step, some sixty times.
+        # Behind a barrier: the compiler would look them up again in each of some sixty kernels.
         return barrier((jnp.where(n > 0, record.step(n - 1), 0.0), record.step(n)))
 
     def step(
         self, moving: PyTree, n: Array, y: State, backwards: bool = False
     ) -> tuple[State, PyTree]:
-        """The state after step `n` from `y`, and what the dense output holds if one is needed.
+        """The state after step `n` from `y`, and the coefficients of the dense output if it is
+        needed.
 
-        `backwards`: whether it is to be differentiated so."""
+        `backwards`: whether the step is for reverse mode."""
         field = eqx.combine(moving, self.fixed)
         # The stages of a small program are checkpoints already.
         if backwards and not self.small:
@@ -223,7 +224,8 @@ class Replay(eqx.Module):
     ) -> State:
         """The buffer filled, from row `to` on, with `count` states that lie `apart` steps apart.
 
-        The first is `y`, before step `n`. The last row of the buffer takes what is not kept."""
+        The first is `y`, before step `n`. The last row of the buffer takes the states between
+        them."""
         buffer = put_row(buffer, to, y)
         if self.record.layout.longest == 1:
             return buffer
@@ -248,9 +250,11 @@ class Replay(eqx.Module):
         n: Array,
         counts: tuple[Array, Array, Array],
     ) -> tuple[PyTree, State]:
-        """`_fill`, then the cotangents of `back` steps, by a loop in which a step stands once.
+        """`_fill`, then the cotangents of `back` steps, by one loop whose program holds a step
+        once.
 
-        A large step compiles sooner so. It is linearised on the way there as well, in vain."""
+        A large step compiles sooner this way, although it is also linearised in the part that
+        fills."""
         count, apart, back = counts
         total, buffer = carry
         buffer = put_row(buffer, to, y)
@@ -274,7 +278,7 @@ class Replay(eqx.Module):
         return jax.lax.fori_loop(0, ahead + back, one, (total, buffer, y))[:2]
 
     def _linearised(self, moving: PyTree, n: Array, y: State) -> tuple[PyTree, Pullback]:
-        """Result of step `n`, and its pullback."""
+        """Result of step `n`, and its vjp."""
         return jax.vjp(needed_only(lambda p, y: self.step(p, n, y, backwards=True)), moving, y)
 
     def _step_vjp(
@@ -292,7 +296,7 @@ class Replay(eqx.Module):
         cotangent: State,
         total: tuple[PyTree, ...],
     ) -> tuple[PyTree, ...]:
-        """The cotangents before step `n`, by its pullback."""
+        """The cotangents before step `n`, by its vjp."""
         of_moving, of_y, k = total
         of_dense = None
         if self.settings.save_ts is not None:
@@ -305,9 +309,10 @@ class Replay(eqx.Module):
     def _saved_vjp(
         self, n: Array, dense_info: PyTree, cotangent: State, k: Array
     ) -> tuple[Array, PyTree]:
-        """The cotangent of what the dense output of step `n` holds, from the saved states in it.
+        """The cotangent of the coefficients of the dense output of step `n`, from the saved states
+        in it.
 
-        `k` is the number of the last one not yet seen; returned is that before the step."""
+        `k` is the number of the last saved state not yet treated; returned with its new value."""
         save_ts = self.settings.save_ts
         assert save_ts is not None
         t0, _ = self.step_bounds(n)

@@ -1,12 +1,13 @@
 """Derivatives of saved states with respect to the times at which they are saved.
 
-The loop saves at fixed normalised times s, and its derivatives hold them fixed. The time that
-belongs to s moves with the ends of the segments, and the time asked for moves with the save times
-and with the duration of the run. A state that is asked for at t, and was saved at t(s), is
+The loop saves at normalised times s, which its derivatives hold fixed. The time t(s) depends on the
+ends of the segments, and the requested time t on the save times and on the duration of the run. The
+state at t that was saved at t(s) is
 
     y(t) = y(t(s)) + integral of f from t(s) to t
 
-which adds nothing to the value, where both times are equal, but f (dt - dt(s)) to the derivative.
+The integral is zero in value, because both times are equal, and adds f (dt - dt(s)) to the
+derivative.
 """
 
 import equinox as eqx
@@ -20,7 +21,7 @@ from .normalised_time import Segments
 
 @eqx.filter_custom_jvp
 def _moved(dt: Array, t: Array, y: State, system: AbstractSystem) -> State:
-    """The state a time `dt`, s, after `t`, for a `dt` of zero that has derivatives."""
+    """The state a time `dt`, s, after `t`, where `dt` is zero in value but has derivatives."""
     return y
 
 
@@ -28,10 +29,10 @@ def _moved(dt: Array, t: Array, y: State, system: AbstractSystem) -> State:
 def _moved_jvp(primals: PyTree, tangents: PyTree) -> tuple[State, State]:
     dt, t, y, system = primals
     of_dt, _, of_y, _ = tangents
-    # Once more this function, so that the derivatives of the derivative are right, too.
+    # The function calls itself, so that derivatives of higher order are right, too.
     moved = _moved(dt, t, y, system)
     leaves, structure = jax.tree.flatten(y)
-    # An array that does not move has no tangent.
+    # An array that is not differentiated has no tangent.
     given = zip(leaves, structure.flatten_up_to(of_y), strict=True)
     of_y = structure.unflatten([jnp.zeros_like(x) if d is None else d for x, d in given])
     if of_dt is None:
@@ -52,12 +53,12 @@ def at_save_times(
     **Arguments**
 
     - `states`: at the normalised times `save_ts`, times first.
-    - `fractions`: the same times as fractions of the duration, which they are asked for at.
+    - `fractions`: the requested times as fractions of the duration.
 
     **Returns** the same values."""
     asked = segments.t0 + jnp.multiply.outer(fractions, segments.total)
     saved = jax.vmap(segments.time)(jax.lax.stop_gradient(save_ts))
     late = asked - saved
-    # Equal but for rounding: of the difference, the derivatives alone count.
+    # Equal but for rounding, so that only the derivatives of the difference are used.
     late = late - jax.lax.stop_gradient(late)
     return jax.vmap(_moved, in_axes=(0, 0, 0, None))(late, asked, states, system)

@@ -1,11 +1,11 @@
-"""Which method `"auto"` stands for: that of the first rule which holds.
+"""Selection of the method for `"auto"`: the method of the first rule that holds.
 
-A method for second-order systems is taken only where the traced vector field shows that it may be:
-the rate of the position is the velocity itself, and no operation leads from the velocity to its
-rate. What an effect says of itself does not matter.
+A method for second-order systems is selected only if the traced vector field proves that it
+applies: the rate of the position is the velocity itself, and the acceleration does not depend on
+the velocity. No declaration of an effect is used for it.
 
-Whether a run is stiff follows from its numbers (`stiffness.py`): where they are not known, under
-`jit` or in a derivative, and for the phases of a mission, the rules of structure decide alone."""
+Whether a run is stiff follows from its numbers (`stiffness.py`). Where these are unknown, under
+`jit` or in a derivative, and for the phases of a mission, only the rules of structure apply."""
 
 import functools
 import typing
@@ -35,8 +35,8 @@ class SelectionContext(NamedTuple):
     """Properties of a run from which its method is selected.
 
     - `system`, `y`: a system and a state, or their shapes.
-    - `rtol`: the relative tolerance; zero where it is not known.
-    - `starts`: gives runs whose numbers may be looked at, or `None`."""
+    - `rtol`: the relative tolerance; zero where it is unknown.
+    - `starts`: returns runs whose numbers are known, or `None`."""
 
     system: AbstractSystem
     y: PyTree
@@ -55,10 +55,9 @@ class Rule(NamedTuple):
 
 @once_per_structure
 def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
-    """Whether the state is a position and a velocity alone, and the acceleration provably free of
-    the velocity."""
-    # Whatever else moves, a mass or an attitude, has no place in a method for position and
-    # velocity.
+    """Whether the state is a position and a velocity alone, and the acceleration provably
+    independent of the velocity."""
+    # The methods for second-order systems take no other block, such as a mass or an attitude.
     parts = parts_of(y)
     if parts is None:
         return False
@@ -99,8 +98,8 @@ def _is_eccentric(context: SelectionContext) -> bool:
     starts = None if context.starts is None else context.starts()
     if starts is None or not is_eccentric(starts, context.system):
         return False
-    # Beside a method for second-order systems only a perturbation with a potential has a better
-    # one.
+    # For a second-order system regularised variables are better only with a perturbation that has a
+    # potential.
     beside = is_second_order(context.system, context.y)
     return not beside or is_second_order_regularised(context.system, context.y)
 
@@ -140,19 +139,19 @@ def select_method(
     *,
     starts: Callable[[], InitialConditions | None] | None = None,
 ) -> diffrax.AbstractSolver | typing.Literal["closed_form"]:
-    """The method that `"auto"` stands for: that of the first of the `RULES` that holds.
+    """The method for `"auto"`: that of the first of the `RULES` that holds.
 
     **Arguments**
 
     - `system`, `y0`: a system and a state, or their shapes.
-    - `rtol`: the relative tolerance; zero where it is not known.
-    - `ts`: save times, s. Only with these is a stiff run recognised.
-    - `starts`: gives several runs in place of `ts`.
+    - `rtol`: the relative tolerance; zero where it is unknown.
+    - `ts`: save times, s, without which a stiff run is not recognised.
+    - `starts`: returns several runs, in place of `ts`.
 
     **Returns** a solver, or "closed_form"."""
     if starts is None and ts is not None:
         starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
-    # Two rules look at the runs.
+    # Two rules use the runs.
     looked_at = None if starts is None else functools.cache(starts)
     context = SelectionContext(system, y0, rtol, looked_at)
     return next(rule.method for rule in RULES if rule.holds(context))
@@ -170,7 +169,7 @@ def eligible_methods(
 
     - `system`, `y0`: a system and a state, or their shapes.
     - `rtols`: relative tolerances.
-    - `ts`: save times, s. Only with these is a stiff run recognised."""
+    - `ts`: save times, s, without which a stiff run is not recognised."""
     starts = None
     if ts is not None:
         starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))

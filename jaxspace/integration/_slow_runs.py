@@ -1,8 +1,8 @@
-"""Runs that share their steps: what becomes of the others when one of them uses up the steps.
+"""Repetition of a block of runs with shared steps without the runs that use up the steps.
 
-A block ends when its steps run out, for all of its runs. So that a slow run costs no other its
-result, the block starts once more without the runs that kept the steps short, until the rest
-reaches the end or nothing is left of it. A block that ends by itself is computed once.
+When the steps run out, they do so for all runs of the block. So that a slow run does not cost the
+others their results, the block is repeated without the runs that kept the steps short, until the
+others reach the end or none is left. A block that reaches its end is computed once.
 """
 
 from collections.abc import Callable
@@ -18,7 +18,7 @@ Loop = TypeVar("Loop")
 
 
 class _Attempt(NamedTuple):
-    """A loop, the runs that it leaves out, and whether it is still to be run."""
+    """A loop, the runs that it leaves out, and whether it has yet to run."""
 
     loop: PyTree
     left_out: Bool[Array, "*runs"]
@@ -43,12 +43,12 @@ def without_slow_runs(
     - `none`: no run."""
 
     def attempt(carry: _Attempt) -> _Attempt:
-        # Built again here and not selected behind the loop, where every array would need a choice.
+        # Built again here: to select it behind the loop would take a selection for every array.
         loop = run(restarted(carry.loop, carry.left_out))
-        found = slow(loop)
-        left_out = carry.left_out | found
-        # Where all that is left is slow, the loop stays as it ended.
-        return _Attempt(loop, left_out, jnp.any(found) & ~jnp.all(left_out))
+        result = slow(loop)
+        left_out = carry.left_out | result
+        # If all remaining runs are slow, the loop stays as it ended.
+        return _Attempt(loop, left_out, jnp.any(result) & ~jnp.all(left_out))
 
     first = _Attempt(start, none, jnp.array(True))
     last = jax.lax.while_loop(lambda carry: carry.repeat, attempt, first)
@@ -56,5 +56,5 @@ def without_slow_runs(
 
 
 def nan_where(left_out: Bool[Array, "*runs"], y: State) -> State:
-    """The state with NaN in the runs that are left out, which no step waits for then."""
+    """The state with NaN in the runs that are left out, so that no step depends on them."""
     return jax.tree.map(lambda x: jnp.where(left_out, jnp.nan, x), y)

@@ -1,24 +1,24 @@
 """One integration as a primitive of JAX: both modes of differentiation, and mapped runs.
 
-The number of steps depends on the input, so that JAX can transpose no loop over them. Instead, the
-rule for derivatives records the steps, and the tangent is a primitive of its own, `along`: linear
-in the tangents, computed forwards along the record, and backwards when it is transposed (`back`).
+The number of steps depends on the input, so that JAX cannot transpose the loop over them. Instead,
+the rule for derivatives records the steps, and the tangent is a separate primitive, `along`: it is
+linear in the tangents, computed forwards along the record, and backwards when transposed (`back`).
 
     solve    (field, y0)                  -> outcome
     record   (field, y0)                  -> outcome, record
     along    (field, y0), record, (dp)    -> dy             linear in dp
     back     (field, y0), record, (y*)    -> p*             the transpose of along
 
-All derivatives but reverse mode over these two follow: JAX differentiates the loops of `along` and
-`back` forwards.
+All further derivatives except for reverse mode over these two are JAX's: it differentiates the
+loops of `along` and `back` forwards.
 
-A mapped integration (`jax.vmap`) does not run JAX's own map, in which every run takes the steps of
-the slowest and the vector field computes with the components innermost. Its batching rule adds an
-axis of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so
-that no residual depends on how runs were grouped.
+A mapped integration (`jax.vmap`) does not use JAX's batching of the loop, in which every run would
+take the steps of the slowest and the components would be innermost. Its batching rule adds an axis
+of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so that
+no residual depends on how the runs were grouped.
 
-The arrays and programs are in `_problem.py`, the primitives in `_primitives.py`, what JAX does with
-them in `_derivative_rules.py` and `_mapped_rules.py`.
+Arrays and programs are in `_problem.py`, the primitives in `_primitives.py`, their rules in
+`_derivative_rules.py` and `_mapped_rules.py`.
 """
 
 import equinox as eqx
@@ -29,7 +29,7 @@ from jaxtyping import PyTree
 from ..core import AbstractRegularised, State
 from ..solvers.regularised_step import regularised_start
 
-# Imported for their rules, which JAX takes from them.
+# Imported to register their rules.
 from . import _derivative_rules as _derivative_rules
 from . import _mapped_rules as _mapped_rules
 from ._event_location import Location
@@ -53,7 +53,7 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     settings = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, settings
     )
-    # Not weakly typed: the states after a step are not either, and the step would be traced twice.
+    # Not weakly typed, as the states after a step are not: the step would be traced twice.
     y0 = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), y0)
     parts = (field, y0, settings)
     leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
@@ -69,11 +69,11 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
 def solve_own_steps(
     field: PyTree, y0: State, settings: LoopSettings
 ) -> tuple[Outcome, AbstractRegularised]:
-    """`solve` by steps that every run chooses for itself, in regularised variables.
+    """`solve` with steps that every run chooses for itself, in regularised variables.
 
     **Arguments** as of `solve`. **Returns** the `Outcome`, and the variables."""
     form, z0 = regularised_start(field, y0)
-    # Zero, but of the run: a constant would not be traced, as the rules for derivatives expect.
+    # A zero that depends on the run, because the rules for derivatives expect a traced number.
     number = jnp.floor(0.5 * jnp.isfinite(z0[0]).astype(z0.dtype))
     outcome = solve(field, OwnState(z0, number), settings)
 

@@ -23,7 +23,7 @@ DEFAULT_RTOL = {"float64": 1e-9, "float32": 1e-5}
 def _known_float(x: object) -> object:
     """Convert by `as_optional_float`, where a Python number stays concrete under `jit`."""
     if isinstance(x, complex | np.complexfloating):
-        # For `check_number`, which names the field.
+        # Left to `check_number`, whose error names the field.
         return x
     if not isinstance(x, float | int):
         return as_optional_float(x)
@@ -112,7 +112,7 @@ class Accuracy(AbstractParameters):
             check_number(f"Accuracy.{name}", getattr(self, name))
         if is_concrete(self.rtol):
             # An error as large as the state itself: most likely a number of digits was meant.
-            # What is not finite has its sentence with the range of the field.
+            # A value that is not finite is refused with the range of the field.
             rtol = np.asarray(self.rtol)
             fine = (rtol < 1.0) | ~np.isfinite(rtol)
             check(fine, "Accuracy.rtol", self.rtol, "below one, such as 1e-9 for nine digits")
@@ -196,14 +196,20 @@ def state_dtype(y: PyTree) -> jnp.dtype:
     return next(iter(dtypes))
 
 
-def without_weak_types(y0: PyTree) -> PyTree:
-    """The same arrays, none of them weakly typed.
+def as_state(y0: PyTree) -> PyTree:
+    """The state with its plain numbers as arrays, in the precision of its other arrays.
 
-    `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts there would be compiled
-    anew."""
-    return jax.tree.map(
-        lambda x: jnp.asarray(x, x.dtype) if getattr(x, "weak_type", False) else x, y0
-    )
+    No array is weakly typed. `jnp.asarray(1.0)` is, and the end of a run is not: a run that starts
+    there would be compiled again."""
+
+    def is_plain(x: object) -> bool:
+        number = isinstance(x, float | int | np.number) and not isinstance(x, bool)
+        return number or getattr(x, "weak_type", False)
+
+    leaves = jax.tree.leaves(y0)
+    given = {x.dtype for x in leaves if hasattr(x, "dtype") and not is_plain(x)}
+    dtype = next(iter(given)) if len(given) == 1 else jnp.result_type(float)
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype) if is_plain(x) else x, y0)
 
 
 def check_initial_state(y0: PyTree) -> None:
@@ -212,15 +218,15 @@ def check_initial_state(y0: PyTree) -> None:
     known = [x for x in jax.tree.leaves(y0) if is_concrete(x)]
     if all(np.all(np.isfinite(np.asarray(x))) for x in known):
         return
-    # By their names, which take longer than the check.
+    # Only now by name: to build the names takes longer than the check.
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
         check_finite("y0" + jax.tree_util.keystr(path), leaf)
 
 
 def check_start(y0: PyTree) -> None:
-    """Ask every part of an initial state that knows what no run starts with (`check_start`).
+    """Call `check_start` of every part of an initial state that has it.
 
-    Raises `InputError` for it. Traced numbers pass."""
+    Raises `InputError` for values with which no run can start. Traced numbers pass."""
 
     def knows(x: object) -> bool:
         # By its class: an object of a user may answer to any name.

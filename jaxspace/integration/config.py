@@ -33,10 +33,10 @@ class IntegrationConfig(eqx.Module):
     - `rtol`, `atol`: tolerances in the precision of the state.
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`.
-    - `restarts`: whether a block whose steps run out starts once more without its slow runs; not
-      where the caller repeats these by themselves.
+    - `restarts`: whether a block whose steps run out starts again without its slow runs; false
+      where the caller repeats those one by one.
     - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
-      itself, and the `method` serves the rest."""
+      itself, and the `method` integrates the rest."""
 
     rtol: Float[Array | np.ndarray, ""]
     atol: Float[Array | np.ndarray, ""]
@@ -59,7 +59,7 @@ class IntegrationConfig(eqx.Module):
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
 
     def small_program(self) -> "IntegrationConfig":
-        """The same as a program that compiles sooner and runs slower, where the method has one."""
+        """The same with a program that compiles sooner and runs slower, if the method has one."""
         method = self.method if isinstance(self.method, str) else small_program(self.method)
         return dataclasses.replace(self, method=method)
 
@@ -76,13 +76,13 @@ class IntegrationConfig(eqx.Module):
         return dataclasses.replace(self, rtol=rtol, atol=atol, method=method, max_step=max_step)
 
     def with_more_steps(self, error: float) -> "IntegrationConfig":
-        """The same with as many more fixed steps as a largest local `error` calls for.
+        """The same with more fixed steps: as many as the largest local `error` requires.
 
         `error` is in units of the tolerance. From twice to `MAX_REFINEMENT` times the steps."""
         assert not isinstance(self.method, str)
         order = self.method.order(None)  # pyright: ignore[reportArgumentType]
         assert order is not None
-        # A tenth more, because the error follows its order only roughly.
+        # A tenth more, because the error follows the order of the method only roughly.
         factor = int(np.clip(np.ceil(1.1 * error ** (1.0 / order)), 2, MAX_REFINEMENT))
         return eqx.tree_at(lambda c: c.method, self, refine(self.method, factor))
 
@@ -101,15 +101,15 @@ def resolve(
 
     - `system`, `y0`: the system and its initial state (or its shapes), of one run or of many.
     - `accuracy`: what the user asked for.
-    - `starts`: gives the runs whose numbers may be looked at to recognise a stiff system, where the
-      rules get that far; `None` in missions, where the structure alone decides.
+    - `starts`: returns the runs whose numbers show whether the system is stiff; called only if
+      the rules get that far. `None` in missions, where the structure alone decides.
     - `restarts`: as in `IntegrationConfig`.
 
     **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
     method that needs what the system does not offer."""
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
-    # Zero stands for a tolerance that is traced: then the rules of structure decide.
+    # Zero stands for a traced tolerance, for which the rules of structure decide.
     known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
     if is_concrete(rtol):
         check_tolerance(float(np.min(np.asarray(rtol))), dtype)
@@ -119,9 +119,10 @@ def resolve(
     decoupled = system.decoupled() if accuracy.decoupled and not exactly else None
     if decoupled is not None:
         starts = _starts_of_rest(decoupled, starts)
-        system, y0 = decoupled.rest, decoupled.rest_of(y0)
+        system = decoupled.rest
+        y0 = decoupled.rest_of(y0)
     if method == "auto":
-        # Its rules have asked the system already.
+        # The rules have checked the needs of the method already.
         method = select_method(system, y0, known_rtol, starts=starts)
         if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
             method = select_method(system, y0, known_rtol)
@@ -149,7 +150,7 @@ def resolve(
 def _starts_of_rest(
     decoupled: AbstractDecoupled, starts: Callable[[], InitialConditions | None] | None
 ) -> Callable[[], InitialConditions | None] | None:
-    """The runs that may be looked at, without the exact part of their motion."""
+    """The runs whose numbers are known, without the exact part of their motion."""
     if starts is None:
         return None
     rest = decoupled.rest
@@ -173,13 +174,13 @@ def _starts_of_rest(
 
 
 def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
-    """The traits of a method; those of a closed form are the default ones."""
+    """The traits of a method; a closed form has the default ones."""
     return SolverTraits() if isinstance(method, str) else solver_traits(method)
 
 
 def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:
     """The number in this precision."""
-    # A conversion by JAX takes as long as a tenth of a short run, one by NumPy next to nothing.
+    # A conversion by JAX takes a tenth of the time of a short run, one by NumPy almost none.
     return jnp.asarray(x, dtype) if isinstance(x, jax.Array) else np.asarray(x, dtype)
 
 

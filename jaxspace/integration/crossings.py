@@ -8,10 +8,11 @@ derivative is taken of this search. The run is then integrated again from the sa
 zero to the zero. This integration is differentiated, and one Newton step adds the derivatives of
 the time of the zero (`events`).
 
-If the samples are too few, zeros are missed in pairs, which the signs of the samples cannot show.
-The rate of the condition shows it: between samples that are close enough, the condition changes by
-h (g_k' + g_{k+1}')/2. For a sine, the root mean square of the deviation from this rule exceeds half
-of the sine's own at fewer than about three and a half samples a period.
+Too few samples miss zeros in pairs, which leaves the signs of the samples as they are. The rate of
+the condition reveals it: between samples that are close enough, the condition changes by
+h (g_k' + g_{k+1}')/2. The search fails where the root mean square of the deviation from this rule
+exceeds half of that of the condition. A sine reaches this at about three and a half samples a
+period.
 
     symbol  meaning                      unit
     g, g'   condition, its rate          any, 1/s times it
@@ -50,14 +51,14 @@ STEPS_TO_ZERO = 256
 class Crossings(eqx.Module):
     """Every zero of the condition of an event along a run, or a batch of runs.
 
-    - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. There is
-      room for as many as `Event.capacity` says.
+    - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. Their
+      number is limited by `Event.capacity`.
     - `states`: the states there: a position is (3, zeros, *runs).
     - `rising`: whether the condition rises along the run.
     - `count`: how many zeros are given, (*runs,).
-    - `overflow`: whether there are more, for which there is no room.
-    - `status`: how the search ended, or the run where that failed, a `Status`. The zeros are those
-      before the failure; NaN where it is not known when that was.
+    - `overflow`: whether there are more zeros than the capacity.
+    - `status`: how the search ended, a `Status`; of a run that failed, its status. The zeros are
+      those before the failure; NaN where the time of the failure is unknown.
     - `after`: the states after the jumps of an event with `then`, whose `states` are those before;
       `None` for other events."""
 
@@ -71,7 +72,7 @@ class Crossings(eqx.Module):
 
     def until(self, start: Scalar, duration: Scalar) -> "Crossings":
         """The zeros up to a `duration`, s, after the `start`, s, of each run."""
-        # NaN, as the times behind the last one are, is below nothing.
+        # Times behind the last zero are NaN, and every comparison with NaN is false.
         kept = jnp.abs(self.ts - start) <= duration
 
         def leaf(x: Array) -> Array:
@@ -132,14 +133,14 @@ def crossings_between(
     stored = jnp.minimum(found.count, event.capacity)
     used = _numbers(event.capacity, stored) < stored
 
-    # One after the other: the zeros of one number, of all runs, are one integration.
+    # Zeros one after the other: those of all runs with the same number share an integration.
     def one(
         carry: None, zero: tuple[Array, Array, Array]
     ) -> tuple[None, tuple[Array, State, Array]]:
         t, before, used = zero
         y, start = pick((states, times), before, run_axes)
         t = jnp.where(used, t, jax.lax.stop_gradient(start))
-        result = integrate(system, y, start, t, None, config, run_axes)
+        result = integrate(system, y, start, t, None, config.small_program(), run_axes)
         y = state_at(result.states, -1, run_axes)
         slope = event.slope(system, t, y)[1]
         t, y = newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
@@ -156,7 +157,7 @@ def crossings_between(
         found.count > event.capacity,
         _status(along, samples, found),
     )
-    # Before the condition is not finite, each sample has shown that there are no others.
+    # Up to the first sample that is not finite, the search has covered every interval.
     return crossings.until(times[0], samples.ill)
 
 
@@ -166,10 +167,10 @@ def _fixed(x: object) -> object:
 
 
 def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
-    """The configuration for the way from a sample to a zero.
+    """The configuration of an integration from a sample to a zero: few steps.
 
-    A method of fixed steps would take all of them, and reverse mode reserves memory for every step
-    that there may be."""
+    A method of fixed steps would take all of its steps, and reverse mode reserves memory for the
+    largest number of steps."""
     method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)
     return IntegrationConfig(
@@ -184,7 +185,7 @@ def _numbers(count: int, runs: Array) -> Array:
 
 
 def _search(along: ConditionOnRun, samples: Samples) -> _Found:
-    """All zeros of each run, as far as there is room for them and one more."""
+    """All zeros of each run, up to one more than the capacity."""
     event, runs = along.event, samples.times.shape[1:]
     room = event.capacity + 1
     intervals = samples.candidate.shape[0]
@@ -195,29 +196,29 @@ def _search(along: ConditionOnRun, samples: Samples) -> _Found:
         return samples.candidate & (numbers >= found.following) & open_to
 
     def look(found: _Found) -> _Found:
-        wanted = jnp.any(ahead(found), axis=0)
+        sought = jnp.any(ahead(found), axis=0)
         index = jnp.argmax(ahead(found), axis=0)
         y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
         end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
         dip = (value * other > 0.0) & ~found.again
-        # The way back of a dip begins at its first zero, on the other side.
+        # The second zero of a dip is sought from its first one, where the sign is opposite.
         last = pick(found.times, jnp.maximum(found.count - 1, 0), along.run_axes)
         start = jnp.where(found.again, last, t)
         value = jnp.where(found.again, -other, value)
         there, met, sure = close_in(
-            FromSample(along, y, t), (t, end), (value, other), wanted, start
+            FromSample(along, y, t), (t, end), (value, other), sought, start
         )
-        good = wanted & met & sure
+        good = sought & met & sure
         here = (rows == found.count) & good
-        # A dip has a second zero that counts only for an event of both directions.
+        # The second zero of a dip counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
         return _Found(
             jnp.where(here, there, found.times),
             jnp.where(here, index, found.before),
             found.count + good.astype(int),
-            jnp.where(wanted & ~again, index + 1, jnp.where(wanted, index, found.following)),
+            jnp.where(sought & ~again, index + 1, jnp.where(sought, index, found.following)),
             again,
-            found.unresolved | (wanted & ~sure),
+            found.unresolved | (sought & ~sure),
         )
 
     none = jnp.zeros(runs, bool)
@@ -243,9 +244,9 @@ def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array
 
 
 def _change_unexplained(along: ConditionOnRun, samples: Samples) -> Scalar:
-    """The change of the condition between samples that their rates do not explain: its root mean
-    square in units of that of the condition."""
-    # Not of `samples.g`, whose first value may stand for a sign alone.
+    """Root mean square of the change of the condition that the rates do not explain, relative to
+    that of the condition."""
+    # Not from `samples.g`, whose first value may be a sign alone.
     g, slopes = jax.vmap(along.slope)(samples.times, samples.states)
     steps = jnp.diff(samples.times, axis=0)
     change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])

@@ -6,9 +6,9 @@ one sign is nearest to zero, and so near that the second difference g_- - 2 g + 
 the extremum is found by the secant of the slopes, and the search continues from the first place
 beyond zero.
 
-A zero at the start, to rounding, is the event at which the run before has ended. Nothing is
-reported unchecked: a search that does not converge, a condition that is not finite and events that
-follow each other faster than the time resolves have a status each.
+A zero at the start, to rounding, is the event at which the previous run ended. A search that does
+not converge, a condition that is not finite, and events that follow each other faster than the time
+resolves each have a status.
 """
 
 import equinox as eqx
@@ -38,9 +38,9 @@ def first_event(
     """The first event of each run between `t0` and `t1`, s. Not differentiable."""
     system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
     if locates_events(config, system, y0, t0):
-        found = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
-        assert found is not None
-        return found
+        result = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
+        assert result is not None
+        return result
     along = [ConditionOnRun(system, event, config, run_axes) for event in events]
     zeros = [first_zero(condition, y0, t0, t1) for condition in along]
     when = t1
@@ -50,7 +50,7 @@ def first_event(
         when = jnp.where(sooner, zero.time, when)
         which = jnp.where(sooner, number, which)
     status = jnp.full(jnp.shape(t1), Status.COMPLETED, jnp.int32)
-    # What fails after the first event does not concern the run.
+    # A failure after the first event does not concern the run.
     earliest = jnp.abs(when - t0)
     failed = jnp.full_like(earliest, jnp.inf)
     for zero in zeros:
@@ -79,7 +79,7 @@ def happened_together(
 ) -> Bool[Array, "events *#runs"]:
     """Which of the events happen at the time `t`, s, of the first one, to rounding.
 
-    All that a run from there on would take for a zero at its start are among them."""
+    They include all events whose zero a run from there on would take for one at its start."""
     system, t0, t, y, events = jax.tree.map(_fixed, (system, t0, t, y, events))
     flags = []
     for number, (event, hit, size) in enumerate(zip(events, found.hits, found.sizes, strict=True)):
@@ -87,7 +87,7 @@ def happened_together(
         change = rounding_change(event, system, t, y, run_axes)
         change = change + size + jnp.abs(slope) * jnp.maximum(jnp.abs(t), jnp.abs(t - t0))
         eps = float(jnp.finfo(value.dtype).eps)
-        # Twice what counts as a zero at the start, so that none is lost between two runs.
+        # Twice the limit for a zero at the start, so that no event is lost between two runs.
         ahead = event.direction * jnp.sign(t - t0) * slope >= 0.0
         also = hit & ahead & (found.which >= 0) & (jnp.abs(value) <= 2.0 * ROUNDINGS * eps * change)
         flags.append((found.which == number) | also)

@@ -15,16 +15,17 @@ from .events import Event
 # Depth of a dip below its lowest sample, in second differences: at most 1/2 at a corner (as in the
 # distance to a point that is passed) and 1/8 for a parabola; a little more for other curves.
 REACH = 0.55
-# Roundings that a state at an event itself leaves in its condition.
+# Rounding of the condition in a state at the event itself, in units in the last place.
 ROUNDINGS = 64.0
-# Roundings of the time between two events that are resolved as two.
+# Least time between two events that are resolved as two, in roundings of the time.
 APART = 256.0
 
 
 class Zero(NamedTuple):
-    """The first zero of one event: its time, whether it happens, and the size of the condition; how
-    the search failed, and when (infinite where it did not): of a run in s after its start, of a
-    step in normalised time, as its `time`."""
+    """The first zero of one event: its time, whether it happens, the size of the condition, how the
+    search failed, and when (infinite if it did not).
+
+    Times of a run are in s after its start, those of a step in normalised time."""
 
     time: Scalar
     hit: Bool[Array, "*runs"]
@@ -66,19 +67,19 @@ def first_in_intervals(
     count, *runs = candidate.shape
     numbers = jnp.arange(count).reshape(-1, *(1,) * len(runs))
 
-    # Intervals are looked at one by one, because a dip may prove to hold no zero.
+    # Intervals are searched one by one, because a dip may turn out to hold no zero.
     def look(found: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
         when, hit, unresolved, first = found
         ahead = candidate & (numbers >= first)
         index = jnp.argmax(ahead, axis=0)
         t, value = pick((times, g), index, len(runs))
         end, other = pick((times, g), index + 1, len(runs))
-        wanted = jnp.any(ahead, axis=0) & ~hit & ~unresolved
-        there, met, sure = close_in(within(index), (t, end), (value, other), wanted)
-        good = wanted & met & sure
-        unresolved = unresolved | (wanted & ~sure)
-        last = good | ~wanted | unresolved
-        when = jnp.where(wanted & (good | unresolved), there, when)
+        sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
+        there, met, sure = close_in(within(index), (t, end), (value, other), sought)
+        good = sought & met & sure
+        unresolved = unresolved | (sought & ~sure)
+        last = good | ~sought | unresolved
+        when = jnp.where(sought & (good | unresolved), there, when)
         return when, hit | good, unresolved, jnp.where(last, count, index + 1)
 
     nowhere = jnp.zeros(tuple(runs), bool)
@@ -109,7 +110,7 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
     """Time after the start, s, at which the condition is first not finite; infinite if it never is.
 
-    Only finite states count: one that is not finite has another status."""
+    States that are not finite do not count, because they have another status."""
     ill = ~jnp.isfinite(g)
     for x in jax.tree.leaves(states):
         ill = ill & jnp.all(jnp.isfinite(x), axis=tuple(range(1, x.ndim - run_axes)))
@@ -120,14 +121,14 @@ def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
 def rounding_change(
     event: Event, system: AbstractSystem, t: Scalar, y: State, run_axes: int
 ) -> Scalar:
-    """sum |dg/dy_i| |y_i|: what a relative change of one in every component does to the condition.
+    """sum |dg/dy_i| |y_i|: change of the condition for a relative change of one in every component.
 
-    Times the rounding, it is what the rounded state leaves of a zero."""
+    Times the rounding unit, it bounds the condition at a rounded zero."""
     leaves, structure = jax.tree.flatten(y)
     total = jnp.zeros_like(t)
     for k, leaf in enumerate(leaves):
         shape = leaf.shape[: leaf.ndim - run_axes]
-        # Component by component, because it is their absolute values that add up.
+        # Component by component, because their absolute values are summed.
         basis = jnp.eye(math.prod(shape), dtype=leaf.dtype).reshape(-1, *shape, *(1,) * run_axes)
 
         def value(x: Array, k: int = k) -> Scalar:
@@ -143,7 +144,8 @@ def rounding_change(
 def dips(g: Array, changes: Array) -> Array:
     """Whether the condition might dip through zero and back, for each interval.
 
-    Beyond the ends of the span it goes on as its slopes there say: by the `changes` in an interval.
+    Beyond both ends of the span the condition is extrapolated by its slopes: `changes` in an
+    interval.
     """
     last = jnp.concatenate([g[:1] - changes[:1], g[:-1]])
     following = jnp.concatenate([g[1:], g[-1:] + changes[1:]])

@@ -42,7 +42,7 @@ class HasVectorField(Protocol):
         ...
 
 
-# So many states take about a gigabyte: a larger number is a mistake.
+# States of this number take about a gigabyte: a larger number is a mistake.
 MOST = 10**7
 
 
@@ -121,14 +121,14 @@ def _check_count(name: str, value: int, least: int) -> None:
 
 
 def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[Event, ...]:
-    """The events with the traced arrays that their conditions close over as leaves, as those that
-    a loss function differentiates.
+    """The events with the traced arrays that their conditions close over as leaves, so that a loss
+    function can differentiate with respect to them.
 
-    `t` and `y` are a time of each run, s, and a state, for their shapes."""
+    `t` and `y` are a time of each run, s, and a state; their shapes alone are used."""
 
     def closed(event: Event) -> Event:
         constants = jax.make_jaxpr(event.condition)(t, y).consts
-        # Others stay as they are: what is converted takes states of this shape alone.
+        # Other conditions stay as they are, because a converted one takes states of one shape only.
         if not any(isinstance(x, Tracer) for x in constants):
             return event
         condition = eqx.filter_closure_convert(event.condition, t, y)
@@ -139,14 +139,14 @@ def closures_of_events(events: tuple[Event, ...], t: Scalar, y: State) -> tuple[
 
 @final
 class _Field(eqx.Module):
-    """A vector field whose arrays are all leaves, those that its functions close over included: a
-    rule for derivatives sees no others."""
+    """A vector field with all of its arrays as leaves, also those that its functions close over: a
+    rule for derivatives sees leaves alone."""
 
     rate: Callable[[Scalar, State], State]
 
     def vector_field(self, t: Scalar, y: State) -> State:
         """dy/dt, with the runs of the state."""
-        # What is constant in it has become a number of NumPy, and may be one for all runs.
+        # Constants have become numbers of NumPy, which may be shared by all runs.
         return jax.tree.map(lambda f, x: jnp.broadcast_to(f, x.shape), self.rate(t, y), y)
 
 
@@ -185,7 +185,7 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     d is the time from the state to the event: zero, but its derivative is that of the event."""
     t, y, which, system, events = primals
     of_t, of_y, _, of_system, of_events = tangents
-    # Once more this function, so that derivatives of the derivative are right, too.
+    # The function calls itself, so that derivatives of higher order are right, too.
     te, ye = _corrected(*primals)
     place, moving = (system, te, ye), (of_system, of_t, of_y)
     rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
@@ -197,7 +197,7 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     )
     dte = dt
     for number, event in enumerate(events):
-        # At the time of the event: of the condition, state and parameters alone move.
+        # At the fixed time of the event, where only the state and the parameters vary.
         _, dg = eqx.filter_jvp(
             lambda e, s, y: e.value(s, te, y),
             (event, system, ye),

@@ -1,9 +1,10 @@
-"""Whether the exact part of a motion is computed by itself, beside steps for the rest: where its
-turns alone would take many of the steps that a run may take.
+"""Whether the exact part of a motion is computed by its closed form, and only the rest by steps:
+this pays off where the turns of the exact part would use up many of the steps of a run.
 
     n = 1.2 (1e-9 / rtol)^(1/8) a >= N / 2
 
-The closed form of a rotation compiles for longer than a step, so that a slow one is stepped.
+The closed form of a rotation takes longer to compile than a step, so that a slow rotation is
+integrated with the rest.
 
     symbol  meaning                                            unit
     n, N    steps that the turns take, steps of a run at most  1
@@ -35,12 +36,12 @@ def with_exact_part(
 
     **Arguments**
 
-    - `accuracy`: as the user gave it; what it says stays.
+    - `accuracy`: as the user gave it; a choice in it is respected.
     - `system`, `y`: the system, and a state that shows how fast the runs turn.
     - `times`: the duration of the runs, s, or their save times, (times, *runs).
 
-    **Returns** the same where nothing is to be decided, or the numbers are not known (under `jit`,
-    or in a derivative): then all is stepped."""
+    **Returns** the accuracy as it was if it has the choice already, or if the numbers are unknown
+    (under `jit`, or in a derivative): the whole motion is then integrated."""
     if accuracy.decoupled is not None or accuracy.method != "auto":
         return accuracy
     if not _has_exact_part(system):
@@ -64,7 +65,7 @@ def _has_exact_part(system: AbstractSystem) -> bool:
 
 def takes_many_steps(turns: float, accuracy: Accuracy) -> bool:
     """Whether so many radians take half of the steps that a run of this accuracy may take."""
-    # A tolerance that is not known counts as the default one.
+    # An unknown tolerance counts as the default one.
     known = is_concrete(accuracy.rtol)
     rtol = float(np.min(np.asarray(accuracy.rtol))) if known else OF_TOLERANCE
     steps = STEPS_PER_RADIAN * (OF_TOLERANCE / rtol) ** 0.125 * turns

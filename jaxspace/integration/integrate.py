@@ -67,8 +67,9 @@ def integrate(
     - `run_axes`: how many trailing axes carry runs.
     - `plan`: steps that are fixed beforehand, as nodes in normalised time.
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
-    - `trimmed`: whether to leave out segments without a length at both ends, of a run whose end
-      alone is asked for and which is not differentiated: the place of a break just there moves it.
+    - `trimmed`: whether to leave out segments of no length at both ends. Only for a run whose final
+      state alone is saved and which is not differentiated: a break at one of its ends would have
+      a derivative.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
@@ -101,8 +102,8 @@ def integrate(
         return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
-    # Runs with their own breaks have their own segments: the save times become ends of segments,
-    # which all runs reach together. So do save times that are each run's own.
+    # If the runs differ in their breaks, or in their save times, the save times become ends of
+    # segments, which all runs reach together.
     landing = fractions is not None and (
         traits.lands_on_save_times or segments.u.ndim > 1 or fractions.ndim > 1
     )
@@ -123,7 +124,7 @@ def integrate(
     if traits.own_steps:
         outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
     elif config.adjoint is None and traits.replayable:
-        # Where events are sought, `locates_events` has seen that nothing hides in closures.
+        # Where events are sought, `locates_events` has excluded closures over traced arrays.
         seen = field if until else hoist(field, y0, traits.needs)
         outcome = solve(seen, y0, settings)
         if fractions is not None and not landing:
@@ -139,7 +140,7 @@ def integrate(
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
-        # There are no common steps that others could follow.
+        # The runs have no common steps that another integration could follow.
         result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
@@ -188,7 +189,7 @@ def _by_closed_form(
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
 ) -> IntegrationResult:
-    # A single duration is not mapped over, because that would double what there is to trace.
+    # A single duration is not mapped over, because that would trace everything twice.
     if fractions is None:
         final = _on_groups(closed_form.flow(duration, y0))
         states = jax.tree.map(lambda x: x[None], final)
@@ -210,8 +211,8 @@ def _joined(
     result: IntegrationResult,
     run_axes: int,
 ) -> IntegrationResult:
-    """The result of the rest, with the exact part at the same times. The steps stay those of the
-    rest."""
+    """The result of the rest, joined with the exact part at the same times; the steps are those of
+    the rest."""
     rest = times_first(result.states, run_axes)
     if fractions is None:
         last = jax.tree.map(lambda x: x[0], rest)
@@ -223,15 +224,17 @@ def _joined(
         )
         final = jax.tree.map(lambda x: x[-1], states)
     lost = ~Tolerance(0.0, 0.0, run_axes).alive(final)
-    # The rest of the motion has reached its end, so that the exact part is what is not finite.
+    # The rest of the motion has reached its end: it is the exact part that is not finite.
     lost = lost & (result.status <= Status.TOLERANCE_MISSED)
     status = jnp.where(lost, Status.NOT_FINITE, result.status).astype(jnp.int32)
     return result._replace(states=times_behind_components(states, run_axes), status=status)
 
 
 def _on_groups(y: State) -> State:
-    """The state with NaN for every block that is not near its group, as a quaternion of zeros,
-    which a closed form may leave as it is; steps end in a projection, which is NaN there."""
+    """The state with NaN for every block that is not near its group, such as a quaternion of zeros.
+
+    A closed form may return such a block as it is; the projection at the end of a step makes it
+    NaN."""
 
     def leaf(x: State) -> State:
         if not on_group(x):
@@ -243,7 +246,7 @@ def _on_groups(y: State) -> State:
 
 
 def of_each(fractions: Float[Array, "times *#runs"], duration: Array) -> Array:
-    """Fractions, of all runs or of each, of the duration of each run, (times, *runs)."""
+    """The fractions, shared or of each run, as fractions of each duration, (times, *runs)."""
     return fractions * duration if fractions.ndim > 1 else jnp.multiply.outer(fractions, duration)
 
 
@@ -265,7 +268,7 @@ def _settings(
     if fractions is not None:
         save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
     traits = solver_traits(config.solver)
-    # To the loop, a fixed-step method takes one step a segment.
+    # The loop sees a fixed-step method as one that takes one step in each segment.
     if traits.fixed_step:
         plan = ends
     longest = None
@@ -274,7 +277,7 @@ def _settings(
     max_steps = config.max_steps
     if plan is not None:
         steps = plan.shape[0] - 1
-        # The limit is on what a run may ask for, and not on a plan that somebody else has made.
+        # The limit holds for steps that the run chooses, and not for those of a plan.
         max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     # The search for events reads the polynomial of every step.
@@ -311,7 +314,7 @@ def take_step(
 ) -> State:
     """The state at `t1`, s, one step of the method after the state `y` at `t0`.
 
-    For times within an accepted step of the same run, where it is as accurate as the run."""
+    For times within an accepted step of the same run: there it is as accurate as the run."""
     assert not isinstance(config.method, str)
     zero = jnp.zeros_like(t1 - t0, shape=())
     # A single segment from t0 to t1, so that normalised time runs from 0 to 1.

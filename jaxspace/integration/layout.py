@@ -14,8 +14,8 @@ from ._field_trace import field_trace
 
 def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:
     """The state with every block broadcast to the runs that the system or another block carries."""
-    # A block can learn of runs from another one only through the derivative of a third: three
-    # passes are enough for every system, and one is for most.
+    # Runs may reach a block only by way of the derivative of another one: three passes are enough
+    # for every system, and one for most.
     for _ in range(3):
         shape = field_trace(system, t, y).rate
         before = jax.tree.map(jnp.shape, y)
@@ -62,7 +62,7 @@ def with_start(y0: State, states: State, run_axes: int) -> State:
 
 
 def replace_state(states: State, index: int, y: State, run_axes: int) -> State:
-    """The states with that at one of the times replaced."""
+    """The states with the one at one of the times replaced."""
 
     def leaf(xs: Array, x: Array) -> Array:
         return xs.at[(..., index, *(slice(None),) * run_axes)].set(x)

@@ -44,8 +44,8 @@ class LoopSettings(eqx.Module):
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
     - `restarts`: whether a block that runs out of steps is repeated without its slow runs.
     - `sought`: the events that end the runs.
-    - `estimated`: whether the first step is estimated, by two evaluations of the vector field, or
-      simply tried."""
+    - `estimated`: whether the length of the first step is estimated, by two evaluations of the
+      vector field, or taken as it is."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -91,7 +91,7 @@ class LoopState(NamedTuple):
 
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
-    - `step_ends`, `step_states`: ends of the accepted steps and the states there, where asked for.
+    - `step_ends`, `step_states`: ends of the accepted steps and the states there, if requested.
     - `left_out`: runs that used up the shared steps, and without which the others went on.
     - `location`: of the first event of each run, where some are sought.
     """
@@ -130,7 +130,7 @@ def integrate_loop(
     **Arguments**
 
     - `settings`: method, step control, save times and limits.
-    - `field`: the vector field, a `ScaledVectorField` or what stands for it.
+    - `field`: the vector field, a `ScaledVectorField` or its hoisted form.
     - `y0`: the initial state, components first and runs last.
     - `recorded`: whether to record the steps for derivatives.
 
@@ -148,7 +148,7 @@ def integrate_loop(
         )
 
     start = _start(settings, *tools, field, y0, recorded)
-    # A single run waits for no other, and a plan has as many steps as it needs.
+    # A single run waits for no other, and a plan does not run out of steps.
     if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
 
@@ -176,7 +176,8 @@ def integrate_loop(
 
 
 def _going_on(settings: LoopSettings, loop: LoopState) -> Bool[Array, ""]:
-    """Whether there is a next step: not beyond the end, nor where every run waits at its event."""
+    """Whether there is a next step: the end is not reached, and not every run waits at its
+    event."""
     steps = loop.num_accepted + loop.num_rejected
     going = (loop.t < settings.end) & (steps < settings.max_steps)
     if loop.location is not None:
@@ -233,13 +234,17 @@ def _advance(
     field: ScaledField,
     loop: LoopState,
 ) -> LoopState:
-    """The loop after one more step, accepted or rejected; where no run goes on, after those that
-    hold the events were taken once more, up to where these are thought to be."""
-    t0, t1, y0, made_jump, going = loop.t, loop.t_next, loop.y, loop.made_jump, None
+    """The loop after one more step, accepted or rejected; if every run waits at its event, after
+    one more repetition of the steps that hold the events."""
+    t0 = loop.t
+    t1 = loop.t_next
+    y0 = loop.y
+    made_jump = loop.made_jump
+    going = None
     location = loop.location
     if location is not None:
         going = _going_on(settings, loop)
-        # By selection and not by two branches, each of which would hold the vector field.
+        # By selection: each of two branches would hold the vector field.
         t0, t1 = jnp.where(going, t0, 0.0), jnp.where(going, t1, 1.0)
         y0 = jax.tree.map(lambda a, b: jnp.where(going, a, b), y0, location.y0)
         made_jump = made_jump | ~going
@@ -251,7 +256,7 @@ def _advance(
     y1, error, dense_info, solver_state, result = solver.step(
         TERM, t0, t1, y0, field, loop.solver_state, made_jump
     )
-    # A root finder that failed leaves a state of no meaning: its step is rejected.
+    # Where the root finder failed, the state is meaningless: the step is rejected.
     failed = result != diffrax.RESULTS.successful
     error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
     order = solver.error_order(TERM)
@@ -312,8 +317,10 @@ def _located(
     accept: Bool[Array, ""],
     y1: State,
 ) -> Location:
-    """The location after a step to the state `y1`: searched where the runs are `going` on and the
-    step is accepted, else shortened."""
+    """The location after a step to the state `y1`.
+
+    An accepted step is searched for the runs that are `going` on; otherwise the steps that hold the
+    events are shortened."""
     sought, location = settings.sought, loop.location
     assert sought is not None and location is not None
     tolerance = settings.tolerance
@@ -338,7 +345,8 @@ def _written(
     y1: State,
     interpolation: diffrax.AbstractLocalInterpolation,
 ) -> LoopState:
-    """The loop with what this step leaves in the buffers: the state `y1`, and those within it."""
+    """The loop with the buffers after this step: its final state `y1`, and the saved states
+    within."""
     saved, step_ends, step_states, recording = loop[-6:-2]
     if saved is not None:
         assert settings.save_ts is not None

@@ -2,7 +2,7 @@
 
 JAX maps an integration by giving some of its arrays a further axis. If the system keeps to the
 layout of the library (components first, runs last), the same runs are one batch, which is many
-times as fast. `add_run_axis` makes it, or says that it cannot.
+times as fast. `add_run_axis` makes this batch, or returns `None` where it cannot.
 """
 
 import functools
@@ -30,7 +30,7 @@ step keeps of them stays in the first levels of the cache. On low orbits blocks 
 than those of 512."""
 
 
-# Field, initial state and settings of a loop, or of each of their arrays something else.
+# Field, initial state and settings of a loop, or a tree of this structure.
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 
 
@@ -64,7 +64,7 @@ def add_run_axis(
     field_own, _, _ = parts_of(own)
     if not isinstance(field, ScaledVectorField):
         return None
-    # Seen from one run, before any axis was moved.
+    # As one run has them, before any axis was moved.
     original = parts_of(list(values))
     if not follows_layout(*_single(original, parts_of(list(dims)))):
         return None
@@ -89,7 +89,7 @@ def add_run_axis(
 
 
 def _carried_by(settings: LoopSettings) -> PyTree:
-    """Which arrays of the settings carry the runs: what the rounding does to the conditions."""
+    """The arrays of the settings that carry the runs: `SoughtEvents.rounding`."""
     none = jax.tree.map(lambda x: False, settings)
     if settings.sought is None:
         return none
@@ -97,7 +97,7 @@ def _carried_by(settings: LoopSettings) -> PyTree:
 
 
 def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
-    """Whether each condition takes the states of many runs and gives a number of each."""
+    """Whether each condition takes the states of many runs and returns a number for each."""
     runs = jax.tree.leaves(y0)[0].shape[-1:]
     t = jax.ShapeDtypeStruct(runs, sought.rounding.dtype)
     try:
@@ -120,8 +120,8 @@ def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
         return jax.ShapeDtypeStruct(tuple(shape), x.dtype)
 
     # `None` marks an axis that is not mapped, and must count as a leaf here.
-    found = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
-    system, y = found[0].system, found[1]
+    result = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
+    system, y = result[0].system, result[1]
     if isinstance(y, OwnState):
         y = eqx.filter_eval_shape(lambda s, z: s.regularised().from_regularised(z), system, y.z)
     return system, y
@@ -233,7 +233,7 @@ def over_blocks(
     parts, carried = mapped
     count = -(-size // BLOCK)
 
-    # What the runs of a block share, such as the number of steps, is given to each of them.
+    # Results that the runs of a block share, such as the number of steps, are repeated for each.
     def complete(results: list[Array], runs: int) -> list[Array]:
         return [
             jnp.broadcast_to(x[..., None], (*x.shape, runs)) if x.ndim == rank else x

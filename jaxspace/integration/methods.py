@@ -1,7 +1,7 @@
-"""The methods that the library takes by itself, by what each is for.
+"""The methods among which the library chooses, by their purpose.
 
-Outside of `solvers` no other file names a concrete solver (`tests/test_layers.py`): what depends on
-a method asks for its traits."""
+Outside of `solvers` no other file names a concrete solver (`tests/test_layers.py`): code that
+depends on a method reads its traits."""
 
 from ..solvers import DOP853, RKN1210, AdaptiveRegularised, ExponentialRosenbrock, Tsit5
 

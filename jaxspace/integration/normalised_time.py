@@ -1,4 +1,4 @@
-"""A system in normalised time, which counts segments and in which nothing jumps.
+"""A system in normalised time, which counts segments and has no jumps within them.
 
 The break times of the system cut the duration of a run into segments. Segment i takes s from i to
 i + 1, and every run maps s to its own time,
@@ -6,8 +6,8 @@ i + 1, and every run maps s to its own time,
     t = t0 + T (u_i + (s - i)(u_{i+1} - u_i))
     dy/ds = T (u_{i+1} - u_i) f(t, y)
 
-so that runs of different duration, with their own break times, share one integration, and the
-derivatives with respect to the duration and to the break times follow by themselves.
+so that runs of different duration, with different break times, share one integration, and
+differentiation gives the derivatives with respect to the duration and to the break times.
 
     symbol  meaning                                                unit
     s       normalised time: number of the segment plus fraction   1
@@ -51,7 +51,7 @@ class Segments(eqx.Module):
         start = jnp.clip(jnp.floor(s), 0.0, len(self) - 1.0)
         i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
-            # Runs with their own segments, each of them in another one.
+            # Runs with different segments may each be in another one.
             u, end = (jnp.take_along_axis(self.u, k[None], axis=0)[0] for k in (i, i + 1))
             return start, u, end - u
         return start, self.u[i], self.u[i + 1] - self.u[i]
@@ -78,8 +78,8 @@ class Segments(eqx.Module):
         return ds * (self.total if len(self) == 1 else self.total * self._segment(s)[2])
 
     def step(self, s: Scalar, length: Scalar, begin: Scalar, end: Scalar) -> "OwnStep":
-        """The times of a step, from `s` on and `length` long in each run, that the runs take
-        together from `begin` to `end`."""
+        """The times of a step that the runs take together, from `begin` to `end`; in each run it
+        starts at `s` and has its `length`."""
         duration = self.duration(s, length)
         edge = jnp.zeros_like(duration) + (self._edge() if self.jumps else 0.0)
         return OwnStep(begin, end - begin, self.time(s), duration / (end - begin), edge)
@@ -95,7 +95,7 @@ class Segments(eqx.Module):
         if len(self) == 1:
             return jnp.ones(1, self.u.dtype)
         widths = jnp.diff(self.u, axis=0).reshape(len(self), -1)
-        # A segment of no length keeps a small one: step control divides by it.
+        # A segment of no length gets a small one, because step control divides by it.
         return jnp.maximum(jnp.mean(widths, axis=1), 1e-6)
 
     def reach(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
@@ -117,7 +117,7 @@ class Segments(eqx.Module):
 
 @final
 class OwnStep(eqx.Module):
-    """The times of a step of which every run takes its own part, in the place of `Segments`.
+    """The times of a common step of which every run takes its own part; used as `Segments` are.
 
     No segment ends within a step, so that time is linear in it: from `start` on, `rate` seconds to
     a unit of the time of the steps, in which it begins at `begin` and is `length` long."""
@@ -147,7 +147,7 @@ def segments_of(
 ) -> Segments:
     """The segments of a run from `t0` to `t1`, s, between breaks of the system and `landings`.
 
-    `landings` are fractions of the run, or of each one, at which a step has to end, too."""
+    `landings` are further ends of steps, as fractions of all runs or of each run."""
     total = t1 - t0
     inner = []
     breaks = breaks_of(system)
@@ -176,7 +176,7 @@ Clock = TypeVar("Clock", Segments, OwnStep)
 
 @final
 class ScaledVectorField(eqx.Module, Generic[Clock]):
-    """dy/ds of a system as a function of s and y, and what its solvers need beside it."""
+    """dy/ds of a system as a function of s and y, with the capabilities that solvers need."""
 
     system: AbstractSystem
     segments: Clock
@@ -192,21 +192,22 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
     def __call__(self, s: Scalar, y: State) -> State:
         dt_ds = self.duration(s, 1.0)
         rate = self.system.vector_field(self.time(s), y)
-        # A constant of double precision in a user's effect must not change that of the run.
+        # A constant of double precision in a user's effect must not change the precision of the
+        # run.
         return jax.tree.map(lambda k, x: jnp.asarray(k, x.dtype) * dt_ds, rate, y)
 
     def projected(self, s: Scalar, y: State) -> State:
         """The state nearest to `y` on its groups that meets the constraints of the system."""
         y = project(y)
-        found = self.system.projected(self.time(s), y)
-        return y if found is None else jax.tree.map(lambda a, b: a.astype(b.dtype), found, y)
+        result = self.system.projected(self.time(s), y)
+        return y if result is None else jax.tree.map(lambda a, b: a.astype(b.dtype), result, y)
 
     def split(self) -> AbstractSplit:
-        """Drift and kick of the system, which has them."""
+        """Drift and kick of the system; only for a system that has them."""
         return cast(AbstractSplit, self.system.split())
 
     def regularised(self) -> AbstractRegularised:
-        """The regularised variables of the system, which has them."""
+        """The regularised variables of the system; only for a system that has them."""
         return cast(AbstractRegularised, self.system.regularised())
 
 
@@ -232,8 +233,8 @@ def hoist(
     - `field`, `y0`: the field and a state of it.
     - `needs`: the capability by which the solver integrates: "split", "regularised" or "".
 
-    **Returns** the field itself where nothing is hidden in closures: it keeps the layout of its
-    parameters, which the batching of mapped runs reads."""
+    **Returns** the field itself if no function of it closes over traced arrays: it then keeps the
+    layout of its parameters, which the batching of mapped runs reads."""
     if not closes_over_tracers(field.system, field.segments.t0, y0):
         return field
     s = jnp.zeros_like(field.segments.total, shape=())

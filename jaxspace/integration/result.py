@@ -39,7 +39,7 @@ class IntegrationResult(NamedTuple):
     - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
       for.
     - `dense`: the steps, if asked for.
-    - `found`: the events that ended the runs, where such are sought."""
+    - `found`: the events that ended the runs, if events are sought."""
 
     states: State
     status: Int[Array, "*runs"]
@@ -71,7 +71,7 @@ def result_of(
 
     **Arguments**
 
-    - `outcome`: what the loop has left.
+    - `outcome`: the outcome of the loop.
     - `field`, `y0`, `settings`, `config`: what was integrated, and how.
     - `landed`: the save times as fractions of the duration, where every segment ends in a saved
       state; `None` where the states are those at the save times already.
@@ -81,7 +81,7 @@ def result_of(
     error = outcome.max_local_error
     if settings.plan is not None and config.max_step is not None:
         longest = _longest_step(settings.plan, field.segments)
-        # A plan that keeps the limit to rounding keeps it.
+        # A plan may exceed the limit by rounding.
         error = jnp.maximum(error, longest / config.max_step - 1e-3)
     states = outcome.states
     if landed is not None:
@@ -105,7 +105,7 @@ def result_of(
     dense = None
     if settings.dense:
         dense = _dense_output(outcome, field.segments, y0, run_axes)
-    # States within a step are off the groups and the constraints by its error.
+    # States within a step deviate from the groups and the constraints by its error.
     states = times_behind_components(states, run_axes)
     states = project(states)
     if settings.save_ts is not None and landed is None:
@@ -143,7 +143,7 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     ends = outcome.step_ends
     assert ends is not None
     taken = jnp.isfinite(ends)
-    # The time of an infinite end would be NaN, and so would its derivative.
+    # An infinite end would have the time NaN, and a derivative that is NaN.
     times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
     taken = taken.reshape(*taken.shape, *(1,) * (times.ndim - taken.ndim))
     start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]

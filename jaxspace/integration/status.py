@@ -1,4 +1,4 @@
-"""Status of a run: a number that fits into a batch, and a sentence that says what to do."""
+"""Status of a run: a number, one for each run of a batch, and a sentence that says what to do."""
 
 import enum
 from collections.abc import Callable
@@ -101,7 +101,7 @@ def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[A
 def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> None:
     """Raise `SimulationError` for the first failure among known statuses, with its sentence.
 
-    `where` says at which time and in which state a single run failed, as a sentence more."""
+    `where` is a further sentence: the time and the state in which a single run failed."""
     every = np.asarray(status).reshape(-1)
     failed = np.flatnonzero(every > Status.EVENT)
     if failed.size == 0:

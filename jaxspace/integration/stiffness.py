@@ -1,13 +1,14 @@
-"""Whether a run is slow motion beside a fast linear one, recognised by its numbers.
+"""Whether a run is stiff: slow motion beside a fast linear one, by its initial numbers.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
     1. w |span| >= 1e4, and w h >= 300      explicit steps would be more than a run may take
-    2. |J(y + f / w) - J(y)| <= 0.05 w      where the fast motion leads, it stays the same
+    2. |J(y + f / w) - J(y)| <= 0.05 w      the fast motion is linear
     3. a step of 300 / w by the exponential method is within the tolerance
 
-All are measured in the lengths of the state's blocks, as the tolerance is. A body that spins, or an
-orbit of many revolutions, fails at the second line: its Jacobian turns with it. A gyrocompass,
-damped or ringing linear modes, and a fast decay onto which the motion has settled pass.
+All are measured relative to the lengths of the state's blocks, as the tolerance is. A body that
+spins, or an orbit of many revolutions, fails at the second line: its Jacobian turns with it. A
+gyrocompass, damped or ringing linear modes, and a fast decay onto which the motion has settled
+pass.
 
     symbol  meaning                                  unit
     f, y    vector field and state at the start
@@ -39,18 +40,18 @@ EXPLICIT = 1e4
 TRIAL = 300.0
 # Relative change of the Jacobian up to which the fast motion counts as linear.
 SAME = 0.05
-# Least length of a block, in its unit, as for the default absolute tolerance.
+# Smallest length of a block, in its unit, as for the default absolute tolerance.
 LEAST = 1e-3
 # Components of a state beyond which the matrices of the method cost more than they save.
 MOST = 40
 
 
 class InitialConditions(NamedTuple):
-    """Runs as they are asked for, of which some are looked at.
+    """Runs as they are requested, of which some are sampled.
 
     - `runs`: (system, state, times), with the runs on the last axis of what carries them.
     - `run_axes`: of each array of `runs`, how many trailing axes carry runs (0 or 1).
-    - `rows`: the numbers of the runs to look at."""
+    - `rows`: the numbers of the sampled runs."""
 
     runs: PyTree
     run_axes: PyTree[int]
@@ -75,7 +76,7 @@ class InitialConditions(NamedTuple):
 
     @property
     def readable(self) -> bool:
-        """Whether all numbers are known, and those of a state are not too many."""
+        """Whether all numbers are known, and the state has few enough components."""
         leaves = jax.tree.leaves(self.runs)
         placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
         return not placeholders and not is_traced(leaves) and self.components <= MOST
@@ -83,15 +84,15 @@ class InitialConditions(NamedTuple):
 
 def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     """Whether some of the runs would take an explicit method very many steps, and the exponential
-    method serves all those.
+    method is suited to all of these.
 
-    `False` where the numbers are not known (under `jit`, or in a derivative), or `rtol` is zero, as
-    it is not known then."""
+    `False` where the numbers are unknown (under `jit`, or in a derivative), or `rtol` is zero,
+    which stands for an unknown tolerance."""
     if rtol == 0.0 or not starts.readable:
         return False
     system, y, ts = starts.runs
     times = np.shape(ts)[0]
-    # Start and end alone, so that another number of times compiles nothing again.
+    # Start and end alone, so that another number of save times causes no compilation.
     ends = np.asarray(ts)[np.array([0, -1])]
     starts = starts._replace(runs=(system, y, ends))
     still = np.zeros((starts.rows.size, starts.components))
@@ -114,7 +115,7 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
 
 
 def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: Array) -> PyTree:
-    """`function(system, y, ts, x)` of each run looked at, and of its row of `given`."""
+    """`function(system, y, ts, x)` of each sampled run, with its row of `given`."""
     picked = jax.tree.map(
         lambda x, n: jnp.moveaxis(x[..., starts.rows], -1, 0) if n else x,
         starts.runs,
@@ -133,7 +134,7 @@ def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: A
 
 
 def _sizes(y: State) -> Array:
-    """Length of the block to which each component belongs, as the default tolerances take it."""
+    """Length of the block to which each component belongs, as in the default tolerances."""
     return (
         ravel_pytree([jnp.sqrt(jnp.sum(x * x)) * jnp.ones_like(x) for x in jax.tree.leaves(y)])[0]
         + LEAST
@@ -144,7 +145,7 @@ def _sizes(y: State) -> Array:
 def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
-    By differences: derivatives would take far longer to compile. Not a number where the rate of a
+    By differences, because derivatives would take far longer to compile. NaN where the rate of a
     state has another shape."""
 
     def one(

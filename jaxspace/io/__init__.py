@@ -1,7 +1,7 @@
-"""Scene files: TOML that says what moves, checked as a whole before anything is computed.
+"""Scene files: TOML that describes what moves, checked as a whole before anything is computed.
 
-The room knows the form of a file - bodies, phases, dispersions, units - and no particular force:
-which systems, effects, jumps, events and outputs there are, the rooms of physics declare."""
+This package knows the form of a file (bodies, phases, dispersions, units) and no particular force:
+systems, effects, jumps, events and outputs are declared by the packages of physics."""
 
 from typing import TYPE_CHECKING
 

@@ -1,4 +1,4 @@
-"""From the values of a file to what is simulated, for one run or for many at once."""
+"""Systems, missions and initial states from the values of a file, for one run or for many."""
 
 from collections.abc import Mapping
 
@@ -36,8 +36,8 @@ def build_mission(
     - `values`: those of the file, whose numbers are scalars or (runs,).
     - `seeds`: of the noise of each run, (runs,), between 0 and 1.
 
-    **Returns** the mission (of a system or a scene, one of a single phase) and the state, which has
-    every run on the last axis."""
+    **Returns** the mission (with a single phase for a system or a scene) and the state, with the
+    runs on the last axis."""
     if file.kind == "flight":
         return build_flight(file, values, runs)
     building = Building(values, file.makers, runs)
@@ -47,25 +47,26 @@ def build_mission(
     body = building.make("body")
     effects = building.effects(file.active_effects())
     initial = build_state(file, building)
-    # Constant mass is no part of the state: every part is integrated and costs.
+    # A constant mass is no part of the state, because every part is integrated.
     if any("mass_rate" in reading.adds for reading in read_effects(effects.values(), body).effects):
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
-    # Before the phases, because a part that one of them integrates stays in the others.
+    # Before the phases, because a part that one of them integrates is in the states of all.
     initial = with_parts(initial, effects.values(), body)
-    carry = initial.present()
+    carry = initial.present
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
         return _one_phase(file, building, scene, seeds), initial
-    phases, start = [], 0.0
+    phases = []
+    start = 0.0
     for number, phase in enumerate(values["phase"]):
-        acting = {name: effects[name] for name in phase["effects"]}
-        until = _until(file, number, acting, start, building)
+        active = {name: effects[name] for name in phase["effects"]}
+        until = _until(file, number, active, start, building)
         # All phases carry the same parts, so that one state passes through all of them.
-        scene = Scene(tuple(acting.values()), body, carry)
+        scene = Scene(tuple(active.values()), body, carry)
         system = controlled(file, f"phase.{number}.control", building, scene, seeds)
         phases.append(Phase(system, until, _jump(number, phase, building), phase["name"]))
-        # After an event the time is not known before the run; known ends are refused there.
+        # After an event the time is unknown before the run, so that known times cannot end a phase.
         start = start + (0.0 if isinstance(until, Event) else until)
     return Mission(phases), initial
 
@@ -75,8 +76,8 @@ def _one_phase(
 ) -> Mission:
     """A system or a scene as a mission, under a controller where the file has one."""
     end = end_of_loop(file, _span(file)) if file.values["control"] else _span(file)
-    flown = controlled(file, "control", building, system, seeds)
-    return Mission([Phase(flown, end, name=ONE_PHASE[file.kind])])
+    moving = controlled(file, "control", building, system, seeds)
+    return Mission([Phase(moving, end, name=ONE_PHASE[file.kind])])
 
 
 def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSystem, State]:
@@ -88,7 +89,7 @@ def build_system(file: Parsed, values: Values, runs: Runs) -> tuple[AbstractSyst
 
 def build_state(file: Parsed, building: Building, system: AbstractSystem | None = None) -> State:
     """The initial state, of every run; the mass of a body is not among its parts."""
-    # A state has every run from the start: a loop must not change the shape of what it carries.
+    # The state has the axis of runs from the start, because the carry of a loop keeps its shape.
     full = building._replace(full=True)
     if "initial" in full.makers:
         maker = full.makers["initial"]._replace(make=system.state)  # type: ignore[union-attr]
@@ -115,9 +116,9 @@ def build_state(file: Parsed, building: Building, system: AbstractSystem | None 
 
 
 def system_errors(file: Parsed) -> list[str]:
-    """What the system does not accept in the initial state: seen by its vector field, without a
-    number being computed."""
-    # Shapes are enough: which parts a vector field needs does not depend on numbers.
+    """Errors for parts of the initial state that the vector field of the system does not accept,
+    without a computation."""
+    # Shapes are enough, because the parts that a vector field needs do not depend on numbers.
     system, y0 = eqx.filter_eval_shape(
         lambda values: build_system(file, values, Runs()), replaced(file.values, {})
     )
@@ -127,11 +128,11 @@ def system_errors(file: Parsed) -> list[str]:
     except InputError as error:
         return [f"initial: {error}"]
     except (AssertionError, AttributeError, TypeError):
-        # An author's vector field says in its own way that a part is not there.
+        # A user's vector field may raise anything where a part is absent.
         parts = ", ".join(n for n, part in vars(y0).items() if part is not None)
         return [f"initial has {parts}: the vector field of {name} needs other parts."]
     for part, value in vars(y0).items():
-        # A part without a rate would stay constant unnoticed: mostly a misunderstanding.
+        # A part without a rate would stay constant, most likely by mistake.
         if value is not None and getattr(rate, part, None) is None:
             return [f"initial has {part}, which {name} does not change: leave it out."]
     return []
@@ -156,21 +157,22 @@ def _span(file: Parsed) -> float:
 
 
 def _until(
-    file: Parsed, number: int, acting: dict[str, AbstractEffect], start: Scalar, building: Building
+    file: Parsed, number: int, active: dict[str, AbstractEffect], start: Scalar, building: Building
 ) -> Scalar | Event:
     """The duration of the phase of this number, s, or the event that ends it; `start` is its
     time, s."""
     phase, events = building.values["phase"][number], file.catalog.events
-    until, name = phase["until"], condition_of(phase["until"])
+    until = phase["until"]
+    name = condition_of(phase["until"])
     if until is None:
         return phase["duration"]
     if name is not None:
         path = f"phase.{number}.until.{name}"
-        condition = building.make(path, **referred(file.makers[path], acting))
+        condition = building.make(path, **referred(file.makers[path], active))
         return Event(condition, condition.direction, phase["within"])
     if until in events:
         return Event(events[until], events[until].event.direction, phase["within"])
-    known = next(e for n, e in acting.items() if until in file.catalog.known_times(n))
+    known = next(e for n, e in active.items() if until in file.catalog.known_times(n))
     return getattr(known, until)() - start
 
 

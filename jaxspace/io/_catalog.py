@@ -1,7 +1,7 @@
-"""What a scene file may name: found by walking the public names of the rooms of physics.
+"""The names that a scene file may use: collected from the public names of the packages of physics.
 
-Nothing is registered. A final class or a declared function is known to files as soon as the root
-of its room or one of its public modules gives its name, or when it is given to `load` by `also`."""
+Nothing is registered. A final class or a declared function is known to files as soon as the root of
+its package or one of its public modules gives its name, or when it is given to `load` by `also`."""
 
 import functools
 import inspect
@@ -105,6 +105,7 @@ class Catalog(NamedTuple):
         """The methods of an effect that are declared as outputs, by name."""
         return output_methods(self.effects[effect])
 
+    @property
     def all_known_times(self) -> list[str]:
         """The names of all such times."""
         return list(dict.fromkeys(n for effect in self.effects for n in self.known_times(effect)))
@@ -120,8 +121,8 @@ class Catalog(NamedTuple):
         return self._replace(effects={**self.effects, **more}) if more else self
 
     def shared(self, table: str) -> dict[str, Entry]:
-        """The entries of a table such as "planet" that declarations take their values from."""
-        found: dict[str, Entry] = {}
+        """The entries of a table such as "planet" from which declarations take values."""
+        result: dict[str, Entry] = {}
         declared = [
             (entry.shared, entry)
             for kind in self.kinds.values()
@@ -140,8 +141,8 @@ class Catalog(NamedTuple):
             if room == table and "." not in key:
                 # Optional in the shared table: whether it is needed depends on the effects that
                 # are there.
-                found.setdefault(key, entry._replace(default=None, shared=""))
-        return found
+                result.setdefault(key, entry._replace(default=None, shared=""))
+        return result
 
 
 def output_methods(cls: type) -> dict[str, OutputFunction]:
@@ -152,8 +153,8 @@ def output_methods(cls: type) -> dict[str, OutputFunction]:
 
 
 def catalog(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Catalog:
-    """What a scene file may name: everything in the rooms of the library, and what `also` and the
-    `modules` give.
+    """The names that a scene file may use: those of the packages of the library, and those that
+    `also` and the `modules` give.
 
     **Arguments**
 
@@ -177,20 +178,20 @@ def _catalog(
     named: dict[str, Group] = {name: {} for name in (*BASES, *FUNCTIONS, "methods")}
     refused: dict[str, str] = {}
     kinds: dict[type, Object] = {}
-    # Public names alone: what a room keeps to itself is no promise to files. All of them first, for
-    # a kind knows its classes by what is imported.
+    # Public names alone, because private ones may change. All packages first, because a kind finds
+    # its classes among those that are imported.
     for thing in [thing for room in ROOMS for thing in public_names(room).values()]:
         _add(named, kinds, refused, thing)
     for name, thing in vars(solvers).items():
         if (
-            # By what it offers: helpers and abstract classes of the room have no step and order.
+            # By its methods: helpers and abstract classes of the package have no step and order.
             getattr(thing, "__final__", False)
             and hasattr(thing, "step")
             and hasattr(thing, "order")
         ):
             named["methods"][name] = thing
     for thing in also:
-        # A thing that is silently ignored would show later as an unknown name in a file.
+        # Refused, because a thing that is ignored would later be an unknown name in a file.
         before = sum(map(len, named.values()))
         _add(named, kinds, refused, thing, new="also")
         if sum(map(len, named.values())) == before and not _is_part(thing):
@@ -230,14 +231,15 @@ def _add(
     thing: object,
     new: str = "",
 ) -> None:
-    """Put a class or a function where it belongs, if it belongs anywhere.
+    """Add a class or a function to its group, if it has one.
 
-    `new`: what holds it, if it is not of the library."""
+    `new`: its source, if it is not of the library."""
     for group, base in BASES.items():
         if not (isinstance(thing, type) and issubclass(thing, base)):
             continue
         if getattr(thing, "__final__", False):
-            kind, key = object_kind(thing), snake_case(thing.__name__)
+            kind = object_kind(thing)
+            key = snake_case(thing.__name__)
             if kind is not None:
                 _name(named[group], key, thing, new)
                 kinds[thing] = kind
@@ -263,13 +265,13 @@ def _is_part(thing: object) -> bool:
     kinds of these fields find it among the subclasses of theirs."""
     if not isinstance(thing, type) or not issubclass(thing, AbstractParameters):
         return False
-    # It needs an abstract class of its own, because no field takes parameters in general.
+    # It needs a further abstract class, because no field takes parameters in general.
     special = AbstractParameters not in thing.__bases__
     return special and getattr(thing, "__final__", False) and object_kind(thing) is not None
 
 
 def _name(group: Group, name: str, thing: object, new: str) -> None:
-    # The same thing twice is harmless: rooms give on the names of one another.
+    # The same thing twice is harmless, because packages give on names of one another.
     if new and group.get(name, thing) is not thing:
         raise InputError(f"{new} holds {name}: it must be another name, for this one is taken.")
     group[name] = thing
@@ -279,7 +281,7 @@ def state_class(system: type[AbstractSystem]) -> type:
     """The class of the states of a system, from the annotation of its vector field.
 
     `BodyState` where the annotation names no class with quantities."""
-    # Decorators hide the annotations, which belong to the function below them.
+    # The annotations are those of the decorated function.
     function = inspect.unwrap(system.vector_field)
     annotated = typing.get_type_hints(function).get("y")
     return annotated if isinstance(annotated, type) and quantities(annotated) else BodyState
@@ -304,7 +306,7 @@ def part_entries(cls: type) -> dict[str, Entry]:
 
 
 def part_quantities(cls: type) -> Mapping[str, Quantity]:
-    """What the parts of a state are, by name."""
+    """The quantities of the parts of a state, by name."""
     return quantities(cls)
 
 

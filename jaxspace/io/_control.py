@@ -4,7 +4,7 @@
 [control.law.quaternion_feedback]    one law, or one for each part that takes a command
 [control.sensors.omega]          what reads a part of the state; without any the law sees all
 
-In a mission [phase.control] stands behind the [[phase]] that it controls.
+In a mission [phase.control] follows the [[phase]] that it controls.
 """
 
 import functools
@@ -31,7 +31,7 @@ from ._value_kinds import Number, OneName, Whole
 READ = ("attitude", "omega", "position", "velocity", "mass", "wheels")
 """What a sensor of a file may read."""
 
-# The keys by which a phase bounds its time, from which its number of samples follows.
+# The keys that bound the time of a phase, from which its number of samples follows.
 ENDS = ("duration", "within")
 
 PERIOD = Number(argument("s", positive=True, fixed=True, doc="time between samples"))
@@ -71,22 +71,22 @@ def _sensor_kind(name: str) -> Object:
 
 
 def control_errors(file: Parsed) -> list[str]:
-    """What does not fit together in the tables of control and what they control."""
-    found = []
+    """Errors of the tables of control together with the systems that they control."""
+    result = []
     for path, control in controls(file.values).items():
         if not _named(control["law"]):
             laws = ", ".join(file.catalog.controllers)
-            found.append(f"{path}.law is empty: it must have a table of {laws}.")
+            result.append(f"{path}.law is empty: it must have a table of {laws}.")
         phase = _phase_of(file.values, path)
         until = None if phase is None else phase["until"]
         if until is not None and not is_event(until, file.catalog):
             what = "an event; or give the phase a duration: its samples must be known"
-            found.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
-    return found
+            result.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
+    return result
 
 
 def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
-    """Which of the numbers that scatter must not: how long a controlled phase may take."""
+    """Errors for a dispersed number that fixes the duration of a controlled phase."""
     ends = {
         f"{path.removesuffix('.control')}.{key}" for path in controls(file.values) for key in ENDS
     }
@@ -100,10 +100,10 @@ def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
 
 def controls(values: Values) -> dict[str, Values]:
     """The tables of control by their paths: that of a scene, or those of phases."""
-    found = {"control": values.get("control")}
+    result = {"control": values.get("control")}
     for number, phase in enumerate(values.get("phase") or ()):
-        found[f"phase.{number}.control"] = phase["control"]
-    return {path: control for path, control in found.items() if control is not None}
+        result[f"phase.{number}.control"] = phase["control"]
+    return {path: control for path, control in result.items() if control is not None}
 
 
 def is_noisy(values: Values) -> bool:
@@ -131,7 +131,7 @@ def controlled(
     }
     phase = _phase_of(file.values, path)
     times = file.values["times"] if phase is None else {}
-    # Known from the file: in a campaign the numbers that may scatter are traced.
+    # From the file, because in a campaign the dispersed numbers are traced.
     longest = (
         times["end"] - times["start"] if phase is None else phase["duration"] or phase["within"]
     )
@@ -165,12 +165,12 @@ def end_of_loop(file: Parsed, span: float) -> float | Event:
 
 def _key(seed: int, path: str, seeds: Array | None) -> Array:
     """The key of the noise of a phase, or one of each run."""
-    # Folded in below, so that no phase repeats the noise of another.
+    # The number of the phase is folded in, so that no phase repeats the noise of another.
     phase = int(path.split(".")[1]) if path.startswith("phase") else 0
     key = jax.random.fold_in(jax.random.key(seed), phase)
     if seeds is None:
         return key
-    # 2^31 and not 2^32, which a share that rounds to one would overflow.
+    # 2^31, because a number that rounds to one would overflow 2^32.
     numbers = (seeds * 2.0**31).astype(jnp.uint32)
     return jax.vmap(functools.partial(jax.random.fold_in, key))(numbers)
 

@@ -1,4 +1,4 @@
-"""What may end a phase: the name of a time or of an event, or a table of an event that has
+"""The end of a phase: the name of a time or of an event, or a table of an event that has
 parameters, by its name.
 
     until = "apoapsis"                          until = { at_altitude = { altitude = "100 km" } }
@@ -47,7 +47,7 @@ class End(Kind):
 def end_kind(catalog: Catalog) -> End:
     """How a file says what ends a phase."""
     conditions = {name: Entry(catalog.kinds[c], None) for name, c in catalog.conditions.items()}
-    return End((*catalog.all_known_times(), *catalog.events), conditions)
+    return End((*catalog.all_known_times, *catalog.events), conditions)
 
 
 def condition_of(until: Value) -> str | None:

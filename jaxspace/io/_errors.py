@@ -1,5 +1,5 @@
-"""What is wrong with a scene file, in sentences that name the key, the value, what is allowed and
-the nearest valid name."""
+"""Errors of a scene file, as sentences that name the key, the value, what is allowed and the
+nearest valid name."""
 
 import json
 from collections.abc import Iterable
@@ -8,7 +8,7 @@ from ..core import InputError
 
 
 class SceneError(ValueError):
-    """A scene file that cannot be used; the message has one line for each thing that is wrong."""
+    """A scene file that cannot be used; the message has one line for each error."""
 
     def __init__(self, file: object, errors: str | Iterable[str]):
         lines = [errors] if isinstance(errors, str) else without_repetition(list(errors))
@@ -16,9 +16,9 @@ class SceneError(ValueError):
 
 
 def without_repetition(lines: list[str]) -> list[str]:
-    """The lines without those that report the same thing: a key that is missing, twice or because
-    it is misspelt."""
-    # A misspelt key is reported as unknown and, under its right name, as missing: once is enough.
+    """The lines without those that report the same error again.
+
+    A misspelt key is reported as unknown; that its right name is missing is then no news."""
     named = {
         line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
     }
@@ -34,7 +34,7 @@ def shown(value: object) -> str:
     """A value as a file writes it, cut short when it is long."""
     # JSON writes lists and text as TOML does; `default=str` serves dates, which JSON has not.
     text = json.dumps(value, ensure_ascii=False, default=str)
-    # A sentence stays readable when a whole table stands where a number should.
+    # Shortened, because a whole table may be in the place of a number.
     return text if len(text) <= 60 else text[:57] + "..."
 
 

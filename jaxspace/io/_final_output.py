@@ -26,10 +26,10 @@ def function_of(outputs: Outputs, spec: OutputSpec) -> Callable[..., Array]:
     """The function of the output of the `spec`, which is among the `outputs`, for one run."""
 
     def of_end(y: State, t: Scalar) -> Array:
-        # Outputs are written for runs on the last axis: this is a batch of one.
+        # Outputs take runs on the last axis, so that this is a batch of one run.
         y, t = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (y, t))
         return outputs.numbers({-1: y}, {-1: t}, {})[spec.name][0]
 
-    # A table of it says already that it is final.
+    # Its label does not repeat that it is final.
     of_end.__name__ = spec.name.removeprefix(f"{FINAL}.")
     return output(spec.unit)(of_end)

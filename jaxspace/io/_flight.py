@@ -87,24 +87,24 @@ def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, Bod
 
 
 def flight_errors(file: Parsed) -> list[str]:
-    """What does not fit together in a flight, one sentence each."""
-    found = []
+    """Errors of the tables of a flight together, one sentence each."""
+    result = []
     building = file.building()
-    top = float(building.make("vehicle").ceiling())
+    top = float(building.make("vehicle").ceiling)
     before = math.inf
     for number, chute in enumerate(parachutes(building)):
         key = f"vehicle.parachutes.{number}.height"
         if chute.height is None:
             if number:
                 what = "the height of its opening, in m, for the apogee opens the first one alone"
-                found.append(missing(key, what))
+                result.append(missing(key, what))
             continue
         height = float(chute.height)
         if height >= top:
             what = f"below {top:.0f} m, which no flight without air would exceed: it never opens"
-            found.append(wrong(key, height, what))
+            result.append(wrong(key, height, what))
         elif height >= before:
             what = f"below {before:g} m, where the one before it opens: it never opens"
-            found.append(wrong(key, height, what))
+            result.append(wrong(key, height, what))
         before = min(before, height)
-    return found
+    return result

@@ -1,4 +1,4 @@
-"""The form of a scene file: which tables there are in each of its four kinds.
+"""The form of a scene file: the tables of each of its four kinds.
 
     kind       tables
     system     [system], [planet], [initial], [times]               a system by its name
@@ -7,7 +7,7 @@
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
-`method`, `max_step`, `max_steps`. What stands in the tables follows from the declarations of the
+`method`, `max_step`, `max_steps`. The entries of the tables follow from the declarations of the
 classes.
 """
 
@@ -63,13 +63,13 @@ UNTIL = Table(
 
 def kind_of(data: Mapping[str, object]) -> str:
     """The kind of a file, from the tables that it has."""
-    # No key says the kind: it follows from what the author has written anyway.
+    # No key gives the kind, because the tables of the file determine it.
     named = {"system": "system", "vehicle": "flight", "phase": "mission"}
     return next((kind for key, kind in named.items() if key in data), "scene")
 
 
 def format_error(data: Mapping[str, object]) -> str:
-    """What is wrong with a file of a later format, and the way forward; empty for any other."""
+    """The error for a file of a later format, with what to do; empty for any other file."""
     written = data.get("format")
     # Another type is reported by reading it.
     if not isinstance(written, int) or written <= FORMAT:
@@ -81,12 +81,12 @@ def format_error(data: Mapping[str, object]) -> str:
 
 
 def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]]:
-    """The form of a file of the kind of `data`; or, for a system whose name is not known, what is
-    wrong with it."""
+    """The form of a file of the kind of `data`; or, for a system of unknown name, the error."""
     kind = kind_of(data)
     if kind != "system":
         return form_of(kind, catalog), []
-    system, names = data["system"], tuple(catalog.systems)
+    system = data["system"]
+    names = tuple(catalog.systems)
     if not isinstance(system, Mapping):
         return Table({}), [wrong("system", system, "a table")]
     if "name" not in system:
@@ -107,7 +107,8 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
             ListOf(Text()), (), doc="Python files that it needs; each runs only by --with"
         ),
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
-        # Far below the data of a flight, and reached by every method in double precision.
+        # Far below the errors of the data of a flight, and within reach of every method in double
+        # precision.
         "accuracy": Entry(TOLERANCE, 1e-9, doc="relative tolerance of each step"),
         "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
@@ -124,7 +125,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         return Table({**common, **flight_entries(), **dispersion})
     common |= planet
     if kind == "system":
-        # A system is a model with a state of its own: bodies and effects have no place beside it.
+        # A system is a complete model, without bodies and effects.
         cls = catalog.systems[system]
         own = Entry(_named(system, catalog.kinds[cls]), doc="the system and its parameters")
         state = Entry(initial_kind(catalog, cls), doc="the initial state")
@@ -162,7 +163,7 @@ def _named(name: str, kind: Object) -> Object:
     own = {"name": Entry(OneName((name,)), doc="of the system")}
 
     def made(way: Maker) -> Maker:
-        # A table that holds the name is never given by its only number alone.
+        # A table with a name is never given by its only number alone.
         return way._replace(entries={**own, **way.entries}, bare=False)
 
     return Object(tuple(made(way) for way in kind.ways))
@@ -184,14 +185,14 @@ def initial_kind(catalog: Catalog, system: type[AbstractSystem] | None) -> Kind:
 
 def initial_ways(catalog: Catalog, cls: type) -> dict[str, list[Maker]]:
     """The makers of parts of a state of the class, by the key of their table."""
-    found: dict[str, list[Maker]] = {}
+    result: dict[str, list[Maker]] = {}
     parts = set(inspect.signature(cls).parameters)
     for function in catalog.initials.values():
         declared = function.initial
-        # A maker of parts that this state lacks is not even offered.
+        # Makers of parts that this state does not have are left out.
         if set(declared.gives) <= parts:
-            found.setdefault(declared.key, []).append(function_way(function, declared.arguments))
-    return found
+            result.setdefault(declared.key, []).append(function_way(function, declared.arguments))
+    return result
 
 
 def method_kind(catalog: Catalog) -> Object:
@@ -205,7 +206,7 @@ def method_kind(catalog: Catalog) -> Object:
             for key, p in inspect.signature(cls).parameters.items()
             if p.annotation is int
         }
-        # Needs something that a file cannot say, such as a function.
+        # It has an argument that a file cannot give, such as a function.
         if any(
             p.default is inspect.Parameter.empty and key not in whole
             for key, p in inspect.signature(cls).parameters.items()
@@ -227,11 +228,11 @@ def method_kind(catalog: Catalog) -> Object:
 
 def _phase(catalog: Catalog) -> Table:
     jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
-    acting = ListOf(OneName(tuple(catalog.effects)))
+    active = ListOf(OneName(tuple(catalog.effects)))
     return Table(
         {
             "name": Entry(Text(), doc="of the phase, for tables and figures"),
-            "effects": Entry(acting, (), doc="the effects that act in this phase"),
+            "effects": Entry(active, (), doc="the effects that act in this phase"),
             "duration": Entry(DURATION, None, doc="how long it lasts"),
             "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
             "within": Entry(DURATION, None, doc="how long to wait for the event"),
@@ -248,7 +249,7 @@ def _dispersion() -> Table:
             "runs": Entry(Whole(), 1000, doc="how many runs"),
             "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
             "outputs": Entry(OutputList(), doc="what is kept of each run"),
-            # Which paths exist is known only after the rest of the file has been read.
+            # The paths that exist are known only after the rest of the file has been read.
             "inputs": Entry(AnyTable(), {}, doc="what scatters, by path"),
             "correlated": Entry(
                 ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"

@@ -1,5 +1,5 @@
-"""Which numbers of a file scatter, and how: [dispersion.inputs], whose keys are paths of the file's
-own numbers, and what is given in Python beside it."""
+"""The dispersed numbers of a file and their distributions: [dispersion.inputs], whose keys are
+paths of numbers of the file, and those that are given in Python."""
 
 import csv
 import io
@@ -20,14 +20,14 @@ from ._value_kinds import ListOf, Measure, Number
 from .units import expected, in_unit, read_number, split
 
 DEFAULT = "normal"
-# One refused run in a thousand does not move a statistic; more deserve a word.
+# One refused run in a thousand changes no statistic; more are worth a warning.
 RARE = 1e-3
 FILE_KEYS = ("file", "column", "unit")
 
 
 class Input(NamedTuple):
-    """How a number of the file scatters: its nominal value, the name of the distribution, and the
-    numbers of that one in SI."""
+    """A dispersed number of the file: its nominal value, the name of its distribution, and the
+    numbers of the distribution in SI."""
 
     nominal: Measure
     name: str
@@ -38,33 +38,34 @@ class Input(NamedTuple):
         """The distribution about the nominal value."""
         return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
 
-    def doubts(self, path: str) -> list[str]:
-        """What is allowed but hardly meant: a range without the nominal value, draws that the
-        class of the number refuses."""
-        quantity, found = self.nominal.quantity, []
+    def warnings(self, path: str) -> list[str]:
+        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
+        draws that the class of the number refuses."""
+        quantity = self.nominal.quantity
+        result = []
         made = self.distribution()
         low, high = self.numbers.get("low"), self.numbers.get("high")
         if low is not None and high is not None and not low <= self.nominal <= high:
-            # As its author wrote it: radians beside a file of degrees are read as degrees.
+            # In the unit of the file, because radians would be taken for its degrees.
             unit = self.nominal.unit or quantity.unit
             low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
-            found.append(
+            result.append(
                 f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {unit}".rstrip()
                 + f", without the nominal value {here:.6g}."
             )
         share = made.outside(quantity.low, quantity.high)
         if share > RARE:
-            found.append(
+            result.append(
                 f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be refused, for "
                 f"{path} must be {quantity.allowed()}."
             )
-        return found
+        return result
 
 
 def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
-    """For every input how it scatters; or what is wrong. `files`: those of values."""
+    """The inputs and their distributions, or errors. `files`: those of values."""
     numbers = _numbers(file)
-    found: dict[str, Input | MadeInput] = {}
+    result: dict[str, Input | MadeInput] = {}
     errors = []
     keys = {"distribution", *FILE_KEYS, *_fields(file)}
     for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
@@ -72,22 +73,22 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
             errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
             continue
         try:
-            found[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
+            result[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
         except ValueError as error:
             errors.append(str(error))
-    # After the single inputs, from which a correlation takes its distributions.
+    # After the single inputs, whose distributions a correlation uses.
     for table, read in (("correlated", read_correlated), ("direction", read_direction)):
         for k, entry in enumerate(file.values["dispersion"][table]):
             try:
-                found |= read(f"dispersion.{table}.{k}", entry, numbers, found)
+                result |= read(f"dispersion.{table}.{k}", entry, numbers, result)
             except ValueError as error:
                 errors.append(str(error))
-    # A campaign without any input would run the nominal run again and again.
-    if not found and not errors:
+    # A campaign without inputs would repeat the nominal run.
+    if not result and not errors:
         errors.append(
             missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
         )
-    return found, errors
+    return result, errors
 
 
 def with_given(
@@ -98,19 +99,20 @@ def with_given(
 ) -> dict[str, Input | MadeInput]:
     """The inputs of the file and those `given` in Python, which come in place of its own.
 
-    `given`: by path a distribution, in SI, or a table as [dispersion.inputs] has it; `files`: those
-    of values. Raises `InputError`, one line for each thing that is wrong."""
-    numbers, found = _numbers(file), dict(known)
+    `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
+    values. Raises `InputError`, with one line for each error."""
+    numbers = _numbers(file)
+    result = dict(known)
     errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
     for path, entry in given.items():
         key = f"inputs.{path}"
         if path not in numbers:
             errors.append(_unknown_path(key, path, list(numbers)))
         elif isinstance(entry, AbstractDistribution):
-            found[path] = MadeInput(numbers[path], entry)
+            result[path] = MadeInput(numbers[path], entry)
         elif isinstance(entry, Mapping):
             try:
-                found[path] = _read(key, entry, numbers[path], file, files)
+                result[path] = _read(key, entry, numbers[path], file, files)
             except ValueError as error:
                 errors.append(str(error))
         else:
@@ -121,13 +123,14 @@ def with_given(
     errors += [line for path in given if path in known for line in _torn(path, known, given)]
     if errors:
         raise InputError("\n".join(errors))
-    return found
+    return result
 
 
 def _torn(
     path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, Any]
 ) -> Iterator[str]:
-    """What is wrong where one of the numbers that the file scatters together is replaced alone."""
+    """Errors for numbers that are replaced without the others with which the file disperses
+    them."""
     source = known[path].distribution().source
     others = [p for p in known if source and known[p].distribution().source == source]
     left = [p for p in others if p not in given]
@@ -138,7 +141,7 @@ def _torn(
 
 def _numbers(file: Parsed) -> dict[str, Measure]:
     """The numbers of the file that may scatter, by path."""
-    # The numbers of the distributions themselves do not.
+    # Without the numbers of the distributions.
     return {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
 
 
@@ -186,7 +189,7 @@ def _unknown_path(key: str, path: str, paths: list[str]) -> str:
 
 
 def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
-    """Raises `ValueError` with the whole sentence."""
+    """An input and its distribution. Raises `ValueError` with the whole sentence."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
     known = file.catalog.distributions
@@ -206,12 +209,12 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFi
     for field, declared in fields.items():
         if field in entry:
             numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
-        # The mean is what the file says elsewhere, so that nobody has to write it twice.
+        # The mean is the value of the file, which need not be written twice.
         elif declared.shared == NOMINAL:
             numbers[field] = float(nominal)
         else:
             raise ValueError(missing(f"{key}.{field}", _expected(nominal, declared)))
-    # Built once here, because the rule between its numbers is known to the class alone.
+    # Built once here, because only the class checks its numbers together.
     try:
         cls(**numbers)
     except InputError as error:
@@ -224,7 +227,8 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     """The entry with the values of its file: a number a line, or a named column of a CSV file."""
     if "values" in entry or not isinstance(entry["file"], str):
         raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
-    path, column = files.path(entry["file"]), entry.get("column")
+    path = files.path(entry["file"])
+    column = entry.get("column")
     try:
         source = io.StringIO(files.text(entry["file"]), newline="")
     except ValueError as error:
@@ -236,7 +240,7 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     for number, line in enumerate(lines, 2 if column else 1):
         if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
             try:
-                # With its unit behind it, to be read like a number of the scene file.
+                # Followed by its unit, as a number of the scene file is.
                 values.append(f"{float(text)!r} {unit}" if unit else float(text))
             except ValueError:
                 what = f"line {number} of {path} is {shown(text)}: it must be a number"
@@ -258,7 +262,7 @@ def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | l
 
 
 def _declared(entry: Entry) -> Quantity:
-    """What each number of a field of a distribution is."""
+    """The quantity of each number of a field of a distribution."""
     kind = entry.kind.kind if isinstance(entry.kind, ListOf) else entry.kind
     assert isinstance(kind, Number)
     return kind.quantity
@@ -272,7 +276,7 @@ def _expected(nominal: Measure, entry: Entry) -> str:
 
 def _own_quantity(nominal: Measure, declared: Quantity) -> Quantity:
     """The quantity of a number of a distribution: that of the nominal value, in its own range."""
-    # A pure number, such as a weight, has nothing to do with the unit of the input.
+    # A pure number, such as a weight, does not have the unit of the input.
     if declared.unit == "1":
         return declared._replace(unit="")
     return nominal.quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)

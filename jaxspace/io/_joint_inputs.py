@@ -1,4 +1,4 @@
-"""Numbers that scatter together: [[dispersion.correlated]] and [[dispersion.direction]]."""
+"""Numbers that are dispersed together: [[dispersion.correlated]] and [[dispersion.direction]]."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -22,14 +22,14 @@ from ._value_kinds import Measure
 from .units import read_number
 
 MATRICES = ("correlation", "covariance", "factor")
-# Share of refused draws that is passed over: every normal distribution has tails.
+# Share of refused draws without a warning, because every normal distribution has tails.
 RARE = 1e-3
 ANGLE = Quantity("rad", "half angle", 0.0, math.pi, False)
 
 
 @runtime_checkable
 class Scattering(Protocol):
-    """What is known of an input: its nominal value, and how it scatters."""
+    """An input: its nominal value and its distribution."""
 
     @property
     def nominal(self) -> Measure: ...
@@ -38,8 +38,8 @@ class Scattering(Protocol):
 
 
 class MadeInput(NamedTuple):
-    """A number of the file whose distribution is made already, its own or one number of a joint
-    one; and its nominal value."""
+    """A number of the file with its nominal value and its distribution, which may be one number of
+    a joint one."""
 
     nominal: Measure
     made: AbstractDistribution
@@ -48,7 +48,7 @@ class MadeInput(NamedTuple):
         """The distribution of this number."""
         return self.made
 
-    def doubts(self, path: str) -> list[str]:
+    def warnings(self, path: str) -> list[str]:
         """A sentence where the class of the number refuses more than one draw in a thousand."""
         quantity = self.nominal.quantity
         share = self.made.outside(quantity.low, quantity.high)
@@ -81,7 +81,7 @@ def read_correlated(
         raise ValueError(wrong(f"{key}", given, f"a table with one of {', '.join(MATRICES)}"))
     name, matrix = given[0], entry[given[0]]
     if name == "correlation":
-        # How wide each of them scatters is said where every input says it.
+        # The width of each is given with its input.
         for path in paths:
             if path not in known:
                 raise ValueError(missing(f"dispersion.inputs.{path}", "given for a correlation"))
@@ -131,7 +131,7 @@ def _together(
 ) -> dict[str, MadeInput]:
     try:
         made = make().inputs(*paths)
-    # A matrix of a file may be ragged or hold words: NumPy says so by errors of its own.
+    # For a ragged matrix, or one with words, NumPy raises other errors.
     except (InputError, ValueError, TypeError) as error:
         raise ValueError(f"{key}: {error}") from None
     return {path: MadeInput(numbers[path], made[path]) for path in paths}

@@ -1,8 +1,7 @@
-"""What an entry of a scene file may be: kinds, entries of tables, ways to make an object.
+"""Kinds of the entries of a scene file, entries of tables, and makers of objects.
 
-A kind reads a value, says what it expects, and gives its JSON schema. It reads into plain numbers,
-text, lists and dicts. What else is learnt on the way - errors, units, which way was chosen to give
-an object - goes into the `Reading`."""
+A kind reads a value, says what it expects, and gives its JSON schema. Values are plain numbers,
+text, lists and dicts. Errors, units and the chosen maker of an object go into the `Reading`."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -22,10 +21,8 @@ Schema: TypeAlias = dict[str, object]
 
 @dataclass
 class Reading:
-    """What reading a file finds besides the values: `errors`, the `makers` of objects by path, and
-    the `units` as written.
-
-    `files`: those that it names."""
+    """Results of reading a file besides the values: `errors`, the `makers` of objects by path, the
+    `units` as written, and the named `files`."""
 
     files: NamedFiles = field(default_factory=NamedFiles)
     errors: list[str] = field(default_factory=list)
@@ -33,14 +30,14 @@ class Reading:
     units: WrittenUnits = field(default_factory=WrittenUnits)
 
     def take(self, other: "Reading") -> None:
-        """Add what another reading has found."""
+        """Add the results of another reading."""
         self.errors += other.errors
         self.makers |= other.makers
         self.units.take(other.units)
 
 
 class Kind(ABC):
-    """What an entry of a file may be."""
+    """The kind of an entry of a file."""
 
     @abstractmethod
     def read(self, value: object, path: str, reading: Reading) -> Value:

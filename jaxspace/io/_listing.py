@@ -1,4 +1,4 @@
-"""What scene files may name, for people (a text) and for editors (a JSON schema)."""
+"""The names that scene files may use, for people (a text) and for editors (a JSON schema)."""
 
 import os
 import re
@@ -23,9 +23,13 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 def schema(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Schema:
     """The JSON schema of all scene files. An editor completes and checks files with it.
 
-    `also`, `modules`: as in `load`."""
+    **Arguments**
+
+    - `also`, `modules`: as in `load`.
+
+    **Returns** the schema as a dict."""
     known = catalog(also, modules)
-    # One form for each system, because the name decides on all other keys.
+    # One form for each system, because its name determines all other keys.
     systems = [form_of("system", known, name).schema() for name in known.systems]
     body = [form_of(kind, known).schema() for kind in ("scene", "mission", "flight")]
     forms = [*systems, *body]
@@ -37,7 +41,8 @@ def listing(
     modules: Iterable[str | os.PathLike[str]] = (),
     word: str = "",
 ) -> str:
-    """What scene files may name: systems, effects, events and so on, with fields and units.
+    """The names that scene files may use: systems, effects, events and so on, with fields and
+    units.
 
     **Arguments**
 
@@ -73,12 +78,12 @@ def _with_word(groups: list[Group], word: str) -> list[Group]:
     entries = [(group, entry) for group, lines in groups for entry in _entries(lines)]
     # By all of its lines only then: fields of thrust are named in half of the entries.
     for part in (slice(1), slice(None)):
-        found: dict[str, list[str]] = {}
+        result: dict[str, list[str]] = {}
         for group, entry in entries:
             if word.lower() in "\n".join(entry[part]).lower():
-                found.setdefault(group, []).extend(entry)
-        if found:
-            return list(found.items())
+                result.setdefault(group, []).extend(entry)
+        if result:
+            return list(result.items())
     names = [*(name for name, _ in groups), *(_name(entry) for _, entry in entries)]
     raise InputError(
         f"{word} is in no entry: it must be a part of a name or of a description."
@@ -93,13 +98,13 @@ def _name(entry: list[str]) -> str:
 
 def _entries(lines: list[str]) -> list[list[str]]:
     """The lines of each entry: its own, and those of its fields, which are indented further."""
-    found: list[list[str]] = []
+    result: list[list[str]] = []
     for line in lines:
-        if line.startswith("   ") and found:
-            found[-1].append(line)
+        if line.startswith("   ") and result:
+            result[-1].append(line)
         else:
-            found.append([line])
-    return found
+            result.append([line])
+    return result
 
 
 def method_names(known: Catalog) -> list[str]:

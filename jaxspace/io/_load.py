@@ -1,4 +1,4 @@
-"""From a file to a scene that may be built: every check that needs no integration, done at once."""
+"""Loading of a scene file: all checks that need no integration."""
 
 import os
 import tomllib
@@ -45,16 +45,16 @@ def load(
     - `also`: classes and declared functions that the file may name besides those of the library:
       final systems, effects, jumps, conditions and distributions whose fields are quantities;
       outputs, events and makers of initial states.
-    - `modules`: paths of Python files, which are run; the file may name what they define. The key
-      `modules` of a file says which it needs, and lets none run.
+    - `modules`: paths of Python files, which are run; the file may use the names that they define.
+      The key `modules` of a file names those that it needs, and does not run them.
     - `text`: of the file, if it is not to be read.
     - `files`: texts of files that it names, which then are not read either.
 
-    **Returns** the checked file; the system is built when it is asked for.
+    **Returns** the checked file, which builds its system on request.
 
-    **Raises** `SceneError`, one line for each thing that is wrong; nothing is compiled before."""
+    **Raises** `SceneError`, with one line for each error, before anything is compiled."""
     data, text = _parsed(path, text)
-    # Alone: every other sentence about a later format would be a guess.
+    # This error alone, because any other about a later format would be a guess.
     if format_error(data):
         raise SceneError(path, format_error(data))
     own = read_modules(modules)
@@ -63,7 +63,7 @@ def load(
     named = NamedFiles(Path(path).parent, files)
     known = catalog(also, own).numbered(_named_effects(data))
     table, errors = form(data, known)
-    # If the form is unknown nothing can be read, and every further message would be a guess.
+    # If the form is unknown nothing can be read, and any further error would be a guess.
     if errors:
         raise SceneError(path, errors)
     reading = Reading(named)
@@ -94,7 +94,7 @@ def load(
 
 
 def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: list) -> list[str]:
-    """What is wrong with the rule that ends a campaign; nothing where the outputs are."""
+    """Errors of the rule that ends a campaign; none if the outputs have errors."""
     names = [spec.name for spec in outputs]
     if until is None or errors or until["output"] in names:
         return []
@@ -104,7 +104,7 @@ def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: 
 
 def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str]:
     try:
-        # No more than needed to see that it is too long: it may have no end.
+        # No more than needed to see that it is too long, because it may be endless.
         if text is None:
             with open(path, encoding="utf-8") as file:
                 text = file.read(LONGEST + 1)
@@ -117,7 +117,7 @@ def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str
             f"is longer than {LONGEST:,} characters: a scene file must be shorter, and long tables "
             f"stand in files that it names.",
         )
-    # The mark of Unicode that some editors write.
+    # The byte order mark that some editors write.
     text = text.removeprefix("\ufeff")
     try:
         data = tomllib.loads(text)
@@ -168,11 +168,11 @@ def _with_empty_tables(data: Values, known: Catalog) -> Values:
 def _named_effects(data: Values) -> list[str]:
     """The effects that have a table, or that a phase names."""
     effects, phases = data.get("effects", {}), data.get("phase", [])
-    acting = [
+    active = [
         e
         for p in (phases if isinstance(phases, list) else [])
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]
     ]
     own = list(effects) if isinstance(effects, Mapping) else []
-    return [e for e in (*own, *acting) if isinstance(e, str)]
+    return [e for e in (*own, *active) if isinstance(e, str)]

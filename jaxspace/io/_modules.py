@@ -1,7 +1,8 @@
-"""Modules of own physics: Python files whose classes and declared functions scene files may name.
+"""Modules of users' physics: Python files whose classes and declared functions scene files may
+name.
 
-A module runs because a caller names it. A scene file may say in `modules` which it needs, and a
-store which it was computed with: neither makes one run."""
+A module is run only if a caller names it. The key `modules` of a scene file names those that it
+needs, and a store those with which it was computed; neither runs one."""
 
 import os
 from collections.abc import Iterable, Mapping
@@ -16,16 +17,16 @@ from ._named_files import NamedFile
 
 def read_modules(paths: Iterable[str | os.PathLike[str]]) -> tuple[NamedFile, ...]:
     """The modules at these paths. Raises `InputError` for one that cannot be read."""
-    found: dict[str, NamedFile] = {}
+    result: dict[str, NamedFile] = {}
     for path in paths:
         try:
             module = NamedFile(Path(os.fspath(path)), read_text(path))
         except OSError as error:
             raise InputError(f"{path} cannot be read: {error.strerror}.") from None
-        # A store has them by their names, which therefore must differ.
-        if found.setdefault(module.path.name, module) != module:
+        # A store has them by name, so that the names must differ.
+        if result.setdefault(module.path.name, module) != module:
             raise InputError(f"{path} has the name of another module: it must be another name.")
-    return tuple(found.values())
+    return tuple(result.values())
 
 
 def defined_in(module: NamedFile) -> list[object]:
@@ -42,8 +43,9 @@ def missing_module(data: Mapping[str, Any], given: Iterable[NamedFile]) -> str:
     """The sentence for the first module that a file needs and that was not given; empty for none.
 
     `given`: the modules that the caller allows to run."""
-    names, needed = [module.path.name for module in given], data.get("modules")
-    # What is no list of texts is reported by reading it.
+    names = [module.path.name for module in given]
+    needed = data.get("modules")
+    # A value that is no list of texts is reported when it is read.
     for k, name in enumerate(needed if isinstance(needed, list) else []):
         if isinstance(name, str) and Path(name).name not in names:
             return (

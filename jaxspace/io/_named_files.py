@@ -1,5 +1,5 @@
-"""The files that a scene file names, such as tables of measured values: read once and kept, so that
-a stored campaign needs none of them."""
+"""The files that a scene file names, such as tables of measured values: their texts are stored with
+a campaign, which then does not need the files."""
 
 import os
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from ..core.files import read_text
 
 @dataclass(frozen=True)
 class NamedFile(os.PathLike[str]):
-    """A file by its path, whose text is known: what reads it need not open it."""
+    """The path of a file whose text is known, so that it is not opened."""
 
     path: Path
     text: str
@@ -32,11 +32,11 @@ class NamedFile(os.PathLike[str]):
 class NamedFiles:
     """The files that a scene file names, by the name that it gives them.
 
-    Whatever reads such a file asks here for it: a campaign then keeps its text in its store, and
-    takes it from there.
+    All of them are read through this object, so that a campaign can store their texts and read them
+    from its store.
 
     - `folder`: that of the scene file, where names begin.
-    - `texts`: of the files that have been read, or that a store has kept.
+    - `texts`: of the files that have been read, or that a store holds.
     - `entries`: of the scene file that name a file, by their path."""
 
     def __init__(self, folder: Path | None = None, texts: Mapping[str, str] | None = None):
@@ -65,5 +65,5 @@ class NamedFiles:
 
     def path(self, name: str) -> Path:
         """Where a file lies."""
-        # Absolute: where the program runs may change before it is named again.
+        # Absolute, because the working directory may change.
         return (self.folder / name).absolute()

@@ -18,7 +18,7 @@ def outputs_of(
     outputs: Outputs,
 ) -> dict[str, tuple[float, str]]:
     """The `outputs` of the nominal run, which the `specs` name, with their units."""
-    # A jitted function without outputs would still be compiled.
+    # A jitted function without outputs would be compiled all the same.
     if not specs:
         return {}
     if isinstance(nominal, MissionTrajectory):
@@ -27,7 +27,7 @@ def outputs_of(
     else:
         states = {-1: _with_run(nominal.final)}
         ends = {-1: nominal.ts[-1]}
-    # Outputs are written for runs on the last axis: the nominal run is a batch of one.
+    # Outputs take runs on the last axis, so that the nominal run is a batch of one.
     ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}

@@ -1,4 +1,4 @@
-"""From the declarations of a class or a function to the entries of a file, and back to the object.
+"""Entries of a file from the declarations of a class or a function, and objects from these entries.
 
 declaration                                         in a file
 a field or an argument that is a quantity           a key with a number, or a list of numbers
@@ -30,7 +30,7 @@ from ._value_kinds import FilePath, ListOf, Number, OneName
 
 Declared: TypeAlias = Mapping[str, Quantity | Choice | FileName]
 
-# What has tables of its own at the top of a file.
+# Objects with tables at the top level of a file.
 TOP_LEVEL = (AbstractSystem, AbstractEffect, AbstractBody, AbstractController)
 
 
@@ -67,7 +67,7 @@ def object_kind(cls: type) -> Object | None:
 
     For an abstract class they are those of its final subclasses."""
     if not getattr(cls, "__final__", False):
-        # A field annotated with the abstract class takes whatever final class there is.
+        # A field annotated with an abstract class takes any final class of it.
         kinds = [object_kind(sub) for sub in cls.__subclasses__()]
         ways = tuple(way for kind in kinds if kind is not None for way in kind.ways)
         return Object(ways) if ways else None
@@ -89,7 +89,7 @@ def _plain_way(cls: type) -> Maker | None:
     arguments = {}
     referred = references(cls)
     for name, entry in _field_entries(cls).items():
-        # A field that no file can give, and that has no default: named constructors alone remain.
+        # With a field that no file can give, and without a default, only named constructors remain.
         if entry is None:
             return None
         key = (quantities(cls)[name].key if name in quantities(cls) else "") or name
@@ -119,7 +119,7 @@ def _named_ways(cls: type) -> Iterable[Maker]:
         fields = entries_of(declared.arguments)
         arguments = {(getattr(d, "key", "") or n): n for n, d in declared.arguments.items()}
         for field, entry in _field_entries(cls).items():
-            # What the constructor computes must not be given as well.
+            # Fields that the constructor computes must not be given as well.
             if entry is not None and field not in (*declared.sets, *arguments.values()):
                 fields[field], arguments[field] = entry, field
         yield Maker(
@@ -133,8 +133,9 @@ def _named_ways(cls: type) -> Iterable[Maker]:
 
 def _field_entries(cls: type) -> dict[str, Entry | None]:
     """The entry of each field that a file can give; `None` for one that it cannot give and must."""
-    found: dict[str, Entry | None] = {}
-    declared, referred = quantities(cls), references(cls)
+    result: dict[str, Entry | None] = {}
+    declared = quantities(cls)
+    referred = references(cls)
     for field in dataclasses.fields(cls):
         if field.name in referred or not field.init and field.name not in declared:
             continue
@@ -144,12 +145,12 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
             shared = declared[field.name].shared if field.name in declared else ""
             doc = field.metadata.get("doc", "")
             doc = declared[field.name].doc if field.name in declared else doc
-            found[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)
+            result[field.name] = Entry(nested, None if default is None else REQUIRED, shared, doc)
         elif field.name in declared:
-            found[field.name] = entry_of(declared[field.name])
+            result[field.name] = entry_of(declared[field.name])
         elif default is REQUIRED and field.default_factory is REQUIRED:
-            found[field.name] = None
-    return found
+            result[field.name] = None
+    return result
 
 
 def _nested(annotation: object) -> Object | None:
@@ -166,7 +167,7 @@ def _nested(annotation: object) -> Object | None:
 
 
 class Runs(NamedTuple):
-    """How many runs are built at once: `count`, or `None` for one without an axis of runs.
+    """Number of runs that are built at once: `count`, or `None` for one without an axis of runs.
 
     A number of the file is a scalar, or (runs,) where it is dispersed. Parameters that all runs
     share stay scalars; a state has every run."""
@@ -176,7 +177,7 @@ class Runs(NamedTuple):
     def vector(self, components: Iterable[ArrayLike]) -> Float[Array, "components *#runs"]:
         """A parameter of several components: (3,), or for runs (3, 1) or (3, runs)."""
         parts = [jnp.asarray(c) for c in components]
-        # (3, 1) for what all runs share: it is not copied for every run.
+        # (3, 1) for shared vectors, which are not copied for every run.
         shape = jnp.broadcast_shapes(() if self.count is None else (1,), *(p.shape for p in parts))
         return jnp.stack([jnp.broadcast_to(p, shape) for p in parts])
 
@@ -193,9 +194,9 @@ class Building(NamedTuple):
     """From the values of a file to objects.
 
     - `values`: of the whole file, with arrays in place of numbers.
-    - `makers`: by path, which way the file gives an object.
-    - `runs`: how many are built at once.
-    - `full`: whether what is built is a state, of every run."""
+    - `makers`: by path, the maker of an object.
+    - `runs`: the number of runs that are built at once.
+    - `full`: whether a state is built, of every run."""
 
     values: Values
     makers: Mapping[str, Maker]
@@ -212,10 +213,11 @@ class Building(NamedTuple):
         for key, entry in maker.entries.items():
             value = values.get(key)
             source = path if maker.bare else f"{path}.{key}"
-            # The own table comes first, so that one effect may differ from the planet of the file.
+            # The table of the object comes first, so that one effect may differ from the planet.
             if value is None and entry.shared:
-                value, source = at(self.values, entry.shared), entry.shared
-            # Left out and not passed as `None`: the default of the class holds.
+                value = at(self.values, entry.shared)
+                source = entry.shared
+            # Omitted, and not passed as `None`, so that the default of the class holds.
             if value is not None and key in maker.arguments:
                 arguments[maker.arguments[key]] = self._value(entry.kind, value, source)
         return maker.make(**arguments)
@@ -224,10 +226,10 @@ class Building(NamedTuple):
         """The effects of these names. Those that refer to another one are made last."""
         made: dict[str, AbstractEffect] = {}
         makers = {name: self.makers[f"effects.{name}"] for name in names}
-        # By whether they refer: one level is enough, for a reference names no reference.
+        # Those without references first; one level is enough, because no reference has references.
         for name in sorted(makers, key=lambda name: bool(makers[name].references)):
             made[name] = self.make(f"effects.{name}", **referred(makers[name], made))
-        # In the order of the file again, which is the order of the sums and of `explain`.
+        # In the order of the file, which is that of the sums and of `explain`.
         return {name: made[name] for name in makers}
 
     def _value(self, kind: Kind, value: Value, path: str) -> Value:
@@ -257,7 +259,7 @@ def referred(maker: Maker, effects: Mapping[str, AbstractEffect]) -> dict[str, o
 
 
 def at(values: Value, path: str) -> Value:
-    """What stands at the path of a tree of dicts and lists; `None` where nothing does."""
+    """The value at the path of a tree of dicts and lists; `None` without one."""
     for step in path.split("."):
         if isinstance(values, Mapping):
             values = values.get(step)

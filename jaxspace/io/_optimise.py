@@ -1,4 +1,4 @@
-"""The search that [optimize] asks for."""
+"""The search of the table [optimize]."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -8,9 +8,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..optimization import Progress, StopReason, minimise
-from ._flown_task import criterion, failed_phase
 from ._optimize_table import Free, Task
 from ._optimum import Optimum
+from ._search_task import criterion, failed_phase
 
 
 def optimise(
@@ -20,7 +20,7 @@ def optimise(
     start: Mapping[str, float] | None = None,
     steps: int | None = None,
 ) -> Optimum:
-    """The optimum that the `task` asks for; see `SceneFile.optimize`."""
+    """The optimum of the `task`; see `SceneFile.optimize`."""
     table = file.values["optimize"]
     each: int = table["steps"] if steps is None else steps
     given = {free.path: float(free.start) for free in task.free} if start is None else start
@@ -29,7 +29,7 @@ def optimise(
         {free.path: jnp.asarray(free.low) for free in task.free},
         {free.path: jnp.asarray(free.high) for free in task.free},
     )
-    found = minimise(
+    result = minimise(
         lambda x: criterion(file, task, x, each),
         x0,
         bounds=bounds,
@@ -39,23 +39,23 @@ def optimise(
         scale={free.path: jnp.asarray(_size(free)) for free in task.free},
         progress=progress,
     )
-    objective, constraints, error, happened = found.criterion.report
+    objective, constraints, error, happened = result.criterion.report
     numbers = tuple(float(x) for x in constraints)
     met = tuple(bool(x) for x in happened)
-    made = Optimum(file, task, found, float(objective), numbers, float(error), each, met)
-    if int(found.reason) == StopReason.NOT_FINITE:
-        return dataclasses.replace(made, doubt=_failed_start(made))
+    made = Optimum(file, task, result, float(objective), numbers, float(error), each, met)
+    if int(result.reason) == StopReason.NOT_FINITE:
+        return dataclasses.replace(made, warning=_failed_start(made))
     return made
 
 
 def _failed_start(found: Optimum) -> str:
-    """Why the flight from the start of a search has no finite numbers, in words; empty where that
-    is not the flight's fault."""
-    # The search itself keeps of a flight only its ends.
+    """Why the run from the start of a search has no finite numbers, in words; empty where that
+    is not the fault of the run."""
+    # The search itself saves only the ends of a run.
     run = found.file.nominal_mission(samples=2)
     bad = failed_phase(run)
     if bad:
-        return f"The flight from the start: {bad}"
+        return f"The run from the start: {bad}"
     missed = [name for name, met in zip(run.names, found.happened, strict=True) if not met]
     if not missed:
         return ""

@@ -1,4 +1,4 @@
-"""The table [optimize] of a file: what is best, which of its numbers are free, what must hold.
+"""The table [optimize] of a file: objective, free numbers and constraints.
 
 [optimize]
 maximise = "final.mass"                         or minimise; an output as in [dispersion]
@@ -43,7 +43,7 @@ class Free(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A constraint: the output, which of `LIMITS` it is, the target in SI, and its number in the
+    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and its number in the
     list of the file."""
 
     spec: OutputSpec
@@ -52,7 +52,7 @@ class Demand(NamedTuple):
 
 
 class Task(NamedTuple):
-    """What [optimize] asks for; `sign` is -1 where the objective is to be greatest."""
+    """The content of [optimize]; `sign` is -1 for a maximum."""
 
     objective: OutputSpec
     sign: float
@@ -75,7 +75,7 @@ class OneOutput(Kind):
                 reading.errors.append(missing(path, f"one of {', '.join(self.more)}"))
         trial = Reading()
         read = self.outputs.read([value], path, trial)
-        # The list has this one entry, whose number nobody wrote.
+        # A list of this one entry, whose number is not in the file.
         reading.errors += [line.replace(f"{path}.0", path, 1) for line in trial.errors]
         return {**read[0], **own} if read else None
 
@@ -103,7 +103,7 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
             "constraint": Entry(
                 ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."
             ),
-            # Between two breaks a phase has its share of these steps.
+            # The intervals between the breaks of a phase share its steps.
             "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
             "method": Entry(OneName(("sqp", "multipliers")), "sqp", doc="of the search"),
             "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
@@ -114,12 +114,14 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
 
 def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]]:
     """What the table asks for; or what is wrong with it."""
-    table, errors = file.values["optimize"], []
+    table = file.values["optimize"]
+    errors = []
     goals = [goal for goal in GOALS if table[goal] is not None]
     if len(goals) != 1:
         return None, ["optimize must have one of minimise and maximise."]
     # Errors are collected, so that one check of a file names every mistake.
-    objective, demands = None, []
+    objective = None
+    demands = []
     try:
         objective = _output(f"optimize.{goals[0]}", table[goals[0]], file, units)
     except ValueError as error:
@@ -151,24 +153,24 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
 
 def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[Demand]:
     spec = _output(key, entry, file, units)
-    found = []
+    result = []
     for limit in LIMITS:
         if limit in entry:
             quantity = argument(unit_of(spec, file), doc="target")
             try:
-                found.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
+                result.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
             except ValueError as error:
                 raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
-    return found
+    return result
 
 
 def _free(
     entries: Mapping[str, Value], file: Parsed, units: WrittenUnits
 ) -> tuple[tuple[Free, ...], list[str]]:
-    """The free numbers, or what is wrong with them; a `*` in a path stands for any of its steps."""
-    # A search over its own settings, or over those of a campaign, has no meaning.
+    """The free numbers, or their errors; a `*` in a path stands for any of its steps."""
+    # Settings of the search, or of a campaign, cannot be free.
     numbers = {p: m for p, m in measures(file.values) if p.split(".")[0] not in OWN_TABLES}
-    found: dict[str, Free] = {}
+    result: dict[str, Free] = {}
     errors = []
     for pattern, entry in entries.items():
         key = f"optimize.free.{pattern}"
@@ -185,26 +187,26 @@ def _free(
             ]
             for path in paths:
                 try:
-                    found[path] = _one_free(key, path, entry, numbers[path], units)
+                    result[path] = _one_free(key, path, entry, numbers[path], units)
                 except ValueError as error:
                     errors.append(str(error))
-    if not found and not errors:
+    if not result and not errors:
         errors.append(missing("optimize.free", "a table whose keys are paths of numbers"))
     # Once each: a pattern with a star gives the same sentence for many paths.
-    return tuple(found.values()), list(dict.fromkeys(errors))
+    return tuple(result.values()), list(dict.fromkeys(errors))
 
 
 def _one_free(
     key: str, path: str, entry: Mapping[str, Value], start: Measure, units: WrittenUnits
 ) -> Free:
-    """Raises `ValueError` with the whole sentence."""
+    """A free number. Raises `ValueError` with the whole sentence."""
     quantity = start.quantity
 
     def read(name: str, default: float | None) -> float | None:
         if name not in entry:
             return default
         try:
-            # A bound may stand on the edge of what is allowed, a size is any number.
+            # A bound may be a limit of the allowed range, a size is any number.
             wide = quantity._replace(strict=False)
             if name == "scale":
                 wide = argument(quantity.unit, positive=True, doc="size")
@@ -212,7 +214,7 @@ def _one_free(
         except ValueError as error:
             raise ValueError(wrong(f"{key}.{name}", entry[name], str(error))) from None
 
-    # If the file gives no bound, that of the class holds, beyond which nothing could be built.
+    # Without a bound in the file, the limit of the class is the bound.
     low, high = read("low", quantity.low), read("high", quantity.high)
     assert low is not None and high is not None
     if not low < high:
@@ -222,6 +224,6 @@ def _one_free(
             f"{key}: {path} is {float(start):g} {quantity.unit}, where the search would start: "
             f"it must be between {low:g} and {high:g}."
         )
-    # In the report as the author writes it: the unit of this number, or of others of its kind.
+    # For the report: the unit of this number in the file, or of others of its kind.
     unit = start.unit or units.of(path, quantity.unit)
     return Free(path, start, low, high, read("scale", None), unit, in_unit(quantity.unit, unit))

@@ -1,4 +1,4 @@
-"""What a search found: its numbers, why it ended, and whether a run at the accuracy of the file
+"""Result of a search: its numbers, why it ended, and whether a run at the accuracy of the file
 confirms it."""
 
 import dataclasses
@@ -14,33 +14,33 @@ from ..core import InputError
 from ..optimization import Minimum, StopReason
 from ..simulation import MissionTrajectory
 from ._build import replaced
-from ._flown_task import criterion, failed_phase, values_of
 from ._inputs import measures
 from ._optimize_table import OWN_TABLES, Task
 from ._optimum_file import with_numbers
 from ._outputs import OutputSpec
+from ._search_task import criterion, failed_phase, values_of
 
-# Relative error of an output that the steps of the search may cause: far below what a design asks
-# of a first search, and far above that of good steps, of which 40 a phase reach 1e-5.
+# Allowed relative error of an output by the steps of the search: far below the needs of a first
+# design, and far above that of good steps, of which 40 in a phase reach 1e-5.
 MISS = 1e-3
-# Error of an output about zero, in tolerances of search and confirmation: that of each step adds up
-# over a run of many steps.
+# Allowed error of an output about zero, in tolerances of search and confirmation: the errors of the
+# steps accumulate over a run.
 TOLERANCES = 100.0
 
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
 class Optimum:
-    """What `SceneFile.optimize` found.
+    """Result of `SceneFile.optimize`.
 
-    - `file`: the file; `task`: what its [optimize] asks for.
+    - `file`: the file; `task`: the content of its [optimize].
     - `minimum`: the result of `optimization.minimise`, whose `x` are the free numbers by path, SI;
       of an objective that is to be greatest, it is the minimum of the negative.
     - `objective`, `constraints`: the values of the outputs, SI, in the order of the file.
-    - `error`: what the steps estimate of their relative error; `steps`: of each phase.
+    - `error`: estimated relative error by the steps; `steps`: of each phase.
     - `happened`: whether each phase met its event.
-    - `doubt`: what speaks against it beside the search, in words: that the flight from the start
-      fails, or that the run that confirms it has other numbers."""
+    - `warning`: a sentence on a doubtful result: the run from the start fails, or the run that
+      should confirm the optimum has other numbers."""
 
     file: Any  # a `SceneFile`, whose module imports this one
     task: Task
@@ -50,12 +50,12 @@ class Optimum:
     error: float
     steps: int
     happened: tuple[bool, ...] = ()
-    doubt: str = ""
+    warning: str = ""
 
     @property
     def converged(self) -> bool:
-        """Whether the search met its tolerance, and nothing speaks against the optimum."""
-        return bool(self.minimum.converged) and not self.doubt
+        """Whether the search met its tolerance, without a `warning`."""
+        return bool(self.minimum.converged) and not self.warning
 
     @property
     def values(self) -> dict[str, float]:
@@ -69,10 +69,10 @@ class Optimum:
         return int(self.minimum.reason) == StopReason.INFEASIBLE
 
     def sentence(self) -> str:
-        """Why the search ended; what each constraint that is not met has reached and what was
-        asked, in the units of the file; and what else speaks against the optimum."""
+        """Why the search ended; value and target of each constraint that is not met, in the units
+        of the file; and the `warning`."""
         own = self._own_sentence()
-        return f"{own} {self.doubt}" if self.doubt else own
+        return f"{own} {self.warning}" if self.warning else own
 
     def _own_sentence(self) -> str:
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
@@ -83,12 +83,13 @@ class Optimum:
             ]
             where = "at the start" if int(self.minimum.steps) == 0 else "where the search ended"
             return f"{', '.join(bad)} {where}." if bad else self.minimum.sentence()
-        # Equalities and the rest come back in the order of the file among their own kind.
-        equal, above = (iter(flags) for flags in self.minimum.unmet())
+        # Equalities and inequalities are each in the order of the file.
+        equal, above = (iter(flags) for flags in self.minimum.unmet)
         clauses = []
         for demand, value in zip(self.task.demands, self.constraints, strict=True):
             if next(equal if demand.limit == "equal" else above):
-                spec, limit = demand.spec, demand.limit.replace("_", " ")
+                spec = demand.spec
+                limit = demand.limit.replace("_", " ")
                 best, target = (f"{spec.factor * x:.6g}" for x in (value, demand.target))
                 unit = f" {spec.unit}" if spec.unit else ""
                 name = spec.name.replace("_", " ")
@@ -112,31 +113,34 @@ class Optimum:
         if self.infeasible:
             return (np.nan,) * len(self.task.demands)
         equal, above = _multipliers(self.minimum)
-        found = []
+        result = []
         e = 0
         a = 0
         for demand in self.task.demands:
             if demand.limit == "equal":
-                slope, e = -equal[e], e + 1
+                slope = -equal[e]
+                e = e + 1
             else:
-                slope, a = (above[a] if demand.limit == "at_least" else -above[a]), a + 1
-            found.append(self.task.sign * float(slope))
-        return tuple(found)
+                slope = above[a] if demand.limit == "at_least" else -above[a]
+                a = a + 1
+            result.append(self.task.sign * float(slope))
+        return tuple(result)
 
     @property
     def bound_derivatives(self) -> dict[str, float]:
         """For each free number at a bound the derivative of the objective by that bound, SI; none
         for an infeasible problem."""
-        found = {}
+        result = {}
         if self.infeasible:
-            return found
+            return result
         for free in self.task.free:
-            x, span = self.values[free.path], free.high - free.low
+            x = self.values[free.path]
+            span = free.high - free.low
             near = min(x - free.low, free.high - x) <= 1e-6 * (span if span < np.inf else abs(x))
             if near:
                 slope = float(self.minimum.bound_multipliers[free.path])
-                found[free.path] = self.task.sign * slope
-        return found
+                result[free.path] = self.task.sign * slope
+        return result
 
     def sensitivities(self) -> dict[str, float]:
         """The derivative of the best objective by every other number of the file, SI, with the
@@ -153,12 +157,12 @@ class Optimum:
         dual = self.minimum.multipliers
 
         def lagrangian(numbers: dict[str, Array]) -> Array:
-            found = criterion(self.file, self.task, {**numbers, **self.minimum.x}, self.steps)
-            total = found.objective
-            if found.equal_zero is not None and dual.equal_zero is not None:
-                total = total + dual.equal_zero @ found.equal_zero
-            if found.non_negative is not None and dual.non_negative is not None:
-                total = total - dual.non_negative @ found.non_negative
+            result = criterion(self.file, self.task, {**numbers, **self.minimum.x}, self.steps)
+            total = result.objective
+            if result.equal_zero is not None and dual.equal_zero is not None:
+                total = total + dual.equal_zero @ result.equal_zero
+            if result.non_negative is not None and dual.non_negative is not None:
+                total = total - dual.non_negative @ result.non_negative
             return self.task.sign * total
 
         slopes = jax.jit(jax.grad(lagrangian))({p: jnp.asarray(x) for p, x in fixed.items()})
@@ -172,13 +176,15 @@ class Optimum:
         numbers = replaced(file.values, {})
         return tuple(float(x) for x in values_of(file, numbers, self._specs, states, ends))
 
-    def judged(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
-        """The optimum with its `doubt`, after the `run` of its file and the outputs `confirmed` by
-        that: where they differ from those found by more than a thousandth, or about zero by more
-        than a hundred tolerances."""
+    def checked(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
+        """The optimum with its `warning`, after the `run` of its file.
+
+        It warns where the outputs `confirmed` by that run differ from those of the search by more
+        than a thousandth, or about zero by more than a hundred tolerances."""
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
             return self
-        table, weight = self.file.values["optimize"], np.asarray(self.minimum.search.weight)
+        table = self.file.values["optimize"]
+        weight = np.asarray(self.minimum.search.weight)
         # In the order of the search: the objective, equalities, inequalities.
         equal = [d.limit == "equal" for d in self.task.demands]
         order = [0, *(1 + k for k in np.argsort(~np.array(equal, bool), kind="stable"))]
@@ -197,15 +203,15 @@ class Optimum:
                 clauses.append(f"{spec.name.replace('_', ' ')} {shown[0]}, not {shown[1]}{unit}")
         bad = failed_phase(run)
         if not clauses and not bad:
-            return dataclasses.replace(self, doubt="")
+            return dataclasses.replace(self, warning="")
         what = f"has {', '.join(clauses)}" if clauses else "fails"
-        # A run that fails has its own reason, and says nothing of the steps.
+        # A run that fails has another reason than the steps.
         why = bad or (
             f"The {self.steps} steps of a phase are too coarse, with a relative error of "
             f"{self.error:.1e}."
         )
-        doubt = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"
-        return dataclasses.replace(self, doubt=doubt)
+        warning = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"
+        return dataclasses.replace(self, warning=warning)
 
     def text(self) -> str:
         """The scene file with the optimum in place of its free numbers, comments and units kept."""

@@ -1,5 +1,5 @@
-"""The scene file of an optimum: the text of the file with other free numbers, and all else as it
-was."""
+"""The scene file of an optimum: the text of the file with other free numbers, and otherwise
+unchanged."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -19,7 +19,7 @@ def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:
 
     document = tomlkit.parse(file.text)
     for free in task.free:
-        # A bare number is SI, whatever the table of the report shows.
+        # A bare number is in SI, whatever the unit of the report.
         factor = free.factor if free.start.unit else 1.0
         _put(document, free.path.split("."), _written(values[free.path], free, factor))
     # The text may be written into another folder, where a relative name would find nothing.
@@ -30,9 +30,10 @@ def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:
 
 def _written(value: float, free: Free, factor: float) -> str | float:
     """A number as the file writes it: with its unit where it had one."""
-    value, written = min(max(value, free.low), free.high), 0.0
-    # More digits than a search knows, and none of the rounding by a change of unit; all of them
-    # only at a bound, beyond which the file could not be read again.
+    value = min(max(value, free.low), free.high)
+    written = 0.0
+    # More digits than the accuracy of a search, and fewer than the rounding by a change of unit.
+    # All digits at a bound, beyond which the file could not be read again.
     for digits in (12, 15, 16, 17):
         number = float(f"{factor * value:.{digits}g}")
         written = f"{number!r} {free.start.unit}" if free.start.unit else number

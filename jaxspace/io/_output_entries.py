@@ -1,5 +1,5 @@
-"""What a file asks for as outputs: names of declared functions, methods of effects and paths, with
-where along the run they are taken."""
+"""The outputs of a file: names of declared functions, methods of effects and paths, and the places
+along the run at which they are taken."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -18,12 +18,12 @@ from .units import WrittenUnits, in_unit, read_number
 
 RUN = "run"
 ABOUT_A_CENTRE = ("inclination", "radial_speed")
-"""Outputs that say nothing of a flight over flat ground."""
+"""Outputs without a meaning for a flight over flat ground."""
 TAKES = ("greatest", "least", "time_of_greatest", "time_of_least")
 
 
 def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, ...], list[str]]:
-    """The outputs that [dispersion] asks for; or what is wrong. `units`: those of the file."""
+    """The outputs of [dispersion], or their errors. `units`: those of the file."""
     specs, errors = [], []
     for number, entry in enumerate(file.values["dispersion"]["outputs"]):
         key = f"dispersion.outputs.{number}"
@@ -40,7 +40,7 @@ def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, .
 
 
 class _What(NamedTuple):
-    """What an entry names: a function of a state, a method of an effect, or a path."""
+    """The output of an entry: a function of a state, a method of an effect, or a path."""
 
     at: int
     si: str
@@ -50,8 +50,9 @@ class _What(NamedTuple):
 
 
 def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> OutputSpec:
-    """The output that an entry asks for. Raises `ValueError` with the whole sentence."""
-    name, take = entry["output"], entry.get("take", "")
+    """The output of an entry. Raises `ValueError` with the whole sentence."""
+    name = entry["output"]
+    take = entry.get("take", "")
     if take and take not in TAKES:
         raise ValueError(wrong(f"{key}.take", take, _one_of()))
     what = _what(key, entry, file, take)
@@ -80,7 +81,7 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
     catalog = file.catalog.outputs
     places = _places(file, take)
     head, dot, rest = name.partition(".")
-    # A path comes before a name, for no declared function has a dot in its name.
+    # A path is tried before a name, because no declared function has a dot in its name.
     if dot and head in places:
         path = tuple(rest.split("."))
         return _What(places[head], _unit_of_path(f"{key} = {name}", path, file), None, path)
@@ -122,9 +123,9 @@ def _methods_of(name: str, file: Parsed) -> Mapping[str, OutputFunction]:
 def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
     """The numbers of the phases along which an extreme is sought: those in which the effect acts,
     if it is of one. Raises `ValueError` where there are none."""
-    acting = [phase["effects"] for phase in _phases(file)]
-    every = range(max(len(acting), 1)) if found.at < 0 else [found.at]
-    phases = [k for k in every if not acting or not found.effect or found.effect in acting[k]]
+    active = [phase["effects"] for phase in _phases(file)]
+    every = range(max(len(active), 1)) if found.at < 0 else [found.at]
+    phases = [k for k in every if not active or not found.effect or found.effect in active[k]]
     if not phases:
         raise ValueError(f"{what}: {found.effect} does not act in this phase.")
     return tuple(phases)
@@ -179,7 +180,8 @@ def given_parts(file: Parsed) -> set[str]:
 
 
 def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
-    declared, parts = part_quantities(state_of(file)), given_parts(file)
+    declared = part_quantities(state_of(file))
+    parts = given_parts(file)
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]
@@ -197,28 +199,28 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
 
 
 def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
-    """What an output needs and the file does not have."""
+    """Errors for what an output needs and the file does not have."""
     parts = given_parts(file)
     shared = function.output.shared
-    found = []
+    result = []
     for argument in arguments_of(function):
         if argument in shared:
             if at(file.values, shared[argument]) is None:
-                found.append(f"{shared[argument]} is missing: the output {name} needs it.")
+                result.append(f"{shared[argument]} is missing: the output {name} needs it.")
         elif argument == "initial" and file.kind == "flight":
-            found.append(f"A flight has no [initial]: the output {name} needs one.")
+            result.append(f"A flight has no [initial]: the output {name} needs one.")
         elif argument == "body" and file.kind == "system":
-            found.append(f"A system has no body: the output {name} needs one.")
+            result.append(f"A system has no body: the output {name} needs one.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:
-            found.append(f"initial has no {argument}: the output {name} needs it.")
-    return found
+            result.append(f"initial has no {argument}: the output {name} needs it.")
+    return result
 
 
 def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, ...]:
-    """Every output that the file has all for, of the end of the run alone."""
-    found = []
+    """All outputs at the end of the run whose arguments the file has."""
+    result = []
     for name, function in file.catalog.outputs.items():
-        # For the nominal run itself a comparison with the nominal run is zero, and says nothing.
+        # A comparison of the nominal run with itself is zero.
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         # Over flat ground the origin is no centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
@@ -226,10 +228,10 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
             si = function.output.unit
             unit = units.of(name, si)
             shared = tuple(function.output.shared.items())
-            found.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
+            result.append(OutputSpec(name, -1, unit, in_unit(si, unit), function, (), shared))
     for name, function in _methods_of(SITE, file).items():
         si = function.output.unit
         unit = units.of(name, si)
         spec = OutputSpec(name, -1, unit, in_unit(si, unit), function, (), ())
-        found.append(spec._replace(effect=SITE))
-    return tuple(found)
+        result.append(spec._replace(effect=SITE))
+    return tuple(result)

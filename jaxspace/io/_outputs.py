@@ -1,5 +1,5 @@
-"""The numbers of interest of a run, for every run of a campaign: at its end, at the end of a phase,
-or the extreme along it.
+"""The outputs of every run of a campaign: numbers at its end, at the end of a phase, or extremes
+along it.
 
 An output is a declared function of a state (`jaxspace.core.output`), a declared method of an effect
 (`drag.dynamic_pressure`), or the path of a number of the state, `final.omega.2`, in which the name
@@ -31,8 +31,8 @@ Curves: TypeAlias = Mapping[int, tuple[Array, State]]
 
 
 class OutputSpec(NamedTuple):
-    """One output: its `name`, where it is taken (`at`: the number of a phase, or -1 for the end),
-    its `unit`, and how many of these one unit of SI is (`factor`).
+    """One output: its `name`, the phase at whose end it is taken (`at`, -1 for the last one), its
+    `unit`, and the `factor` from SI to this unit.
 
     - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
     - `shared`: entries of the file for arguments of the function.
@@ -67,11 +67,11 @@ def needs_nominal(specs: tuple[OutputSpec, ...]) -> bool:
 
 
 class Outputs(eqx.Module):
-    """The `outputs` of a campaign of the `file`: those of the `specs`.
+    """The `outputs` of a campaign of the `file`, one for each of the `specs`.
 
     - `values`: the numbers of the file.
     - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
-      `None` where no output compares with them."""
+      `None` if no output needs them."""
 
     # A `SceneFile`, whose module imports this one.
     file: Any = eqx.field(static=True)
@@ -83,8 +83,8 @@ class Outputs(eqx.Module):
     def to_check(self) -> "Outputs | None":
         """The outputs that the user's own functions compute, or `None` where there are none.
 
-        A campaign checks that these functions do not mix the runs."""
-        # The library is tested for it; tracing its outputs once more would take its time.
+        A campaign checks that the outputs of a run do not depend on other runs. Those of the
+        library are tested for it, and left out to save the time of another trace."""
         own = __name__.partition(".")[0]
         given = tuple(
             spec
@@ -98,10 +98,10 @@ class Outputs(eqx.Module):
         began, curves = {}, {}
         for spec in self.specs:
             if BEGAN in spec.arguments():
-                # That of the whole run is the start of its first phase.
+                # The whole run began with its first phase.
                 began[spec.at] = first_state(result.phases[max(spec.at, 0)].states)
-            # Only phases that are asked for: states of the others are not kept by the compiled
-            # program.
+            # Only requested phases, because the compiled program does not save the states of
+            # others.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
                 ends[spec.at] = result.phases[spec.at].ts[-1]
@@ -116,20 +116,25 @@ class Outputs(eqx.Module):
         curves: Curves | None = None,
         began: dict[int, State] | None = None,
     ) -> dict[str, Array]:
-        """The outputs, each (runs,), from the states by phase and the times at their ends, s, and
-        from all states of the phases along which extremes are asked for, and the states in which
-        the phases `began` where an output compares with them."""
+        """The outputs, each (runs,).
+
+        **Arguments**
+
+        - `states`, `ends`: the states at the ends of the phases, and the times there, s.
+        - `samples`: the inputs of the runs.
+        - `curves`: all states of the phases along which extremes are taken.
+        - `began`: the states at the starts of the phases, for outputs that compare with them."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
-        found = {}
+        result = {}
         for spec in self.specs:
             if spec.take:
                 value = self._extreme(spec, curves or {}, samples, runs, began or {})
             else:
                 end = ends[spec.at]
                 value = self._value(spec, states[spec.at], end, samples, runs, began or {})
-            # An output of shared numbers alone has no runs, but a column of the store has.
-            found[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
-        return found
+            # An output of shared numbers alone has no axis of runs, which the store needs.
+            result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
+        return result
 
     def _extreme(
         self,
@@ -143,10 +148,10 @@ class Outputs(eqx.Module):
             return jnp.broadcast_to(self._value(spec, y, t, samples, runs, began), (runs,))
 
         times = [curves[k][0] for k in spec.phases]
-        # Over the times, which lie before the one axis of runs.
+        # Mapped over the times, which are before the axis of runs.
         along = [jax.vmap(one, in_axes=(0, -2))(*curves[k]) for k in spec.phases]
-        found = (greatest if spec.take.endswith("greatest") else least)(times, along)
-        return found.time if spec.take.startswith("time") else found.value
+        result = (greatest if spec.take.endswith("greatest") else least)(times, along)
+        return result.time if spec.take.startswith("time") else result.value
 
     def _value(
         self,
@@ -160,7 +165,8 @@ class Outputs(eqx.Module):
         """The output of the state `y` at the time `t`."""
         if spec.function is None:
             return at_path(y, spec.path)
-        arguments, shared = {}, dict(spec.shared)
+        arguments = {}
+        shared = dict(spec.shared)
         for name in spec.arguments():
             if name in shared:
                 arguments[name] = at(self.file.replaced(self.values, samples), shared[name])
@@ -177,8 +183,7 @@ class Outputs(eqx.Module):
             elif name == BEGAN:
                 arguments[name] = began[spec.at]
             elif name == NOMINAL:
-                # Shapes are the same, and no output that compares is asked for without a
-                # reference.
+                # Without a reference only the shapes are used, and these are the same.
                 arguments[name] = y if self.reference is None else self.reference[spec.at]
             else:
                 arguments[name] = getattr(y, name)
@@ -186,18 +191,20 @@ class Outputs(eqx.Module):
 
 
 class MoreOutputs(eqx.Module):
-    """The outputs of a file and, beside them, those of a function that is `given`."""
+    """The outputs of a file, and those of a `given` function."""
 
     own: Outputs
     given: Callable[[MissionResult, dict[str, Array]], dict[str, Array]]
 
     @property
     def to_check(self) -> Any:
-        """The function that is given, whether it keeps runs apart; and what else is to check."""
+        """The outputs for the check that no run depends on another: the given function, and users'
+        functions of the file."""
         return self.given if self.own.to_check is None else self
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        own, given = self.own(result, samples), self.given(result, samples)
+        own = self.own(result, samples)
+        given = self.given(result, samples)
         if not isinstance(given, Mapping):
             raise InputError(
                 f"outputs gives an object of the class {type(given).__name__}: it must give a dict "

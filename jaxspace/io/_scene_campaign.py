@@ -1,4 +1,4 @@
-"""The campaign that [dispersion] of a scene file asks for."""
+"""The campaign of the table [dispersion] of a scene file."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -34,9 +34,9 @@ def campaign_of(
     **Arguments**
 
     - `file`: the scene file, whose module imports this one.
-    - `scatters`: how each input scatters, by its path.
-    - `outputs`: what is kept of each run.
-    - `design`: where the runs lie; at random if `None`.
+    - `scatters`: the distribution of each input, by its path.
+    - `outputs`: the outputs of each run.
+    - `design`: the design of the runs; random if `None`.
     - `along`: states of each phase that the outputs read.
     - `texts`: of the files that the scene names."""
     limits = {path: how.nominal.quantity for path, how in scatters.items()}
@@ -60,26 +60,26 @@ def campaign_of(
 
 
 def design_of(sampling: str, runs: int) -> LatinHypercube | Sobol | None:
-    """Where so many runs lie among the inputs, by the name that the file gives it."""
+    """The design for this number of runs, by its name in the file."""
     if sampling == "latin_hypercube":
         return LatinHypercube(runs)
     return Sobol() if sampling == "sobol" else None
 
 
-def doubts_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
-    """What inputs allow and hardly mean, a sentence each."""
-    return tuple(line for path, how in inputs.items() for line in how.doubts(path))
+def warnings_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
+    """Sentences on inputs that are allowed but probably a mistake."""
+    return tuple(line for path, how in inputs.items() for line in how.warnings(path))
 
 
 def _noise(values: Values) -> dict[str, Uniform]:
-    """What the noise of each run follows from, as one more input."""
+    """The seed of the noise of each run, as a further input."""
     whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
     return {NOISE: whole} if is_noisy(values) else {}
 
 
 class _Build(eqx.Module):
-    """The `build` of a campaign. The numbers of the file are leaves: another number compiles
-    nothing again."""
+    """The `build` of a campaign. The numbers of the file are leaves, so that another number needs
+    no compilation."""
 
     parsed: Parsed = eqx.field(static=True)
     values: Values

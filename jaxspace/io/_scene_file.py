@@ -1,5 +1,4 @@
-"""A scene file that has been checked, and what is built from it: one way for the nominal run and
-for many."""
+"""A checked scene file, which builds its systems and campaigns."""
 
 import dataclasses
 import functools
@@ -46,7 +45,7 @@ from ._optimize_table import Task
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
-from ._scene_campaign import NOISE, campaign_of, design_of, doubts_of
+from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
 
@@ -54,15 +53,15 @@ from .units import WrittenUnits, in_unit
 # Compared and hashed by identity, because outputs hold it as a static field.
 @dataclasses.dataclass(frozen=True, eq=False)
 class SceneFile:
-    """A checked scene file: what moves, from where, when, how accurately, and what scatters.
+    """A checked scene file: systems, initial state, times, accuracy, and dispersions.
 
-    - `path`, `text`: where it lies, and what it says.
+    - `path`, `text`: of the file.
     - `parsed`: its values in SI.
-    - `inputs`: for every dispersed number how it scatters.
-    - `outputs`: what is kept of each run of a campaign.
+    - `inputs`: the distribution of every dispersed number.
+    - `outputs`: those of each run of a campaign.
     - `units`: those in which the file gives its numbers.
-    - `task`: what [optimize] asks for, or `None`.
-    - `files`: those that the file names.
+    - `task`: the content of [optimize], or `None`.
+    - `files`: the files that it names.
     - `modules`: Python files that were run for it."""
 
     path: Path
@@ -77,7 +76,7 @@ class SceneFile:
 
     @property
     def kind(self) -> str:
-        """What the file describes: "system", "scene", "mission" or "flight"."""
+        """The kind of the file: "system", "scene", "mission" or "flight"."""
         return self.parsed.kind
 
     @property
@@ -92,17 +91,17 @@ class SceneFile:
 
     @property
     def runs(self) -> int:
-        """How many runs the file asks for. Raises `InputError` without [dispersion]."""
+        """Number of runs of [dispersion]. Raises `InputError` without it."""
         return self._dispersion()["runs"]
 
     @property
     def seed(self) -> int:
-        """What the runs of the file are drawn from. Raises `InputError` without [dispersion]."""
+        """Seed of the random inputs of [dispersion]. Raises `InputError` without it."""
         return self._dispersion()["seed"]
 
     @property
     def until(self) -> StopRule | None:
-        """When the campaign of the file ends before its `runs`; `None` for never."""
+        """The rule that ends the campaign of the file before its `runs`; `None` without one."""
         rule = self._dispersion()["until"]
         if rule is None:
             return None
@@ -110,7 +109,7 @@ class SceneFile:
 
     @property
     def compare(self) -> tuple[str, ...]:
-        """The cheaper methods that the file puts beside its runs."""
+        """The cheaper methods with which the file compares its runs."""
         return tuple(self._dispersion()["compare"])
 
     @functools.cached_property
@@ -120,7 +119,7 @@ class SceneFile:
         given = {"max_step": values["max_step"], "max_steps": values["max_steps"]}
         if values["method"] is not None:
             given["method"] = self._building(values).make("method")
-        # Left out, so that the defaults stand in one place: `Accuracy`.
+        # Omitted, so that the defaults are those of `Accuracy`.
         given = {key: value for key, value in given.items() if value is not None}
         return Accuracy(rtol=values["accuracy"], **given)
 
@@ -137,7 +136,7 @@ class SceneFile:
 
     @property
     def ts(self) -> Array:
-        """The times of the states asked for, s, (times,); the start of a mission, ()."""
+        """The save times, s, (times,); the start of a mission, ()."""
         if self.parsed.is_mission:
             return jnp.zeros(())
         times = self.values["times"]
@@ -155,7 +154,7 @@ class SceneFile:
 
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
-        # Compiled as one program: built one by one, each small operation would compile its own.
+        # One program, because outside of `jit` each small operation would be compiled.
         return eqx.filter_jit(lambda values: build_mission(self.parsed, values, Runs()))(
             self._numbers({})
         )
@@ -166,12 +165,13 @@ class SceneFile:
 
     @functools.cached_property
     def site(self) -> LaunchSite | None:
-        """Where a flight starts, with its rail and the air above it; `None` for another file."""
+        """The launch site of a flight, with its rail and the air above it; `None` for another
+        file."""
         return self._building(self.values).make(SITE) if self.kind == "flight" else None
 
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:
-        """What moves under the controller of the file; `None` without [control]."""
+        """The closed loop of the file; `None` without [control]."""
         loop = self.mission.phases[0].system
         return loop if isinstance(loop, ClosedLoop) and not self.parsed.is_mission else None
 
@@ -186,7 +186,7 @@ class SceneFile:
         """The nominal run: of a system or a scene, of a mission, or of the loop of a file with
         [control], whichever the file describes (`kind`, `loop`).
 
-        **Arguments**, the first two in place of what the file says
+        **Arguments**, the first two in place of those of the file
 
         - `accuracy`: as in `jaxspace.simulate`.
         - `events`: as there, or as in `ClosedLoop.simulate`; the phases of a mission have theirs.
@@ -225,7 +225,7 @@ class SceneFile:
 
         **Returns** the mission, whose parameters are scalars or carry the runs on the last axis,
         and the states, which carry them everywhere."""
-        # A campaign has at least one input, so that the number of runs is always known.
+        # A campaign has at least one input, which gives the number of runs.
         runs = next(iter(samples.values())).shape[0]
         return build_mission(self.parsed, self._numbers(samples), Runs(runs), samples.get(NOISE))
 
@@ -238,29 +238,28 @@ class SceneFile:
         warn: bool = True,
         runs: int | None = None,
     ) -> Campaign:
-        """What [dispersion] asks for, as a campaign for `disperse`.
+        """The campaign of [dispersion], for `disperse`.
 
         **Arguments**
 
         - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
           it is needed and not given.
-        - `inputs`: what scatters besides [dispersion], or otherwise than it says: by the path of a
-          number of the file a distribution, whose numbers are in SI, or a table as
-          [dispersion.inputs] has it, such as `{"deviation": "2 km"}`.
+        - `inputs`: further dispersed numbers, or other distributions for those of [dispersion]: by
+          the path of a number of the file a distribution, in SI, or a table as in
+          [dispersion.inputs], such as `{"deviation": "2 km"}`.
         - `outputs`: a function of a `MissionResult` and the inputs that gives more outputs, each
           (runs,), by name, as `Campaign.outputs` does, beside those of the file.
-        - `warn`: whether to warn of what the file allows and hardly means (`doubts`).
-        - `runs`: how many there will be, if not what the file says; a Latin hypercube is made for
-          them.
+        - `warn`: whether to issue the warnings of the file (`SceneFile.warnings`).
+        - `runs`: number of runs for a Latin hypercube, if not that of the file.
 
         **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
-        # Raises where there is no [dispersion], before the nominal run is simulated for nothing.
+        # Raises without [dispersion], before the nominal run is simulated in vain.
         asked = self._dispersion()
-        # A copy: what is given for one campaign is no file of another one.
+        # A copy, because files given for one campaign do not belong to another.
         files = NamedFiles(self.files.folder, self.files.texts)
         scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
-        for doubt in doubts_of(scatters) if warn else ():
-            warnings.warn(doubt, stacklevel=2)
+        for warning in warnings_of(scatters) if warn else ():
+            warnings.warn(warning, stacklevel=2)
         if nominal is None and needs_nominal(self.outputs):
             nominal = self.nominal_mission()
         reference = None if nominal is None else nominal_states(nominal)
@@ -271,8 +270,8 @@ class SceneFile:
 
     @property
     def _along(self) -> int:
-        """How many states of each phase the outputs need."""
-        # If no extreme is asked for, only the ends of the phases are read.
+        """Number of states of each phase that the outputs need."""
+        # Without extremes, only the ends of the phases are read.
         extremes = any(spec.take for spec in self.outputs)
         return self._dispersion()["extreme_samples"] if extremes else 2
 
@@ -283,7 +282,7 @@ class SceneFile:
         start: Mapping[str, float] | None = None,
         steps: int | None = None,
     ) -> Optimum:
-        """The best values of the free numbers of the file, as [optimize] asks for.
+        """The best values of the free numbers of the file, by its [optimize].
 
         **Arguments**
 
@@ -292,22 +291,23 @@ class SceneFile:
           default those of the file.
         - `steps`: integration steps of each phase, in place of those of the file.
 
-        **Returns** an `Optimum`, whose `converged` says whether it is one as far as the search
-        knows; `Optimum.judged` holds it against a run at the accuracy of the file.
+        **Returns** an `Optimum`, whose `converged` tells whether the search met its tolerance;
+        `Optimum.checked` compares it with a run at the accuracy of the file.
 
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         return optimise(self, self.task, progress, start, steps)
 
-    def doubts(self) -> tuple[str, ...]:
-        """What the file allows and hardly means, a sentence each: a range without the nominal
-        value, more than one draw of a thousand that will be refused."""
-        return doubts_of(self.inputs)
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
+        more than one draw of a thousand that will be refused."""
+        return warnings_of(self.inputs)
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
-        """The nominal run as a mission, at the accuracy of the file times `factor`; a bad end is
-        told by its status.
+        """The nominal run as a mission, at the accuracy of the file times `factor`; its status
+        reports a failure.
 
         `samples`: states of each phase; by default as many as the outputs of [dispersion] need."""
         samples = self._along if samples is None else samples
@@ -347,14 +347,14 @@ class SceneFile:
         **Arguments**
 
         - `nominal`: the run, as `nominal_mission` or `simulate` returns it.
-        - `every`: those for which the file has all that they need, in place of those that
-          [dispersion] asks for."""
+        - `every`: whether to return all outputs whose arguments the file has, in place of those of
+          [dispersion]."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
         return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
 
     def shown_unit(self, name: str, si: str) -> tuple[str, float]:
-        """The unit in which a quantity of this name, with the unit `si`, is shown: the one that the
-        file gives it, or a quantity of its kind; and how many of it one `si` is."""
+        """The unit in which a quantity of this name is shown, that of the file for it or for
+        another of its kind, and the factor from the unit `si` to it."""
         unit = self.units.of(name, si)
         return unit, in_unit(si, unit)
 
@@ -364,7 +364,8 @@ class SceneFile:
         `name`: of a declared output, a method of an effect such as "drag.dynamic_pressure", or the
         path of a number of the state such as "final.omega.2".
 
-        **Raises** `InputError` for a name of nothing, or of what the file has not all for."""
+        **Raises** `InputError` for an unknown name, or an output whose arguments the file does not
+        have."""
         try:
             spec = read_output("output", {"output": name}, self.parsed, self.units)
         except ValueError as error:
@@ -391,7 +392,7 @@ class SceneFile:
         return building.effects(self.parsed.active_effects())[name]
 
     def intended(self, values: Values) -> State:
-        """The initial state that the file asks for, with an axis of one run."""
+        """The initial state of the file, with an axis of one run."""
         return build_state(self.parsed, self._building(values, Runs(1)))
 
     def replaced(self, values: Values, samples: Mapping[str, Array]) -> Values:

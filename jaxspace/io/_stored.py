@@ -15,9 +15,12 @@ def stored_scene(
 ) -> SceneFile:
     """The scene file whose text a dispersion carries in its record.
 
-    `modules`: as in `load`; those with which it was computed.
+    **Arguments**
 
-    Raises `InputError` for a campaign that was made in Python and for other modules, and
+    - `dispersion`: that of a scene file, such as one from `open_store`.
+    - `modules`: as in `load`; those with which it was computed.
+
+    **Raises** `InputError` for a campaign that was made in Python and for other modules, and
     `SceneError` for a text that this version no longer understands."""
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:

@@ -17,7 +17,7 @@ MOST_UNKNOWN = 20
 class Table(Kind):
     """A table of `entries`; a key that is not among them is an error.
 
-    - `refused`: of further keys why they can stand in no file."""
+    - `refused`: reasons why other keys cannot be in a file."""
 
     entries: Mapping[str, Entry]
     refused: Mapping[str, str] = field(default_factory=dict)
@@ -33,12 +33,12 @@ class Table(Kind):
             reading.errors.append(
                 f"{full} {self.refused[key]}" if known else unknown(full, key, self.entries)
             )
-        # Each sentence seeks the nearest name: of a table of something else a few say enough.
+        # Only a few errors, because each searches for the nearest name.
         if len(strange) > MOST_UNKNOWN:
             where = f"{path} has" if path else "there are"
             more = len(strange) - MOST_UNKNOWN
             reading.errors.append(f"{where} {more} more keys that are not known.")
-        # In the order of the file: it is that of the effects of a scene, and of the units.
+        # In the order of the file, which is that of the effects of a scene, and of the units.
         keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
         return {
             key: self._entry(
@@ -50,14 +50,13 @@ class Table(Kind):
     def _entry(self, entry: Entry, value: object, path: str, reading: Reading) -> Value:
         if value is not REQUIRED:
             return entry.kind.read(value, path, reading)
-        # The value comes from another table, which is not read yet; `shared_errors` asks for it.
+        # The value comes from another table, which is checked by `shared_errors`.
         if entry.shared:
             return None
         if entry.default is REQUIRED:
             reading.errors.append(missing(path, entry.kind.expected()))
             return None
-        # A default is read like a value of the file, so that it becomes a `Measure` and can
-        # scatter.
+        # A default is read like a value of the file, so that it can be dispersed.
         default = list(entry.default) if isinstance(entry.default, tuple) else entry.default
         return None if default is None else entry.kind.read(default, path, reading)
 
@@ -83,17 +82,16 @@ class Table(Kind):
 
 @dataclass(frozen=True, eq=False)
 class Object(Kind):
-    """An object that can be given in several ways; the keys that are there decide which is
-    meant."""
+    """An object that can be given in several ways, of which the given keys select one."""
 
     ways: tuple[Maker, ...]
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        found = [self._attempt(way, value, path, reading.files) for way in self.ways]
-        # The first way without an error; else the one in which the fewest keys are wrong, so that
-        # the sentences are about the way that is meant.
-        best = min(range(len(found)), key=lambda k: found[k][2])
-        values, trial, _ = found[best]
+        result = [self._attempt(way, value, path, reading.files) for way in self.ways]
+        # The first way without an error; otherwise the one with the fewest wrong keys, so that the
+        # errors concern the intended way.
+        best = min(range(len(result)), key=lambda k: result[k][2])
+        values, trial, _ = result[best]
         if trial.errors:
             trial.errors = [self._with_other_ways(line, best) for line in trial.errors]
         else:
@@ -104,7 +102,7 @@ class Object(Kind):
     def _attempt(
         self, way: Maker, value: object, path: str, files: NamedFiles
     ) -> tuple[Value, Reading, int]:
-        # Each way reads into its own findings: those of the ways that are not meant are dropped.
+        # A separate reading for each way, because those of the other ways are dropped.
         trial = Reading(files)
         if way.bare and not isinstance(value, Mapping):
             values = way.first.kind.read(value, path, trial)
@@ -112,17 +110,18 @@ class Object(Kind):
             values = Table(way.entries).read(value, path, trial)
             if way.bare and values is not None:
                 (values,) = values.values()
-        # Unknown keys count twice: a key of another way says more than one that is missing.
+        # Unknown keys count twice, because a key of another way is stronger evidence than a missing
+        # one.
         strange = [k for k in value if k not in way.entries] if isinstance(value, Mapping) else []
         return values, trial, len(trial.errors) + len(strange)
 
     def _with_other_ways(self, line: str, best: int) -> str:
-        # Only a missing key can mean that the author had another way in mind.
+        # Only a missing key may be due to another way.
         if " is missing: " not in line or len(self.ways) == 1:
             return line
         own = set(_required(self.ways[best].entries))
         others = [_required(w.entries) for k, w in enumerate(self.ways) if k != best]
-        # A way that asks for less than this one is no alternative to what is missing.
+        # A way with fewer keys than this one is no alternative.
         others = [" with ".join(keys) for keys in others if keys and not set(keys) <= own]
         text = f"; another way is to give {', or '.join(dict.fromkeys(others))}" if others else ""
         return line.removesuffix(".") + text + "."
@@ -141,7 +140,7 @@ class Object(Kind):
             if way.bare:
                 made.append(way.first.kind.schema())
             made.append(Table(way.entries).schema())
-        # An `anyOf` with one entry makes the messages of editors worse.
+        # An `anyOf` with one entry would obscure the messages of editors.
         return made[0] if len(made) == 1 else {"anyOf": made}
 
 

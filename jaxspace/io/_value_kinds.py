@@ -10,7 +10,7 @@ from ._kinds import Kind, Reading, Schema, Value
 from .units import dimension, expected, read_number
 
 
-# A float, so that checks compare it like any number; only what scatters asks for more.
+# A float, so that checks compare it like any number; only dispersions need the rest.
 class Measure(float):
     """A number in SI that may be dispersed, with what it is and the unit in which it is written."""
 
@@ -35,12 +35,12 @@ class Number(Kind):
         try:
             number, unit = read_number(value, self.quantity)
         except ValueError as error:
-            # Collected and not raised: the author sees every fault of the file in one go.
+            # Collected and not raised, so that all errors of the file are reported at once.
             reading.errors.append(wrong(path, value, str(error)))
             return None
         if unit:
             reading.units.add(path, self.quantity.unit, unit)
-        # What sets the shape of a program cannot scatter, so that it stays a plain number.
+        # A number that fixes the shape of a program cannot be dispersed, and stays a plain number.
         return number if self.quantity.fixed else Measure.of(number, self.quantity, unit)
 
     def expected(self) -> str:
@@ -54,7 +54,7 @@ class Number(Kind):
         if high < math.inf:
             number["exclusiveMaximum" if strict else "maximum"] = high
         if self.quantity.unit == "":
-            # A percentage is the one unit of a pure number that people write.
+            # A percentage is the only unit of a pure number that is accepted.
             return {"anyOf": [number, {"type": "string", "pattern": "%\\s*$"}]}
         name, example = dimension(self.quantity.unit)
         text = {"type": "string", "description": f"with a unit of {name}", "examples": [example]}
@@ -70,7 +70,7 @@ class ListOf(Kind):
     least: int = 0
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        # A number in place of a list of one entry is refused: which component is meant is unclear.
+        # A number in place of a list is refused, because its component is unclear.
         short = isinstance(value, list) and len(value) < self.least
         if (
             not isinstance(value, list)

@@ -1,5 +1,5 @@
-"""What a campaign reports besides its table: one of its runs in detail, those that failed, and the
-methods that need no runs."""
+"""Reports of a campaign besides its table: a run in detail, the failed runs, and the methods
+without many runs."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -15,7 +15,7 @@ from ..simulation import Status
 from ._scene_file import SceneFile
 from .report import Row, drift_rows, number, state_rows, status_line
 
-# Beside a number that is not to be trusted, and in place of one that there is not.
+# Marks of a doubtful number, and of an absent one.
 WARNING, NO_NUMBER = "warning", "none"
 
 
@@ -36,15 +36,14 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     lines += ["", aligned(rows)]
     for name, phase in run.trajectory.items():
         lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
-        # A controller changes what the system alone conserves: a drift would say nothing of
-        # accuracy.
+        # A controller changes what the system alone conserves, so that a drift is no error.
         drift = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
 
 
 def _row_of(kept: Dispersion | None, run: int) -> dict[str, float]:
-    """The outputs of a run in a store; empty where the store has not got it."""
+    """The outputs of a run in a store; empty if the store does not have it."""
     if kept is None or kept.numbers is None:
         return {}
     where = np.flatnonzero(kept.numbers == run)
@@ -61,8 +60,8 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
     range."""
     numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
     lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
-    lines += [kept.lacking] if kept.lacking else []
-    # Once, because each column is read from the disk.
+    lines += [kept.missing_runs] if kept.missing_runs else []
+    # Read once, because each column comes from the disk.
     inputs = dict(kept.inputs) if kept.failed else {}
     moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
     for failure in kept.failed:
@@ -71,7 +70,7 @@ def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) ->
         lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
         for row in rows[:most]:
             own = {name: float(x[row]) for name, x in inputs.items()}
-            # The cause of a refusal is known; of other failures unusual inputs are the best hint.
+            # The cause of a refusal is known; for other failures unusual inputs are the best hint.
             refused = failure.status == Status.REFUSED
             reason = _refusal(file, own) if refused else _farthest(own, moments)
             lines.append(f"  run {numbers[row]}: {reason}")
@@ -139,8 +138,8 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
         mean, std = number(c.mean, 0.01 * c.std), number(c.std, 0.01 * c.std)
         took = f"{c.seconds:.2g}"
         shown.append((c.output, c.method, mean, off, std, more, str(c.runs), took, word))
-    doubts = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
-    return "\n".join([aligned(shown), *([""] if doubts else []), *doubts])
+    warnings = [f"{WARNING}: {c.output}, {c.method}: {c.warning}" for c in rows if c.warning]
+    return "\n".join([aligned(shown), *([""] if warnings else []), *warnings])
 
 
 def moments_report(
@@ -162,15 +161,15 @@ def moments_report(
         cells = (number(x, 0.01 * std) if math.isfinite(x) else NO_NUMBER for x in numbers)
         word = WARNING if name in found.warnings else ""
         rows.append((name, units.get(name, ""), *cells, word))
-    doubts = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
+    warnings = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
     runs = "run" if found.runs == 1 else "runs"
     return "\n".join(
         [
             f"{title}: {found.method}",
             aligned(rows),
             "",
-            *doubts,
-            *([""] if doubts else []),
+            *warnings,
+            *([""] if warnings else []),
             f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
         ]
     )

@@ -79,7 +79,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
         raise InputError(
             f"{path} is no orbit ephemeris message: it must begin with CCSDS_OEM_VERS."
         )
-    found: list[Ephemeris] = []
+    result: list[Ephemeris] = []
     meta: dict[str, str] = {}
     rows: list[list[str]] = []
     part = "header"
@@ -89,8 +89,9 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
         if line in ("META_START", "META_STOP", "COVARIANCE_START", "COVARIANCE_STOP"):
             # A segment has no keyword at its end: the metadata of the next one closes it.
             if line == "META_START" and rows:
-                found.append(_segment(path, meta, rows))
-                meta, rows = {}, []
+                result.append(_segment(path, meta, rows))
+                meta = {}
+                rows = []
             # Both keywords that close a block lead back to the states.
             part = {"META_START": "meta", "COVARIANCE_START": "covariance"}.get(line, "data")
         elif part == "meta":
@@ -107,7 +108,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
             rows.append(columns)
     if not rows:
         raise InputError(f"{path} has no states: it must have a line for each of them.")
-    return [*found, _segment(path, meta, rows)]
+    return [*result, _segment(path, meta, rows)]
 
 
 def _segment(path: object, meta: dict[str, str], rows: list[list[str]]) -> Ephemeris:

@@ -93,7 +93,8 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     is_text = isinstance(source, str) and "\n" in source
     text = str(source) if is_text else read_text(source)
     lines = [line.rstrip() for line in text.splitlines() if line.strip()]
-    found, name = [], ""
+    result = []
+    name = ""
     for k, line in enumerate(lines):
         if line.startswith("1 ") and len(line) >= 68:
             second = lines[k + 1] if k + 1 < len(lines) else ""
@@ -105,14 +106,14 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
                 if len(one) > 68 and int(one[68]) != compute_checksum(one):
                     raise InputError(f"{one!r} has a wrong check sum.")
             record = Satrec.twoline2rv(line, second)
-            found.append(CataloguedOrbit(name, line[9:17].strip(), record))
+            result.append(CataloguedOrbit(name, line[9:17].strip(), record))
             name = ""
         elif not line.startswith("2 "):
             # Some catalogues mark the line of the name by a zero.
             name = line.removeprefix("0 ").strip()
-    if not found:
+    if not result:
         raise InputError("no two-line element set was found: its lines must begin with 1 and 2.")
-    return found
+    return result
 
 
 def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
@@ -132,11 +133,11 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
         raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
     parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
     rows: Iterable[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
-    found = []
+    result = []
     for row in rows:
         record = Satrec()
         omm.initialize(record, row)
-        found.append(CataloguedOrbit(row.get("OBJECT_NAME", ""), row["OBJECT_ID"], record))
-    if not found:
+        result.append(CataloguedOrbit(row.get("OBJECT_NAME", ""), row["OBJECT_ID"], record))
+    if not result:
         raise InputError(f"{path} holds no elements.")
-    return found
+    return result

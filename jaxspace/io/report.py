@@ -1,4 +1,4 @@
-"""What a run of a file reports: states, numbers of interest, errors and tables, in its units."""
+"""Reports of a run of a file: states, outputs, errors and tables, in its units."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -17,17 +17,17 @@ from ..dispersion import Dispersion
 from ..dispersion.contributors import Contributors
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
-from ._flown_task import values_of
 from ._inputs import measures
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
+from ._search_task import values_of
 from .units import WrittenUnits, in_unit
 
 Row = tuple[str, ...]
-# Rounding of a long run leaves no more than this, whatever the estimate says.
+# Smallest relative error that is shown, because of the rounding of a long run.
 MOST_DIGITS = 12
-# What the table of an optimum has of each phase, as far as the file has all for it.
+# Outputs of each phase in the table of an optimum, if the file has their arguments.
 OF_PHASES = ("end_time", "altitude", "radius", "speed", "radial_speed")
 
 
@@ -35,7 +35,7 @@ def number(x: SupportsFloat, error: float = math.nan) -> str:
     """A number with the digits that it has: down to its `error`, or six significant ones if that
     is not known."""
     x = float(x)
-    # Digits below the error would look like knowledge.
+    # Digits below the error have no meaning.
     if math.isfinite(x) and 0.0 < error < math.inf and abs(x) < 1e15:
         whole = math.floor(math.log10(abs(x))) + 1 if x else 0
         decimals = min(math.ceil(-math.log10(error)), MOST_DIGITS - max(whole, 0))
@@ -62,7 +62,8 @@ def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> lis
         factor = in_unit(declared.unit, unit)
         miss = math.nan if error is None else factor * _largest(getattr(error, name))
         if isinstance(part, Quaternion):
-            # Nobody reads a quaternion: the angles stand beside it, in the angle unit of the file.
+            # With Euler's angles, in the angle unit of the file, because a quaternion is hard to
+            # read.
             angle = units.of(name, "rad")
             turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
             rows.append((name, _listed(part.wxyz, miss)))
@@ -102,7 +103,7 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     error = run.error()
     rows = [("time [s]", number(run.ts[-1])), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))
-    # A controller keeps nothing, whatever the scene alone would keep.
+    # Under a controller nothing is conserved, whatever the scene alone conserves.
     drift = run.drift() if isinstance(run, Trajectory) else {}
     kept = [*drift_rows(drift), *error_rows(error, file.units)]
     return "\n".join([file.title, aligned(rows), aligned(kept), status_line(run.status)])
@@ -183,7 +184,7 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
     chosen = [known[name] for name in OF_PHASES if name in known]
     head = [_label(s.name, s.unit) for s in chosen]
     unit = file.units.of("mass", "kg")
-    # Without fuel to burn a body keeps its mass, and states have none.
+    # A body without propellant has a constant mass, which is not in the state.
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
     numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
@@ -199,7 +200,8 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
 
 def sensitivity_report(found: Optimum, count: int = 12) -> str:
     """The numbers of the file that move the best objective most, by one percent of each."""
-    goal, numbers = found.task.objective, dict(measures(found.file.values))
+    goal = found.task.objective
+    numbers = dict(measures(found.file.values))
     slopes = found.sensitivities()
     moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
     order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
@@ -240,8 +242,8 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
         # An output that was given in Python has no nominal value here.
         own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
         rows.append((row.name, row.unit, own, *numbers))
-    doubts = [sentence for row in table if (sentence := row.doubt())]
-    return "\n".join([aligned(rows), *([""] if doubts else []), *doubts])
+    warnings = [sentence for row in table if (sentence := row.warning)]
+    return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
 
 
 def requirement_table(result: Dispersion) -> str:
@@ -259,7 +261,7 @@ def requirement_table(result: Dispersion) -> str:
 def footprint_table(result: Dispersion) -> str:
     """The ellipses of the landings; empty without landings."""
     found = result.footprint()
-    return "" if found is None else aligned(found.words())
+    return "" if found is None else aligned(found.words)
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
@@ -303,7 +305,7 @@ def status_lines(result: Dispersion) -> str:
     """How many runs ended well, how many are still to come, each bad end with its sentence, and
     why there are no more of them."""
     lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
-    lines += [result.lacking] if result.lacking else []
+    lines += [result.missing_runs] if result.missing_runs else []
     lines += [
         f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
     ]

@@ -13,12 +13,12 @@ if TYPE_CHECKING:
     import pint
 
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(\S.*)?")
-# A short alphabet keeps a file from handing the unit parser anything but a unit.
+# A short alphabet, so that the unit parser gets nothing but units.
 UNIT = re.compile(r"[A-Za-z°µ%0-9 */^().-]{1,40}")
 
 
 class Dimension(NamedTuple):
-    """What a unit of SI measures, and an example with another unit."""
+    """The dimension of an SI unit, and an example with another unit."""
 
     name: str
     example: str
@@ -57,12 +57,12 @@ class WrittenUnits:
     def add(self, path: str, si: str, unit: str) -> None:
         """The number at `path`, whose unit in SI is `si`, is written in `unit`."""
         self.of_keys.setdefault((_key(path), si), unit)
-        # Pure numbers are no kind: a tangent in degrees says nothing of an eccentricity.
+        # Pure numbers are no kind, because the unit of one is no unit for another.
         if si:
             self.of_kinds.setdefault(si, unit)
 
     def take(self, other: "WrittenUnits") -> None:
-        """Add those of another part of the file; what was met first stays."""
+        """Add the units of another part of the file; earlier ones stay."""
         self.of_keys = {**other.of_keys, **self.of_keys}
         self.of_kinds = {**other.of_kinds, **self.of_kinds}
 
@@ -77,8 +77,7 @@ def _key(path: str) -> str:
 
 
 def dimension(unit: str) -> Dimension:
-    """What the unit measures; the unit itself where no name is known."""
-    # An author of a class may declare a unit that the library has not met.
+    """The dimension of the unit; the unit itself if the library has no name for it."""
     return DIMENSIONS.get(unit, Dimension(unit, f"1 {unit}"))
 
 
@@ -106,7 +105,7 @@ def read_number(value: object, quantity: Quantity) -> tuple[float, str]:
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = float(value)
         if quantity.unit == "rad" and WHOLE_TURN < abs(number) < math.inf:
-            # Nobody writes more than a turn in radians: degrees without their unit are meant.
+            # More than a turn in radians is most likely an angle in degrees without its unit.
             raise ValueError(
                 f"an angle with its unit, for {number:g} rad is more than a turn: "
                 f'"{number:g} deg" or "{number:g} rad"'
@@ -123,27 +122,28 @@ def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
     number, unit = split(text, what)
     if not unit:
         return read_number(number, quantity)
-    found, si = parse_unit(unit, what), quantity.unit or "dimensionless"
+    result = parse_unit(unit, what)
+    si = quantity.unit or "dimensionless"
     # Cycles per second have the dimension of radians per second, and differ by 2 pi.
-    cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(found))
-    if cycles or not found.is_compatible_with(si):
+    cycles = quantity.unit.startswith("rad") and re.search("hertz|counts|becquerel", str(result))
+    if cycles or not result.is_compatible_with(si):
         raise ValueError(what)
-    return float(units().Quantity(number, found).to(si).magnitude), unit
+    return float(units().Quantity(number, result).to(si).magnitude), unit
 
 
 def split(text: str, what: str) -> tuple[float, str]:
     """Number and unit of a text such as "400 mi". Raises `ValueError` with what is expected."""
-    found = NUMBER.fullmatch(text)
-    unit = "" if found is None else (found[2] or "").strip()
-    if found is None or (unit and not UNIT.fullmatch(unit)):
+    result = NUMBER.fullmatch(text)
+    unit = "" if result is None else (result[2] or "").strip()
+    if result is None or (unit and not UNIT.fullmatch(unit)):
         raise ValueError(what)
-    return float(found[1]), unit
+    return float(result[1]), unit
 
 
 def parse_unit(text: str, what: str) -> "pint.Unit":
     """The unit named by a text. Only names and powers of units are read; nothing is evaluated.
     Raises `ValueError`."""
-    # Imported late: the registry takes a while, and most files have SI numbers alone.
+    # Imported here, because the registry takes time, and most files have SI numbers alone.
     with extra("app"):
         import pint
 
@@ -151,8 +151,8 @@ def parse_unit(text: str, what: str) -> "pint.Unit":
         raise ValueError(what)
     try:
         return units().parse_units(text)
-    # The parser of pint lets errors of its own internals pass for odd texts; none may reach a user
-    # as a traceback.
+    # The parser of pint raises internal errors for unusual texts, none of which may reach a user as
+    # a traceback.
     except (
         pint.PintError,
         ValueError,
@@ -191,10 +191,10 @@ def in_unit(si: str, unit: str) -> float:
     if unit == si:
         return 1.0
     what = f"a unit of {dimension(si).name}"
-    found = parse_unit(unit, what)
-    if not found.is_compatible_with(si or "dimensionless"):
+    result = parse_unit(unit, what)
+    if not result.is_compatible_with(si or "dimensionless"):
         raise ValueError(what)
-    return float(units().Quantity(1.0, si or "dimensionless").to(found).magnitude)
+    return float(units().Quantity(1.0, si or "dimensionless").to(result).magnitude)
 
 
 @functools.cache

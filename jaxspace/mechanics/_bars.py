@@ -77,6 +77,7 @@ class BarOnString(AbstractLagrangian):
         """The state of the angles, rad, and their rates, rad/s."""
         return state_of_pairs((phi, phi_rate), (theta, theta_rate))
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the slow and of the fast small swing."""
         return _swings(self.string_length, self.bar_length, self.gravity)
@@ -122,12 +123,14 @@ class BarOnSpring(AbstractLagrangian):
         """The state of length, m, angles, rad, and their rates."""
         return state_of_pairs((r, r_rate), (phi, phi_rate), (theta, theta_rate))
 
+    @property
     def rest_length(self) -> Scalar:
         """Length of the spring, m, at rest: l0 + m g/k."""
         return self.free_length + self.mass * self.gravity / self.stiffness
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar, Scalar]:
         """Angular frequencies, rad/s, of the small bounce, and of the slow and the fast small
         swing."""
-        swings = _swings(self.rest_length(), self.bar_length, self.gravity)
+        swings = _swings(self.rest_length, self.bar_length, self.gravity)
         return jnp.sqrt(self.stiffness / self.mass), *swings

@@ -110,7 +110,12 @@ class RotatingHoop(AbstractLagrangian):
         del t
         around = self.rate * jnp.sin(q[0])
         kinetic = 0.5 * self.radius**2 * (v[0] ** 2 + around**2)
-        return self.mass * (kinetic + self.gravity * self.radius * jnp.cos(q[0]))
+        return self.mass * (kinetic - self.gravity * self._height(q[0]))
+
+    def _height(self, theta: Scalar) -> Scalar:
+        """Height of the bead above the bottom, m."""
+        # 1 - cos(theta) by half of the angle, with its digits near the bottom.
+        return 2.0 * self.radius * jnp.sin(0.5 * theta) ** 2
 
     @staticmethod
     @constructor(
@@ -122,13 +127,13 @@ class RotatingHoop(AbstractLagrangian):
         return state_of_pairs((theta, theta_rate))
 
     def mechanical_energy(self, y: GeneralisedState) -> Scalar:
-        """T + U, J, with zero height at the bottom; the motor changes it."""
+        """T + U, J, which the motor changes; `energy` is Jacobi's integral. Both have their zero of
+        height at the bottom."""
         theta, theta_rate = y.coordinates[0], y.rates[0]
         speed2 = self.radius**2 * (theta_rate**2 + (self.rate * jnp.sin(theta)) ** 2)
-        # 1 - cos(theta) by half of the angle, with its digits near the bottom.
-        height = 2.0 * self.radius * jnp.sin(0.5 * theta) ** 2
-        return self.mass * (0.5 * speed2 + self.gravity * height)
+        return self.mass * (0.5 * speed2 + self.gravity * self._height(theta))
 
+    @property
     def rest_angle(self) -> Scalar:
         """The stable angle, rad: zero up to W^2 = g / r, then cos(theta) = g / (r W^2). Its slope
         is infinite where it leaves the bottom."""

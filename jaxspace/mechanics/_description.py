@@ -1,4 +1,4 @@
-"""What describes a Lagrangian system: its coordinates, its Lagrangian, and what else acts.
+"""Description of a Lagrangian system: its coordinates, its Lagrangian, and further forces.
 
 The equations, the constraints and the symmetries of a system are found from a description alone;
 `AbstractLagrangian` makes a system of it.
@@ -46,12 +46,12 @@ class AbstractDescription(AbstractSystem):
         return None
 
     def holonomic(self, t: Scalar, q: Array) -> Array | None:
-        """What holonomic constraints keep at zero, (m, *runs), or `None`."""
+        """Holonomic constraints: functions that are zero, (m, *runs), or `None`."""
         del t, q
         return None
 
     def nonholonomic(self, t: Scalar, q: Array, v: Array) -> Array | None:
-        """What nonholonomic constraints keep at zero, linear in v, (m, *runs), or `None`."""
+        """Nonholonomic constraints: functions that are zero, linear in v, (m, *runs), or `None`."""
         del t, q, v
         return None
 

@@ -66,8 +66,8 @@ def solve(m: Square, b: Columns) -> Columns:
     n = m.shape[0]
     if n > WRITTEN_OUT:
         front, back = (0, 1), (-2, -1)
-        found = jnp.linalg.solve(jnp.moveaxis(m, front, back), jnp.moveaxis(b, front, back))
-        return jnp.moveaxis(found, back, front)
+        result = jnp.linalg.solve(jnp.moveaxis(m, front, back), jnp.moveaxis(b, front, back))
+        return jnp.moveaxis(result, back, front)
     # Written out, so that each operation acts on all runs at once, where LAPACK takes one after the
     # other. Minors that do not vanish need no pivots.
     rows = [jnp.concatenate([m[i], b[i]]) for i in range(n)]

@@ -83,13 +83,13 @@ class FlexibleMissile(AbstractSystem):
 
         - `y`: the state; `command`: d_A, rad.
         - `force`: a further one across the missile, N, at `place`, m before the mass centre."""
-        m, k = self.matrices()
+        m, k = self.matrices
         x = jnp.concatenate([y.engine[None], y.bending])
         rank = x.ndim - 1
         m, k = with_rank(m, rank, axes=2), with_rank(k, rank, axes=2)
         moment = self.actuator_stiffness * command - self.actuator_damping * y.engine_rate
         friction = 2.0 * self.damping_ratio * self.mass
-        modal = friction * with_rank(self.frequencies(), rank) * y.bending_rate
+        modal = friction * with_rank(self.frequencies, rank) * y.bending_rate
         # Of the actuator, the command and the damper alone: its spring is in the stiffness matrix.
         drive = jnp.concatenate([jnp.broadcast_to(moment, y.engine.shape)[None], -modal])
         pushed = with_rank(self.across(place), rank) * force
@@ -97,20 +97,20 @@ class FlexibleMissile(AbstractSystem):
         # The elimination joins the rows of both, which must carry the same runs.
         m = jnp.broadcast_to(m, (*m.shape[:2], *force_of.shape[1:]))
         rate = solve(m, force_of[:, None])[:, 0]
-        return rate, self.mean_turn(y, force, place) - self.engine()["turn"] * rate[0]
+        return rate, self.mean_turn(y, force, place) - self.engine["turn"] * rate[0]
 
     def mean_turn(self, y: MissileState, force: Scalar = 0.0, place: Scalar = 0.0) -> Scalar:
         """The angular acceleration of the mean axis, rad/s^2, which the engine's own does not
         change; arguments as in `accelerations`."""
-        shapes, slopes, _ = (with_rank(x, y.engine.ndim) for x in self.hinge())
-        bent = jnp.sum((self.lever() * slopes + shapes) * y.bending, axis=0)
-        turning = -self.thrust * ((self.lever() + self.engine()["shift"]) * y.engine + bent)
-        return (turning + place * force) / self.inertia()
+        shapes, slopes, _ = (with_rank(x, y.engine.ndim) for x in self.hinge)
+        bent = jnp.sum((self.lever * slopes + shapes) * y.bending, axis=0)
+        turning = -self.thrust * ((self.lever + self.engine["shift"]) * y.engine + bent)
+        return (turning + place * force) / self.inertia
 
     def across(self, place: Scalar) -> Float[Array, "n *#runs"]:
         """How far a place on the straight beam, m before the mass centre and before the hinge,
         moves across the mean axis with the engine's angle, m, and with the bending, 1."""
-        engine = self.engine()
+        engine = self.engine
         shapes = self._shapes_at(place, 0)
         lean = engine["shift"] - engine["turn"] * place
         lean = jnp.broadcast_to(lean, jnp.broadcast_shapes(lean.shape, shapes.shape[1:]))
@@ -122,14 +122,15 @@ class FlexibleMissile(AbstractSystem):
 
     def _shapes_at(self, place: Scalar, derivative: int) -> Array:
         at = jnp.asarray(0.5 + place / self.length)
-        return jnp.stack([beam_shape("free-free", b, at, derivative) for b in self.roots()])
+        return jnp.stack([beam_shape("free-free", b, at, derivative) for b in self.roots])
 
+    @property
     def tail_wags_dog_frequency(self) -> Scalar:
         """The frequency, rad/s, at which an engine that swings turns the rigid missile no more: its
         inertia undoes the thrust, a zero of the pitch: F (l_h + C_1) / (I_h + m_e l_h z_e)."""
-        engine = self.engine()
-        coupled = engine["turn"] * self.inertia()
-        return jnp.sqrt(self.thrust * (self.lever() + engine["shift"]) / coupled)
+        engine = self.engine
+        coupled = engine["turn"] * self.inertia
+        return jnp.sqrt(self.thrust * (self.lever + engine["shift"]) / coupled)
 
     def invariants(self, t: Scalar, y: MissileState) -> dict[str, Array]:
         """Nothing stays under thrust."""
@@ -146,64 +147,73 @@ class FlexibleMissile(AbstractSystem):
         straight = jnp.broadcast_to(zero, (self.modes, *zero.shape))
         return MissileState(e, straight, p, zero, straight, zero)
 
+    @property
     def lever(self) -> Scalar:
         """l_h, m, of the hinge behind the mass centre."""
         return 0.5 * self.length - self.engine_length
 
+    @property
     def inertia(self) -> Scalar:
         """I_0, kg m^2, of the straight missile about its mass centre."""
         return self.mass * self.length**2 / 12.0
 
+    @property
     def engine(self) -> dict[str, Array]:
         """Mass m_e, mass centre z_e, moment I_h about the hinge, and the ratios `shift` C_1, m, and
         `turn` C_2, and the moment J that is left to a free missile, kg m^2."""
         mass = self.mass * self.engine_length / self.length
-        centre, moment = 0.5 * self.engine_length, mass * self.engine_length**2 / 3.0
-        coupled = moment + mass * self.lever() * centre
-        shift, turn = mass * centre / self.mass, coupled / self.inertia()
+        centre = 0.5 * self.engine_length
+        moment = mass * self.engine_length**2 / 3.0
+        coupled = moment + mass * self.lever * centre
+        shift, turn = mass * centre / self.mass, coupled / self.inertia
         free = moment - shift * mass * centre - turn * coupled
         names = ("mass", "centre", "moment", "shift", "turn", "free_moment")
         values = (mass, centre, moment, shift, turn, free)
         return {name: jnp.asarray(x) for name, x in zip(names, values, strict=True)}
 
+    @property
     def frequencies(self) -> Float[Array, "modes *#runs"]:
         """Angular frequencies w_i, rad/s, of bending with the engine locked."""
         stiffness = self.bending_stiffness / (self.mass * self.length**3)
-        roots = jnp.asarray(self.roots(), jnp.result_type(stiffness))
+        roots = jnp.asarray(self.roots, jnp.result_type(stiffness))
         return with_rank(roots, jnp.ndim(stiffness)) ** 2 * jnp.sqrt(stiffness)
 
+    @property
     def roots(self) -> Any:
         """The roots beta of the free-free beam."""
         # As plain numbers, which leave the precision to the parameters.
         return beam_roots("free-free", self.modes).tolist()
 
+    @property
     def hinge(self) -> tuple[Array, Array, Array]:
         """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""
         at = jnp.asarray(self.engine_length / self.length)
-        shapes = jnp.stack([beam_shape("free-free", b, at) for b in self.roots()])
-        slopes = jnp.stack([beam_shape("free-free", b, at, 1) for b in self.roots()])
+        shapes = jnp.stack([beam_shape("free-free", b, at) for b in self.roots])
+        slopes = jnp.stack([beam_shape("free-free", b, at, 1) for b in self.roots])
 
         def moment(root: float) -> Array:
             # A place z behind the hinge is b - z from the end.
             return beam_integral(lambda z: beam_shape("free-free", root, at - z) * z, 0.0, at)
 
-        moments = jnp.stack([moment(b) for b in self.roots()])
+        moments = jnp.stack([moment(b) for b in self.roots])
         return shapes, slopes / self.length, moments * self.mass * self.length
 
+    @property
     def matrices(self) -> tuple[Float[Array, "n n *#runs"], Float[Array, "n n *#runs"]]:
         """Masses and stiffnesses of engine and bending, without dampers: of M x'' + K x = 0."""
-        shapes, slopes, s = self.hinge()
-        engine, F = self.engine(), self.thrust
+        shapes, slopes, s = self.hinge
+        engine, F = self.engine, self.thrust
         n = self.modes
         m: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
         k: list[list[Any]] = [[0.0] * (n + 1) for _ in range(n + 1)]
-        turning, w = engine["turn"] * F, self.frequencies()
+        turning = engine["turn"] * F
+        w = self.frequencies
         m[0][0] = engine["free_moment"]
         stiff = self.hinge_stiffness + self.actuator_stiffness
-        k[0][0] = stiff - turning * (self.lever() + engine["shift"])
+        k[0][0] = stiff - turning * (self.lever + engine["shift"])
         for i in range(n):
             m[0][i + 1] = m[i + 1][0] = -s[i]
-            k[0][i + 1] = -turning * (self.lever() * slopes[i] + shapes[i])
+            k[0][i + 1] = -turning * (self.lever * slopes[i] + shapes[i])
             k[i + 1][0] = -F * (1.0 - engine["turn"]) * shapes[i]
             for j in range(n):
                 same = 1.0 if i == j else 0.0
@@ -211,10 +221,11 @@ class FlexibleMissile(AbstractSystem):
                 k[i + 1][j + 1] = same * self.mass * w[i] ** 2 - F * shapes[i] * slopes[j]
         return _matrix(m), _matrix(k)
 
+    @property
     def coupled_frequencies_squared(self) -> np.ndarray:
         """w^2, rad^2/s^2, of engine and bending together, ascending, of one run; negative or
         complex where the thrust makes them unstable. It cannot be traced: see `studies.modes`."""
-        m, k = (np.asarray(x) for x in self.matrices())
+        m, k = (np.asarray(x) for x in self.matrices)
         return np.sort_complex(np.linalg.eigvals(np.linalg.solve(m, k)))
 
 

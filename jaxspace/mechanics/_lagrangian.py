@@ -52,21 +52,21 @@ class AbstractLagrangian(AbstractDescription):
     and v are (n, *runs), and parameters are scalars or (*runs,)."""
 
     def vector_field(self, t: Scalar, y: GeneralisedState) -> GeneralisedState:
-        found = accelerations(self, t, y.coordinates, y.rates)
-        return GeneralisedState(found.coordinate_rates, found.accelerations)
+        result = accelerations(self, t, y.coordinates, y.rates)
+        return GeneralisedState(result.coordinate_rates, result.accelerations)
 
     def invariants(self, t: Scalar, y: GeneralisedState) -> dict[str, Array]:
         """The energy h and the momenta of cyclic coordinates, where they are found constant."""
         kept = symmetries(self)
-        found = {"energy": self.energy(t, y)} if kept.time else {}
+        result = {"energy": self.energy(t, y)} if kept.time else {}
         p = self.momenta(t, y)
-        return found | {
+        return result | {
             f"momentum_{name}": p[i] for i, name in enumerate(self.names) if kept.cyclic[i]
         }
 
     def projected(self, t: Scalar, y: GeneralisedState) -> GeneralisedState | None:
-        found = projected(self, t, y.coordinates, y.rates)
-        return None if found is None else GeneralisedState(*found)
+        result = projected(self, t, y.coordinates, y.rates)
+        return None if result is None else GeneralisedState(*result)
 
     def momenta(self, t: Scalar, y: GeneralisedState) -> Float[Array, "n *#runs"]:
         """The generalised momenta dL/dv."""
@@ -91,6 +91,7 @@ class AbstractLagrangian(AbstractDescription):
         **Raises** `InputError` where known constraints depend on each other or have no slope."""
         return GeneralisedState(*consistent(self, t, y.coordinates, y.rates))
 
+    @property
     def cyclic(self) -> tuple[str, ...]:
         """The names of the coordinates whose momenta are constant."""
         kept = symmetries(self).cyclic

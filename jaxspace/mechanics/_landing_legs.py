@@ -108,7 +108,8 @@ class LandingLegs(AbstractLagrangian):
     def spreading_time(self, speed: Scalar) -> Scalar:
         """The time, s, from a touchdown at this `speed`, m/s, to the greatest spread of legs
         without dampers that do not come to lie flat, by quadrature."""
-        end, start = self.greatest_spread(speed), self.rest_angle
+        end = self.greatest_spread(speed)
+        start = self.rest_angle
         root_before = self._root_before(speed)
         before = root_before * root_before
         # theta = low + width sin^2(phi) takes the roots of the denominator at both ends away.

@@ -70,7 +70,9 @@ class DoublePendulum(AbstractLagrangian):
 
     def lagrangian(self, t: Scalar, q: Array, v: Array) -> Scalar:
         del t
-        both, l1, l2 = self.mass_1 + self.mass_2, self.length_1, self.length_2
+        both = self.mass_1 + self.mass_2
+        l1 = self.length_1
+        l2 = self.length_2
         kinetic = 0.5 * (both * (l1 * v[0]) ** 2 + self.mass_2 * (l2 * v[1]) ** 2)
         kinetic = kinetic + self.mass_2 * l1 * l2 * v[0] * v[1] * jnp.cos(q[0] - q[1])
         height = both * l1 * jnp.cos(q[0]) + self.mass_2 * l2 * jnp.cos(q[1])
@@ -121,6 +123,7 @@ class ElasticPendulum(AbstractLagrangian):
         """The state of distance, m, angle, rad, and their rates."""
         return state_of_pairs((r, r_rate), (theta, theta_rate))
 
+    @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of small bounces and of small swings; a ratio of two makes
         them exchange their energy."""

@@ -1,4 +1,4 @@
-"""Which of time and coordinates a Lagrangian does not depend on, found by its derivatives.
+"""Symmetries of a Lagrangian in time and coordinates, by its derivatives.
 
 A derivative that is zero to the last bit at several places, with numbers of no meaning for the
 parameters, is zero by the structure of the function: automatic differentiation of what does not
@@ -25,7 +25,7 @@ PLACES = 8
 
 
 class Symmetries(NamedTuple):
-    """What is constant: the energy (`time`), the momenta of the coordinates (`cyclic`)."""
+    """Constants of the motion: the energy (`time`), the momenta of the coordinates (`cyclic`)."""
 
     time: bool
     cyclic: tuple[bool, ...]
@@ -46,7 +46,7 @@ def symmetries(system: AbstractDescription) -> Symmetries:
 
 
 class _Static:
-    """What is no array of a system, compared as a tree: a key of the results that are kept."""
+    """The static part of a system, compared as a tree: the key of cached results."""
 
     def __init__(self, tree: Any):
         self.tree = tree
@@ -90,11 +90,11 @@ def _slopes(arrays: Any, static: Any, t: Any, q: Any, v: Any) -> tuple[Array, Ar
             drag = jax.grad(lambda v: jnp.sum(system.dissipation(t, q, v)))(v)
             gains.append(jnp.sum(jnp.abs(drag)))
             each.append(drag[:, None])
-        found = constraints_of(system, t, q, jnp.zeros_like(v))
-        if found is not None:
+        result = constraints_of(system, t, q, jnp.zeros_like(v))
+        if result is not None:
             # Constraints at rest do no work; one that leaves a coordinate alone exerts no force.
-            gains.append(jnp.sum(jnp.abs(found.errors)))
-            each.append(found.matrix.T)
+            gains.append(jnp.sum(jnp.abs(result.errors)))
+            each.append(result.matrix.T)
         return jnp.stack(gains), jnp.concatenate(each, axis=1)
 
     return jax.vmap(one, in_axes=-1, out_axes=-1)(jnp.asarray(t), jnp.asarray(q), jnp.asarray(v))

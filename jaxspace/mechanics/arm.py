@@ -54,10 +54,12 @@ class ArmPendulum(AbstractSystem):
         del t, y
         return {}
 
+    @property
     def rest(self) -> Scalar:
         """The place of rest on the line of the arm, m: e w^2 / (p^2 - w^2)."""
         return self.arm * self.rate**2 / (self.frequency**2 - self.rate**2)
 
+    @property
     def poles(self) -> Complex[Array, "2 *#runs"]:
         """Both roots s of the motion z = e^(s t), 1/s."""
         p, zeta, w = jnp.broadcast_arrays(self.frequency, self.damping_ratio, self.rate)
@@ -66,6 +68,7 @@ class ArmPendulum(AbstractSystem):
         root = jnp.sqrt(jax.lax.complex(-(p * p) * (1.0 - zeta * zeta), 2.0 * zeta * p * w))
         return jnp.stack([-half - root, -half + root])
 
+    @property
     def light_poles(self) -> Complex[Array, "2 *#runs"]:
         """The same for light damping, to first order: -zeta (p +- w) -+ i (p +- w)."""
         zeta, w = self.damping_ratio, self.rate

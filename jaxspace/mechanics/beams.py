@@ -114,7 +114,8 @@ def beam_shape(
     if ends == "pinned-pinned":
         return root**derivative * math.sqrt(2.0) * jnp.sin(root * x + 0.5 * math.pi * derivative)
     # In e^-b alone: cosh and sinh of high modes cancel to nothing, or overflow.
-    b, e = root, math.exp(-root)
+    b = root
+    e = math.exp(-root)
     s, c = math.sin(b), math.cos(b)
     # phi = (cosh -+ cos) - sigma (sinh -+ sin); sigma differs from 1 by terms of e^-b.
     free = ends == "free-free"
@@ -152,7 +153,10 @@ def _inside(support: float) -> float:
 def _at_pin(end: str, z: Any) -> tuple[Any, Any]:
     """Slope and moment, over cosh(z), at the pin of a span of the length z = b c whose other end is
     as `end` says."""
-    s, c, tanh, sech = np.sin(z), np.cos(z), np.tanh(z), _sech(z)
+    s = np.sin(z)
+    c = np.cos(z)
+    tanh = np.tanh(z)
+    sech = _sech(z)
     if end == "pinned":
         return c * tanh - s, -2.0 * s * tanh
     sign = 1.0 if end == "clamped" else -1.0
@@ -190,7 +194,10 @@ def _span(end: str, z: Any, s: float, derivative: int, at: Any) -> Any:
     grown, odd = rise + fall, rise - fall
     back = (-1.0) ** derivative * at.exp(-z) / below - at.exp(z - 2.0 * s) / below
     turn = z + 0.5 * math.pi * derivative
-    cos, sin, tanh, sech = math.cos(s), math.sin(s), math.tanh(s), float(_sech(s))
+    cos = math.cos(s)
+    sin = math.sin(s)
+    tanh = math.tanh(s)
+    sech = float(_sech(s))
     if end == "pinned":
         return tanh * at.sin(turn) - sin * odd
     sign = -1.0 if end == "clamped" else 1.0

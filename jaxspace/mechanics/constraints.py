@@ -25,7 +25,7 @@ from ._equations import columns, inertial_force, least_squares, mass_matrix, mat
 
 
 class Accelerations(NamedTuple):
-    """What the equations of motion give.
+    """Solution of the equations of motion.
 
     - `coordinate_rates`, `accelerations`: of the state, (n, *runs).
     - `multipliers`: (m, *runs), holonomic constraints first; empty without constraints.
@@ -128,17 +128,17 @@ def accelerations(system: AbstractDescription, t: Scalar, q: Array, v: Array) ->
     q, v = together(system, t, q, v)
     f = active_force(system, t, q, v)
     m = mass_matrix(system.lagrangian, t, q, v)
-    found = constraints_of(system, t, q, v)
-    if found is None:
+    result = constraints_of(system, t, q, v)
+    if result is None:
         return Accelerations(v, solve(m, f[:, None])[:, 0], f[:0], jnp.zeros_like(f))
     decay, _ = system.stabilisation()
-    transposed = jnp.swapaxes(found.matrix, 0, 1)
+    transposed = jnp.swapaxes(result.matrix, 0, 1)
     # One elimination for the free accelerations and for those of unit multipliers.
     both = solve(m, jnp.concatenate([f[:, None], transposed], axis=1))
     free, mobility = both[:, 0], both[:, 1:]
-    demand = -(matmul(found.matrix, free[:, None])[:, 0] + found.bias + decay * found.errors)
-    right = jnp.stack([demand, -decay * found.positions], axis=1)
-    answer = schur_solve(system, found.matrix, mobility, right)
+    demand = -(matmul(result.matrix, free[:, None])[:, 0] + result.bias + decay * result.errors)
+    right = jnp.stack([demand, -decay * result.positions], axis=1)
+    answer = schur_solve(system, result.matrix, mobility, right)
     moved = matmul(mobility, answer)
     multipliers = answer[:, 0]
     return Accelerations(
@@ -189,13 +189,13 @@ def projected(
 def _correction(
     system: AbstractDescription, t: Scalar, q: Array, v: Array, positions: bool
 ) -> Array:
-    found = constraints_of(system, t, q, v)
-    if found is None:
+    result = constraints_of(system, t, q, v)
+    if result is None:
         return jnp.zeros_like(v)
-    errors = found.positions if positions else found.errors
+    errors = result.positions if positions else result.errors
     m = mass_matrix(system.lagrangian, t, q, v)
-    mobility = solve(m, jnp.swapaxes(found.matrix, 0, 1))
-    answer = schur_solve(system, found.matrix, mobility, errors[:, None])
+    mobility = solve(m, jnp.swapaxes(result.matrix, 0, 1))
+    answer = schur_solve(system, result.matrix, mobility, errors[:, None])
     return matmul(mobility, answer)[:, 0]
 
 
@@ -208,17 +208,17 @@ def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scal
     - `y`: a state of one run, which must be known.
     - `t`: s."""
     q, v = together(system, t, y.coordinates, y.rates)
-    found = constraints_of(system, t, q, v)
-    rank = 0 if found is None else int(np.linalg.matrix_rank(np.asarray(found.matrix)))
+    result = constraints_of(system, t, q, v)
+    rank = 0 if result is None else int(np.linalg.matrix_rank(np.asarray(result.matrix)))
     return len(system.names) - rank
 
 
 def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> None:
     """Raise `InputError` where known constraints depend on each other, or one has no gradient."""
-    found = constraints_of(system, t, q, v)
-    if found is None or system.stabilisation()[1] or not is_concrete(found.matrix):
+    result = constraints_of(system, t, q, v)
+    if result is None or system.stabilisation()[1] or not is_concrete(result.matrix):
         return
-    a = np.moveaxis(np.asarray(found.matrix), (0, 1), (-2, -1))
+    a = np.moveaxis(np.asarray(result.matrix), (0, 1), (-2, -1))
     rows = np.linalg.norm(a, axis=-1, keepdims=True)
     count = a.shape[-2]
     if np.any(rows == 0.0):

@@ -103,7 +103,8 @@ def _motion(
         return (t + h, _step(system, t, h, y)), None
 
     def whole(y: _Canonical, times: tuple[Array, Array]) -> tuple[_Canonical, GeneralisedState]:
-        start, h = times[0], (times[1] - times[0]) / steps
+        start = times[0]
+        h = (times[1] - times[0]) / steps
 
         def one(y: _Canonical, k: Array) -> tuple[_Canonical, None]:
             # From the start of the interval: a running sum of steps would gather rounding.
@@ -135,7 +136,9 @@ def _slopes(
 ) -> tuple[Array, Array]:
     """-D_1 L_d and D_2 L_d, each with the impulse of its half of the step."""
     # By the change: a difference of coordinates would lose digits in a short step.
-    middle, mean, rate = t + 0.5 * h, q0 + 0.5 * change, change / h
+    middle = t + 0.5 * h
+    mean = q0 + 0.5 * change
+    rate = change / h
     turn = jax.grad(lambda q: jnp.sum(jnp.asarray(system.lagrangian(middle, q, rate))))(mean)
     p = momenta(system.lagrangian, middle, mean, rate)
     half = 0.5 * h * (turn + applied_force(system, middle, mean, rate))
@@ -180,18 +183,18 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
 
 
 def _matrix(system: AbstractDescription, t: Array, q: Array) -> Array | None:
-    found = constraints_of(system, t, q, jnp.zeros_like(q))
-    return None if found is None else found.matrix
+    result = constraints_of(system, t, q, jnp.zeros_like(q))
+    return None if result is None else result.matrix
 
 
 def _onto_constraints(system: AbstractDescription, t: Array, y: _Canonical) -> _Canonical:
     """The state with the nearest momenta whose rates meet the constraints."""
     v = _rates(system, t, y)
-    found = constraints_of(system, t, y.q, v)
-    if found is None:
+    result = constraints_of(system, t, y.q, v)
+    if result is None:
         return y
     m = mass_matrix(system.lagrangian, t, y.q, v)
-    transposed = jnp.swapaxes(found.matrix, 0, 1)
-    s = matmul(found.matrix, solve(m, transposed))
-    pull = matmul(transposed, solve(s, found.errors[:, None]))
+    transposed = jnp.swapaxes(result.matrix, 0, 1)
+    s = matmul(result.matrix, solve(m, transposed))
+    pull = matmul(transposed, solve(s, result.errors[:, None]))
     return _Canonical(y.q, y.p - pull[:, 0])

@@ -62,7 +62,11 @@ def contact_impulse(approach: Scalar, inverse_mass: Scalar, restitution: Scalar)
 
 
 def impact_energy_loss(approach: Scalar, inverse_mass: Scalar, restitution: Scalar) -> Scalar:
-    """Energy, J, (*runs,), that the impact of `contact_impulse` takes away; same arguments."""
+    """Energy, J, (*runs,), that the impact of `contact_impulse` takes away.
+
+    **Arguments**
+
+    - `approach`, `inverse_mass`, `restitution`: as in `contact_impulse`."""
     u = jnp.maximum(approach, 0.0)
     # As a product: 1 - e^2 would lose its digits in an impact that is almost elastic.
     return 0.5 * (1.0 - restitution) * (1.0 + restitution) * u * u / inverse_mass

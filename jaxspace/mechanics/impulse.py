@@ -46,14 +46,14 @@ def apply_impulse(
         q.shape,
     )
     m = mass_matrix(system.lagrangian, t, q, v)
-    found = constraints_of(system, t, q, v)
-    if found is None:
+    result = constraints_of(system, t, q, v)
+    if result is None:
         return GeneralisedState(q, v + solve(m, impulse[:, None])[:, 0])
-    transposed = jnp.swapaxes(found.matrix, 0, 1)
+    transposed = jnp.swapaxes(result.matrix, 0, 1)
     # One elimination for the free change and for those of unit impulses of the constraints.
     both = solve(m, jnp.concatenate([impulse[:, None], transposed], axis=1))
     free, mobility = both[:, :1], both[:, 1:]
-    answer = schur_solve(system, found.matrix, mobility, -matmul(found.matrix, free))
+    answer = schur_solve(system, result.matrix, mobility, -matmul(result.matrix, free))
     return GeneralisedState(q, v + (free + matmul(mobility, answer))[:, 0])
 
 

@@ -79,8 +79,8 @@ class MissileLoop(AbstractSystem):
     def sideways(self, y: MissileLoopState) -> Scalar:
         """Acceleration of the mass centre across the mean axis, m/s^2, without gravity."""
         missile, state = self.missile, y.missile
-        _, slopes, _ = (with_rank(x, state.engine.ndim) for x in missile.hinge())
-        thrust = (1.0 - missile.engine()["turn"]) * state.engine
+        _, slopes, _ = (with_rank(x, state.engine.ndim) for x in missile.hinge)
+        thrust = (1.0 - missile.engine["turn"]) * state.engine
         thrust = thrust + jnp.sum(slopes * state.bending, axis=0)
         return (missile.thrust * thrust + self.slosh_mass * self._pull(y)) / missile.mass
 

@@ -57,7 +57,7 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
     their order.
 
     **Raises** `InputError` where no coordinate is cyclic, or all are."""
-    cyclic = set(system.cyclic())
+    cyclic = set(system.cyclic)
     left_out = tuple(i for i, name in enumerate(system.names) if name in cyclic)
     kept = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
     if not left_out or not kept:

@@ -145,7 +145,8 @@ class Trailer(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: TrailerState) -> TrailerState:
         del t
-        c, length = self.centre_to_wheel, self.hitch_to_centre + self.centre_to_wheel
+        c = self.centre_to_wheel
+        length = self.hitch_to_centre + self.centre_to_wheel
         inertia = self.mass * (c * c + self.gyration_radius**2)
         moment = self.mass * c * self.speed * y.angle_rate + self.stiffness * length * y.hitch
         return TrailerState(
@@ -157,6 +158,7 @@ class Trailer(AbstractSystem):
         del t, y
         return {}
 
+    @property
     def stability_margin(self) -> Scalar:
         """a c - rho^2, m^2: the trailer follows where it is positive, at every speed and
         stiffness."""

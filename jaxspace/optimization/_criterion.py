@@ -155,7 +155,7 @@ class Minimum(eqx.Module):
             raise InputError("Minimum.sentence describes one known run: pick one.")
         found = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
         if unmet is None:
-            equal, above = self.unmet()
+            equal, above = self.unmet
             unmet = [
                 *_named("equal_zero", self.criterion.equal_zero, equal, "0"),
                 *_named("non_negative", self.criterion.non_negative, above, "at least 0"),
@@ -188,6 +188,7 @@ class Minimum(eqx.Module):
                     clauses.append(f"{own or name + place} is {x:g}")
         return listed(clauses) or "A derivative of the objective or of a constraint is not finite"
 
+    @property
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
         """Which equalities and which inequalities are not met, flat; of a known result of one run.
         None where the search converged, or did not begin."""

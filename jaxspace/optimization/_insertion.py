@@ -29,7 +29,7 @@ from jaxtyping import Array, Float, PyTree
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
 from ..core.checks import check_positive
 from ..core.types import SingleNumberField, as_float
-from ..simulation import Mission, Phase, fly_compact
+from ..simulation import Mission, Phase, simulate_compact
 from ._criterion import Criterion, Minimum
 from ._minimise import minimise
 from .ascent import AbstractThrustAcceleration
@@ -160,7 +160,7 @@ def _search(
     def problem(x: dict[str, PyTree]) -> Criterion:
         T = first * x["duration"] if form == "time" else first
         burn = SteeredBurn(insertion.thrust, made(x["law"]), insertion.mu, T)
-        flight = fly_compact(Mission(Phase(burn, T)), insertion.start, steps=steps)
+        flight = simulate_compact(Mission(Phase(burn, T)), insertion.start, steps=steps)
         end = flight.final
         # In units of the target, so that one tolerance serves lengths and speeds.
         miss = [end.radius / radius - 1.0, (end.radial - target.radial) / speed]

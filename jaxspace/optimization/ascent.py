@@ -37,7 +37,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar, check
+from ..core import NumberField, Scalar, check, quantity
 from ..core.checks import check_finite, check_non_negative, check_positive, is_concrete
 from ..core.types import as_float
 
@@ -121,13 +121,12 @@ class Ascent(eqx.Module):
 
 @final
 class FlightState(eqx.Module):
-    """Range `x` and height `y`, m; horizontal and vertical velocity `u` and `w`, m/s; each
-    (*runs,)."""
+    """Place and velocity in the plane of the ascent; also their rates."""
 
-    x: Float[Array, "*#runs"]
-    y: Float[Array, "*#runs"]
-    u: Float[Array, "*#runs"]
-    w: Float[Array, "*#runs"]
+    x: NumberField = quantity("m", doc="range")
+    y: NumberField = quantity("m", doc="height")
+    u: NumberField = quantity("m/s", doc="horizontal velocity")
+    w: NumberField = quantity("m/s", doc="vertical velocity")
 
 
 def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
@@ -177,7 +176,12 @@ def burnout_state(
 
 def apex(ascent: Ascent, burnout: FlightState) -> tuple[Scalar, Scalar]:
     """Time, s, and height, m, of the apex of the coast; with w_b < 0 it would lie before burnout,
-    and is not reached."""
+    and is not reached.
+
+    **Arguments**
+
+    - `ascent`: the ascent.
+    - `burnout`: the state at burnout."""
     coast = burnout.w / ascent.gravity
     return ascent.burn_time + coast, burnout.y + 0.5 * burnout.w * coast
 

@@ -138,7 +138,7 @@ def number_of_stages(
     exhaust_velocity: ArrayLike,
     structural_factor: ArrayLike,
     total_velocity: ArrayLike,
-    fixed_mass: ArrayLike,
+    fixed_mass: ArrayLike = 0.0,
     most: int = 6,
 ) -> StageNumbers:
     """The initial mass by the number of stages of one exhaust velocity and structural factor, each
@@ -148,7 +148,8 @@ def number_of_stages(
     **Arguments**, each (*runs,)
 
     - `exhaust_velocity`, `total_velocity`: in one unit; `structural_factor`: below 1.
-    - `fixed_mass`: of each stage, over the payload. Without it more stages are always better.
+    - `fixed_mass`: of each stage, over the payload; zero by default, and then more stages are
+      always better.
     - `most`: the highest number that is tried.
 
     **Raises** `InputError` for values out of range.

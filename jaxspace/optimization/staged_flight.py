@@ -12,7 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, AbstractSystem, Scalar, quantity
 from ..rockets import GravityTurn, GravityTurnState
-from ..simulation import Mission, Phase, fly_compact
+from ..simulation import Mission, Phase, simulate_compact
 
 # The turn has no direction at rest: the flight starts with this speed, m/s.
 FIRST_SPEED = 0.1
@@ -117,5 +117,5 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
         phases.append(burn(i, duration, vertical, dropping(i), f"stage {i + 1}"))
     zero = jnp.zeros_like(goal.payload)
     start = GravityTurnState(FIRST_SPEED + zero, zero, zero, zero)
-    end = fly_compact(Mission(phases), (start, carried[0]), steps=goal.steps).final[0]
+    end = simulate_compact(Mission(phases), (start, carried[0]), steps=goal.steps).final[0]
     return Flown(end, carried[0], times, ideal)

@@ -96,7 +96,8 @@ class SecondOrderKS(AbstractSecondOrderForm):
         return dot4(q, q)
 
     def rates(self, q: Array, held: Array) -> tuple[Array, Scalar]:
-        (total, k), r = held, dot4(q, q)
+        (total, k) = held
+        r = dot4(q, q)
         half = (0.5 * self.mu) * k
         if self.rest is None:
             return (0.5 * total) * q, r * (1.0 - k * total) - half

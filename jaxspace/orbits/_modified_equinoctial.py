@@ -115,7 +115,8 @@ def state_along(
     components along F and G."""
     (f, g), (c, s) = e, u
     F, G = barrier((F, G))
-    r, speed = p / (1.0 + f * c + g * s), jnp.sqrt(mu / p)
+    r = p / (1.0 + f * c + g * s)
+    speed = jnp.sqrt(mu / p)
     x, y, vx, vy = barrier((r * c, r * s, -speed * (g + s), speed * (f + c)))
     return scale(x, F) + scale(y, G), scale(vx, F) + scale(vy, G)
 
@@ -138,7 +139,9 @@ def orbit_axes(h: Scalar, k: Scalar, retrograde: bool) -> tuple[Vector, Vector]:
     """The unit vectors F and G in the plane of the orbit."""
     sense = -1.0 if retrograde else 1.0
     h, k = jnp.broadcast_arrays(h, k)
-    h2, k2, hk = h * h, k * k, 2.0 * h * k
+    h2 = h * h
+    k2 = k * k
+    hk = 2.0 * h * k
     per = 1.0 / (1.0 + h2 + k2)
     F = (1.0 + h2 - k2, hk, -2.0 * sense * k)
     G = (sense * hk, sense * (1.0 - h2 + k2), 2.0 * h)

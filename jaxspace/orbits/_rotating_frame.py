@@ -2,6 +2,7 @@
 
     a = -2 w x v - w x (w x r)                        relative to the turning axes
     U = -|w x r|^2 / 2
+    a = -2 w x v,  U = 0                              beside the gravity of a plumb line (2.6-4)
     J = v^2/2 + U + other potentials                  the integral of Jacobi
 
     symbol  meaning                                                  unit
@@ -17,6 +18,8 @@ ones and back: with w along z, V = v + w x r and both turned by the angle w t.
 
 from typing import ClassVar, final
 
+import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
@@ -29,22 +32,28 @@ class RotatingFrame(AbstractEffect):
     """The forces of inertia in uniformly turning axes, in which the scene's state is then given.
 
     The energy of such a scene is the integral of Jacobi. Of the orbit alone: the attitude of a body
-    stays that relative to inertial axes."""
+    stays that relative to inertial axes. With `centrifugal=False` Coriolis' force alone, for a
+    gravity that holds the centrifugal force already, as that of a plumb line does."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
 
     omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")
+    centrifugal: bool = eqx.field(static=True, default=True)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
-        assert y.position is not None and y.velocity is not None
+        assert y.velocity is not None
         # One product for both forces: w x (2 v + w x r).
-        return Load(
-            acceleration_N=-cross(self.omega, 2.0 * y.velocity + cross(self.omega, y.position))
-        )
+        moving = 2.0 * y.velocity
+        if self.centrifugal:
+            assert y.position is not None
+            moving = moving + cross(self.omega, y.position)
+        return Load(acceleration_N=-cross(self.omega, moving))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
         del t, body
+        if not self.centrifugal:
+            return jnp.zeros(())
         assert y.position is not None
         turning = cross(self.omega, y.position)
         return -0.5 * dot(turning, turning)

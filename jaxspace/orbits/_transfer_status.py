@@ -22,7 +22,7 @@ class TransferStatus(enum.IntEnum):
 
     @property
     def sentence(self) -> str:
-        """What is the matter, and what to do about it."""
+        """Explanation of the status, and what to do about it."""
         return _SENTENCES[self]
 
 

@@ -50,7 +50,7 @@ class BallisticFlight(NamedTuple):
 
 
 class BallisticImpact(NamedTuple):
-    """Where a flight over a rotating sphere ends, each (*runs,): `latitude`, and `longitude` east
+    """End of a flight over a rotating sphere, each (*runs,): `latitude`, and `longitude` east
     of the site within (-pi, pi], rad; `range_angle` along the ground, rad; `height` above the
     sphere, m; `duration`, s."""
 
@@ -83,7 +83,8 @@ def ballistic_flight(
     # The range alone stays finite beyond the escape speed: NaN here serves all three results.
     lam = jnp.where(closed, lam, jnp.nan)
     p = lam * c * c
-    cosine, sine = 1.0 - p, lam * s * c
+    cosine = 1.0 - p
+    sine = lam * s * c
     half = safe_atan2(sine, cosine)
     e = safe_sqrt(cosine * cosine + sine * sine)
     # (r_a - r) / r = (e - cosine) / (1 - e), of which neither difference is formed where the flight
@@ -174,7 +175,7 @@ def ballistic_impact(
     mu: Scalar,
     rotation_rate: Scalar = 0.0,
 ) -> BallisticImpact:
-    """Where a flight ends on a rotating sphere (Thomson 4.17, problem 7).
+    """End of a flight on a rotating sphere (Thomson 4.17, problem 7).
 
     **Arguments**, each (*runs,)
 

@@ -25,8 +25,8 @@ from ..core.types import as_float
 
 
 def bielliptic_break_even(ratio: Scalar) -> Scalar:
-    """How far out the impulse between has to be for the bi-elliptic transfer to cost no more than
-    that of Hohmann.
+    """Distance of the middle impulse from which on a bi-elliptic transfer costs no more than that
+    of Hohmann.
 
     **Arguments**
 

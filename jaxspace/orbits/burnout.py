@@ -32,22 +32,35 @@ from .initial import MU
 
 
 def circular_speed(radius: Scalar, mu: Scalar) -> Scalar:
-    """Speed on the circle of a `radius`, m, about a centre of the parameter `mu`, m^3/s^2, in m/s
-    (Thomson 4.10-1)."""
+    """Speed on a circle about a centre, m/s (Thomson 4.10-1).
+
+    **Arguments**
+
+    - `radius`: m, (*runs,).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,)."""
     return jnp.sqrt(mu / radius)
 
 
 def escape_speed(radius: Scalar, mu: Scalar) -> Scalar:
-    """Least speed, m/s, that never comes back from the `radius`, m; `mu`, m^3/s^2 (Thomson
-    4.10). Zero for a centre that repels."""
+    """Least speed, m/s, that does not return from a radius (Thomson 4.10). Zero for a centre that
+    repels.
+
+    **Arguments**
+
+    - `radius`: m, (*runs,).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,)."""
     repels = as_float(mu) < 0.0
     return jnp.where(repels, 0.0, jnp.sqrt(jnp.where(repels, 1.0, 2.0 * mu / radius)))
 
 
 def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
-    """Speed that is left far away, m/s, after an escape from the `radius`, m, at this `speed`, m/s;
-    `mu`, m^3/s^2, also of a centre that repels (negative). NaN below the escape speed (Thomson 4.7,
-    4.10)."""
+    """Speed at infinity after an escape, m/s. NaN below the escape speed (Thomson 4.7,
+    4.10).
+
+    **Arguments**
+
+    - `radius`: m, (*runs,), and `speed`: there, m/s.
+    - `mu`: gravitational parameter, m^3/s^2; negative for a centre that repels."""
     attracts = as_float(mu) > 0.0
     escape = escape_speed(radius, jnp.where(attracts, mu, 1.0))
     # As a product, because a difference of squares loses digits close to the escape speed.
@@ -89,7 +102,8 @@ def elements_from_burnout(
     lam = r * speed * speed / mu
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     # As components, because their angle is right in every quadrant.
-    cosine, sine = lam * c * c - 1.0, lam * s * c
+    cosine = lam * c * c - 1.0
+    sine = lam * s * c
     f = safe_atan2(sine, cosine)
     zero = 0.0 * f
     return ClassicalElements(

@@ -100,23 +100,37 @@ def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
 
 
 def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
-    """Potential energy per unit mass of `shell_gravity`, m^2/s^2, zero at infinity, from the
-    distance `r`, m; constant inside."""
+    """Potential energy per unit mass of `shell_gravity`, m^2/s^2, zero at infinity; constant
+    inside.
+
+    **Arguments**
+
+    - `r`: distance from the centre, m, (*runs,).
+    - `mu`, `radius`: as in `shell_gravity`."""
     # The greater radius says all of it: constant inside, continuous at the surface, never 1/0.
     return -mu / jnp.maximum(r, radius)
 
 
 def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     """Acceleration by a sphere of uniform density, outside and inside (Harrison and Nettleton
-    5.11); arguments as in `shell_gravity`."""
+    5.11).
+
+    **Arguments**
+
+    - `r`, `mu`, `radius`: as in `shell_gravity`."""
     outside = dot(r, r) >= radius * radius
     far = jnp.where(outside, r, 1.0)
     return scale(-mu * jnp.where(outside, inverse_norm(far, 3), 1.0 / radius**3), r)
 
 
 def sphere_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
-    """Potential energy per unit mass of `sphere_gravity`, m^2/s^2, zero at infinity, from the
-    distance `r`, m (Harrison and Nettleton 5.10)."""
+    """Potential energy per unit mass of `sphere_gravity`, m^2/s^2, zero at infinity (Harrison and
+    Nettleton 5.10).
+
+    **Arguments**
+
+    - `r`: distance from the centre, m, (*runs,).
+    - `mu`, `radius`: as in `shell_gravity`."""
     outside = r >= radius
     ratio = r / radius
     inside = -0.5 * mu / radius * (3.0 - ratio * ratio)

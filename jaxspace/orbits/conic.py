@@ -32,8 +32,13 @@ _TURN = 2.0 * math.pi
 
 
 def conic_radius(semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar) -> Scalar:
-    """Distance from the centre, m, at the `true_anomaly`, rad; `semi_latus_rectum`, m. Infinite on
-    an asymptote, negative beyond it; all (*runs,)."""
+    """Distance from the centre, m; infinite on an asymptote, negative beyond it.
+
+    **Arguments**
+
+    - `semi_latus_rectum`: m, (*runs,).
+    - `eccentricity`: (*runs,).
+    - `true_anomaly`: rad, (*runs,)."""
     return semi_latus_rectum / (1.0 + eccentricity * jnp.cos(true_anomaly))
 
 
@@ -61,8 +66,13 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
 
 
 def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
-    """The true anomaly, rad, of an eccentric or a hyperbolic one; undoes `eccentric_anomaly`, with
-    its arguments (*runs,)."""
+    """The true anomaly, rad, of an eccentric or a hyperbolic one: the inverse of
+    `eccentric_anomaly`.
+
+    **Arguments**
+
+    - `eccentric_anomaly`: rad, (*runs,); the hyperbolic one above an eccentricity of 1.
+    - `eccentricity`: (*runs,)."""
     x, e = as_float(eccentric_anomaly), as_float(eccentricity)
     closed = e < 1.0
     turns = jnp.where(closed, _TURN * jnp.round(x / _TURN), 0.0)
@@ -77,9 +87,14 @@ def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
 
 
 def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
-    """Kepler's equation: the mean anomaly, rad, of an eccentric or a hyperbolic one, (*runs,).
+    """Kepler's equation: the mean anomaly, rad, of an eccentric or a hyperbolic one.
 
-    Keeps its digits near the parabola and the periapsis. Its inverse is `true_anomaly_after`."""
+    Keeps its digits near the parabola and the periapsis. Its inverse is `true_anomaly_after`.
+
+    **Arguments**
+
+    - `eccentric_anomaly`: rad, (*runs,); the hyperbolic one above an eccentricity of 1.
+    - `eccentricity`: (*runs,)."""
     x, e = as_float(eccentric_anomaly), as_float(eccentricity)
     closed = e < 1.0
     # Whole turns are taken off, because the Stumpff functions reach to the square of pi.

@@ -1,5 +1,5 @@
-"""How far a run is from the nominal one at the same place, and the elements of its orbit as numbers
-of interest.
+"""Deviations of a run from the nominal one at the same place, and elements of its orbit, as
+outputs.
 
     R = r_0/|r_0|,  W = h_0/|h_0|,  S = W x R          axes of the nominal state
     radial, along-track, cross-track = R . d, S . d, W . d,    d = r - r_0
@@ -29,14 +29,24 @@ from .elements import eccentricity_vector, elements_from_state
 
 @output("m")
 def radial_error(position: Vector, nominal: Any) -> Scalar:
-    """Difference of the position from that of the `nominal` state along its radius, m."""
+    """Difference of the position from that of the `nominal` state along its radius, m.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `nominal`: the state of the nominal run."""
     return dot(position - nominal.position, unit(nominal.position))
 
 
 @output("m")
 def along_track_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state in its plane and across its
-    radius, m: positive ahead."""
+    radius, m: positive ahead.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `nominal`: the state of the nominal run."""
     # Not along the velocity, of which a part is radial: both errors would overlap.
     ahead = cross(cross(nominal.position, nominal.velocity), nominal.position)
     return dot(position - nominal.position, unit(ahead))
@@ -45,7 +55,12 @@ def along_track_error(position: Vector, nominal: Any) -> Scalar:
 @output("m")
 def cross_track_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state across its plane, m: positive
-    towards its angular momentum."""
+    towards its angular momentum.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `nominal`: the state of the nominal run."""
     momentum = cross(nominal.position, nominal.velocity)
     return dot(position - nominal.position, unit(momentum))
 

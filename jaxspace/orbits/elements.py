@@ -83,7 +83,12 @@ def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
 
 def angular_momentum(position: Vector, velocity: Vector) -> Vector:
-    """Angular momentum per unit mass h, m^2/s."""
+    """Angular momentum per unit mass h, m^2/s.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs)."""
     return cross(position, velocity)
 
 
@@ -155,7 +160,12 @@ def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 @output("rad")
 def inclination(position: Vector, velocity: Vector) -> Scalar:
     """Inclination i of the orbit's plane to the equator, rad, within [0, pi]; its derivative is
-    zero for an equatorial orbit."""
+    zero for an equatorial orbit.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs)."""
     h = cross(position, velocity)
     # By an arctangent of both parts of h, because the arccosine loses half of the digits near the
     # equator.
@@ -203,7 +213,7 @@ class ClassicalElements(AbstractParameters):
         argument_of_periapsis: Scalar = 0.0,
         true_anomaly: Scalar = 0.0,
     ) -> "ClassicalElements":
-        """From the radius of periapsis, m, which every conic has, and the other elements."""
+        """The elements from the radius of periapsis, m, which every conic has, and the others."""
         radius = as_float(radius)
         e = as_float(eccentricity)
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
@@ -212,10 +222,16 @@ class ClassicalElements(AbstractParameters):
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 
-    Arguments as in the other functions of this module. An eccentricity below 8 roundings is noise
+    An eccentricity below 8 roundings is noise
     and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
     the equator, derivatives of the elements do not lead back to those of the state (see the module
-    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do."""
+    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs).
+    - `mu`: gravitational parameter, m^3/s^2, (*runs,)."""
     return in_blocks(_elements, (1, 1, 0), position, velocity, mu)
 
 
@@ -243,7 +259,8 @@ def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
     size = jax.lax.stop_gradient(jnp.maximum(jnp.abs(h[0]), jnp.abs(h[1])))
     flat = size == 0.0
     per = 1.0 / jnp.where(flat, 1.0, size)
-    x, y = jnp.where(flat, 1.0, -per * h[1]), per * h[0]
+    x = jnp.where(flat, 1.0, -per * h[1])
+    y = per * h[0]
     root = jnp.sqrt(x * x + y * y)
     c, s = x / root, y / root
     across = jnp.where(flat, 0.0, size * root)
@@ -267,7 +284,8 @@ def _state(x: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
     angles = (x.node, x.inclination, x.argument_of_periapsis, x.true_anomaly)
     # Behind barriers: fused with the components, each of the six would compute all this again.
     (sn, cn), (si, ci), (sw, cw), (sf, cf) = barrier(tuple(map(sincos, map(as_float, angles))))
-    r, speed = p / (1.0 + e * cf), jnp.sqrt(mu / p)
+    r = p / (1.0 + e * cf)
+    speed = jnp.sqrt(mu / p)
     # From the node, and a right angle ahead of it in the plane of the orbit.
     cu, su = cf * cw - sf * sw, sf * cw + cf * sw
     plane = barrier(((r * cu, r * su), (-speed * (su + e * sw), speed * (cu + e * cw))))

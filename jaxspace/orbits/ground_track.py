@@ -50,7 +50,7 @@ class GroundPoint(NamedTuple):
 def ground_point(
     position: Vector, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> GroundPoint:
-    """Where a position stands over a planet that turns about the z axis.
+    """Ground point below a position over a planet that turns about the z axis.
 
     Along a run it is the ground track: `ground_point(run.states.position, rate * run.ts, ...)`.
 
@@ -108,7 +108,12 @@ def position_of(
 
 def geocentric_latitude(latitude: Scalar, flattening: Scalar) -> Scalar:
     """The geocentric latitude, rad, of a point of the ellipsoid with this geodetic one, rad:
-    tan(psi) = (1 - f)^2 tan(phi). The arguments are (*runs,)."""
+    tan(psi) = (1 - f)^2 tan(phi).
+
+    **Arguments**
+
+    - `latitude`: geodetic, rad, (*runs,).
+    - `flattening`: f of the ellipsoid, (*runs,)."""
     shrink = (1.0 - flattening) * (1.0 - flattening)
     return jnp.arctan2(shrink * jnp.sin(latitude), jnp.cos(latitude))
 

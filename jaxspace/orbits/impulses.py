@@ -1,5 +1,5 @@
-"""What an impulse does to an orbit: along the path, in the plane with the line of apsides kept, out
-of the plane; and the impulse as a jump of a mission.
+"""Changes of an orbit by an impulse: along the path, in the plane with the line of apsides kept,
+out of the plane; and the impulse as a jump of a mission.
 
     with C = e cos f, S = e sin f and w = g (2 + g), g = dv/v, an impulse along the path gives
     C' = C + (1 + C) w,  S' = S (1 + w),  p' = p (1 + w)
@@ -64,7 +64,8 @@ def tangential_impulse(
     w = gain * (2.0 + gain)
     C, S = e * cosine, e * sine
     speed2 = 1.0 + 2.0 * C + e * e
-    new_C, new_S = C + (1.0 + C) * w, S * (1.0 + w)
+    new_C = C + (1.0 + C) * w
+    new_S = S * (1.0 + w)
     new_e = safe_sqrt(new_C * new_C + new_S * new_S)
     # By the difference of the squares, which is exact for a small impulse; a circle that stays one
     # has no sum to divide by.
@@ -82,9 +83,15 @@ def small_tangential_impulse(
 ) -> OrbitChange:
     """The change by a small impulse along the path, to first order (Thomson 4.14-5..7).
 
-    Arguments and result as in `tangential_impulse`; the change of the anomaly is infinite on a
-    circle."""
-    e, f = as_float(eccentricity), true_anomaly
+    The change of the anomaly is infinite on a circle.
+
+    **Arguments**
+
+    - `semi_latus_rectum`, `eccentricity`, `true_anomaly`, `gain`: as in `tangential_impulse`.
+
+    **Returns** an `OrbitChange`, as `tangential_impulse` does."""
+    e = as_float(eccentricity)
+    f = true_anomaly
     per_a = (1.0 - e) * (1.0 + e)
     speed2 = 1.0 + 2.0 * e * jnp.cos(f) + e * e
     return OrbitChange(
@@ -112,7 +119,9 @@ def apse_line_impulse(
 
     **Returns** the increments outwards and across the radius, along the motion, m/s, (*runs,).
     """
-    p, e, e2 = as_float(semi_latus_rectum), as_float(eccentricity), as_float(new_eccentricity)
+    p = as_float(semi_latus_rectum)
+    e = as_float(eccentricity)
+    e2 = as_float(new_eccentricity)
     c, s = jnp.cos(true_anomaly), jnp.sin(true_anomaly)
     near, near2 = 1.0 + e * c, 1.0 + e2 * c
     unit_speed = jnp.sqrt(mu * near / p)
@@ -183,7 +192,7 @@ class Impulse(AbstractJump):
         del t
         if y.position is None or y.velocity is None:
             raise InputError(
-                f"The state holds {', '.join(y.present()) or 'nothing'}: it must hold position and "
+                f"The state holds {', '.join(y.present) or 'nothing'}: it must hold position and "
                 f"velocity."
             )
         outwards, up = unit(y.position), unit(cross(y.position, y.velocity))

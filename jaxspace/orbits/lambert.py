@@ -101,8 +101,8 @@ def lambert(
     v1, v2, status = _transfer(start, end, duration, mu, normal, revolutions, low)
     if status.ndim == 0 and not is_traced(status) and status != TransferStatus.FOUND:
         raise InputError(f"lambert: {TransferStatus(int(status)).sentence}")
-    found = status == TransferStatus.FOUND
-    return jnp.where(found, v1, jnp.nan), jnp.where(found, v2, jnp.nan)
+    result = status == TransferStatus.FOUND
+    return jnp.where(result, v1, jnp.nan), jnp.where(result, v2, jnp.nan)
 
 
 def transfer_status(

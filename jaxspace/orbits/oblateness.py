@@ -58,8 +58,11 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
 
 
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity; arguments as in
-    `oblateness`."""
+    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity.
+
+    **Arguments**
+
+    - `r`, `mu`, `j2`, `radius`: as in `oblateness`."""
     z = r[2]
     per_r2 = inverse_norm(r, 2)
     c = (0.5 * j2 * mu * inverse_norm(r)) * (radius * radius * per_r2)
@@ -99,7 +102,12 @@ def apsidal_rate(
 ) -> Scalar:
     """Mean rate of the argument of periapsis, rad/s, by J2 to first order (Curtis 4.53).
 
-    It is zero where cos^2 i = 1/5. Arguments as in `node_regression_rate`."""
+    It is zero where cos^2 i = 1/5.
+
+    **Arguments**
+
+    - `semi_major_axis`, `eccentricity`, `inclination`, `mu`, `j2`, `radius`: as in
+      `node_regression_rate`."""
     rates = secular_rates(semi_major_axis, eccentricity, inclination, mu, j2, radius)
     return rates.argument_of_periapsis
 

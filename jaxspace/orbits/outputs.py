@@ -49,13 +49,23 @@ def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Sc
 
 @output("m", radius="planet.radius")
 def altitude(position: Vector, radius: Scalar) -> Scalar:
-    """Height above a sphere of the `radius`, m."""
+    """Height above a sphere, m.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `radius`: of the sphere, m, (*runs,)."""
     return norm(position) - radius
 
 
 @output("m/s")
 def radial_speed(position: Vector, velocity: Vector) -> Scalar:
-    """Rate of the distance from the centre, m/s: zero at an apsis and on a circle."""
+    """Rate of the distance from the centre, m/s: zero at an apsis and on a circle.
+
+    **Arguments**
+
+    - `position`: m, (3, *runs).
+    - `velocity`: m/s, (3, *runs)."""
     return dot(position, velocity) / norm(position)
 
 
@@ -67,19 +77,34 @@ def speed(velocity: Vector) -> Scalar:
 
 @output("m/s")
 def speed_error(velocity: Vector, nominal: Any) -> Scalar:
-    """Speed less that of the `nominal` state, m/s."""
+    """Speed less that of the `nominal` state, m/s.
+
+    **Arguments**
+
+    - `velocity`: m/s, (3, *runs).
+    - `nominal`: the state of the nominal run."""
     return norm(velocity) - norm(nominal.velocity)
 
 
 @output("m/s")
 def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
-    """Length of the difference of the velocity from that of the `nominal` state, m/s."""
+    """Length of the difference of the velocity from that of the `nominal` state, m/s.
+
+    **Arguments**
+
+    - `velocity`: m/s, (3, *runs).
+    - `nominal`: the state of the nominal run."""
     return norm(velocity - nominal.velocity)
 
 
 @event("m^2/s", direction=1, needs=("position", "velocity"))
 def periapsis(t: Scalar, y: BodyState) -> Scalar:
-    """r . v, m^2/s: zero at both apsides, and rising at the periapsis."""
+    """r . v, m^2/s: zero at both apsides, and rising at the periapsis.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a position and a velocity."""
     del t
     # Not the radial speed, which has the same zeros and divides by the distance.
     return dot(y.position, y.velocity)
@@ -87,20 +112,35 @@ def periapsis(t: Scalar, y: BodyState) -> Scalar:
 
 @event("m^2/s", direction=-1, needs=("position", "velocity"))
 def apoapsis(t: Scalar, y: BodyState) -> Scalar:
-    """r . v, m^2/s: zero at both apsides, and falling at the apoapsis."""
+    """r . v, m^2/s: zero at both apsides, and falling at the apoapsis.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a position and a velocity."""
     del t
     return dot(y.position, y.velocity)
 
 
 @event("m", direction=1, needs=("position", "velocity"))
 def ascending_node(t: Scalar, y: BodyState) -> Scalar:
-    """z, m: zero at the nodes, and rising at the ascending one."""
+    """z, m: zero at the nodes, and rising at the ascending one.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a position."""
     del t
     return y.position[2]
 
 
 @event("m", direction=-1, needs=("position", "velocity"))
 def descending_node(t: Scalar, y: BodyState) -> Scalar:
-    """z, m: zero at the nodes, and falling at the descending one."""
+    """z, m: zero at the nodes, and falling at the descending one.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a position."""
     del t
     return y.position[2]

@@ -40,7 +40,7 @@ def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
 
 
 def departure_phase(radius: Scalar, target_radius: Scalar) -> Scalar:
-    """By which angle the target must lead at the departure of a transfer of Hohmann.
+    """Phase angle by which the target must lead at the departure of a Hohmann transfer.
 
     **Arguments**, each (*runs,)
 

@@ -39,8 +39,11 @@ def point_gravity(r: Vector, mu: Scalar) -> Vector:
 
 
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, zero at infinity; arguments as in
-    `point_gravity`."""
+    """Potential energy per unit mass U, m^2/s^2, zero at infinity.
+
+    **Arguments**
+
+    - `r`, `mu`: as in `point_gravity`."""
     return -mu / jnp.sqrt(dot(r, r))
 
 

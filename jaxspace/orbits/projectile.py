@@ -27,8 +27,13 @@ from ..core.vectors import cross
 
 
 def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Scalar:
-    """The greatest height, m, that is reached over a horizontal `distance`, m, with a launch at
-    this `speed`, m/s, under this `gravity`, m/s^2; all (*runs,)."""
+    """The greatest height, m, that a launch at this speed reaches over a horizontal distance.
+
+    **Arguments**
+
+    - `distance`: horizontal, m, (*runs,).
+    - `speed`: of the launch, m/s, (*runs,).
+    - `gravity`: m/s^2, (*runs,)."""
     square = as_float(speed) * speed
     return 0.5 * square / gravity - 0.5 * gravity * distance * distance / square
 
@@ -56,7 +61,7 @@ def projectile_angles(
 
 
 def projectile_position(velocity: Vector, t: Scalar, gravity: Vector, omega: Vector) -> Vector:
-    """Where a body is after a launch from the origin of axes that turn with a planet, to first
+    """Position of a body after a launch from the origin of axes that turn with a planet, to first
     order in the turning.
 
     **Arguments**

@@ -119,9 +119,12 @@ def effective_potential(potential: Potential, r: Scalar, h: Scalar) -> Scalar:
 
 
 def circular_rate(potential: Potential, r: Scalar) -> Scalar:
-    """Angular rate sqrt(U'/r) of the circular orbit, rad/s; NaN where the force repels.
+    """Angular rate sqrt(U'/r) of the circular orbit, rad/s (Thomson 4.15-1); NaN where the force
+    repels.
 
-    Arguments as in `effective_potential` (Thomson 4.15-1)."""
+    **Arguments**
+
+    - `potential`, `r`: as in `effective_potential`."""
     r = jnp.asarray(r)
     return jnp.sqrt(_slope(potential, r) / r)
 
@@ -129,8 +132,12 @@ def circular_rate(potential: Potential, r: Scalar) -> Scalar:
 def radial_frequency_squared(potential: Potential, r: Scalar) -> Scalar:
     """w_r^2 = U'' + 3 U'/r, 1/s^2, of small radial oscillations about the circular orbit.
 
-    Negative where the circle is unstable: for a force k / r^n it is (3 - n) k / r^(n+1). Arguments
-    as in `effective_potential` (Thomson 4.15-3)."""
+    Negative where the circle is unstable: for a force k / r^n it is (3 - n) k / r^(n+1). (Thomson
+    4.15-3).
+
+    **Arguments**
+
+    - `potential`, `r`: as in `effective_potential`."""
     r = jnp.asarray(r)
     first = _slope(potential, r)
     return _slope(lambda z: _slope(potential, z), r) + 3.0 * first / r
@@ -151,7 +158,8 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     """
     inner, outer = jnp.broadcast_arrays(jnp.asarray(inner), jnp.asarray(outer))
     # Relative to the inner radius, so that no power of the distance leaves the range of float32.
-    x_1, x_2 = jnp.zeros_like(inner), jnp.log(outer / inner)
+    x_1 = jnp.zeros_like(inner)
+    x_2 = jnp.log(outer / inner)
 
     def u(x):
         return potential(inner * jnp.exp(x))
@@ -238,10 +246,10 @@ def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, 
 
 
 def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
-    """Where `f` first becomes negative on a grid of positive `steps`, (steps, *runs), zero if it
-    is from the start; and whether it does."""
+    """The place where `f` first becomes negative on a grid of positive `steps`, (steps, *runs),
+    zero if it is from the start; and whether it does."""
     negative = jax.lax.stop_gradient(f(steps)) <= 0.0
-    found = jnp.any(negative, axis=0)
+    result = jnp.any(negative, axis=0)
     first = jnp.argmax(negative, axis=0)
     high = jnp.take_along_axis(steps, first[None], axis=0)[0]
     low = jnp.take_along_axis(steps, jnp.maximum(first - 1, 0)[None], axis=0)[0]
@@ -256,7 +264,7 @@ def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
         a, b = jax.lax.fori_loop(0, _BISECTIONS, step, (low, high))
         return 0.5 * (a + b)
 
-    regular = found & (first > 0)
+    regular = result & (first > 0)
     root = jax.lax.custom_root(
         f,
         jax.lax.stop_gradient(high),
@@ -264,4 +272,4 @@ def _first_root(f: Potential, steps: Array) -> tuple[Scalar, Flag]:
         # Each run alone, so that the derivative of g is a number for each.
         lambda g, y: jnp.where(regular, safe_divide(y, g(jnp.ones_like(y))), 0.0),
     )
-    return jnp.where(regular, root, 0.0), found
+    return jnp.where(regular, root, 0.0), result

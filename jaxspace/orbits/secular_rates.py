@@ -70,7 +70,8 @@ def secular_rates(
     a, e = semi_major_axis, eccentricity
     # As a product, because 1 - e^2 loses digits close to the parabola.
     square = (1.0 - e) * (1.0 + e)
-    h, c = jnp.sqrt(square), jnp.cos(inclination)
+    h = jnp.sqrt(square)
+    c = jnp.cos(inclination)
     ratio = radius / (a * square)
     k, q = 0.5 * j2 * ratio**2, -0.375 * j4 * ratio**4
     x = c * c

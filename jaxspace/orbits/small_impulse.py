@@ -1,4 +1,4 @@
-"""What any impulse does to the elements, exactly and to first order.
+"""Changes of the elements by any impulse, exactly and to first order.
 
     change = elements(r, v + dv) - elements(r, v)        exact
     change = d(elements)/dv dv                           first order
@@ -49,9 +49,9 @@ def impulse_change(
         # Of no type of its own: changes need not lie in the ranges of the elements.
         return dict(vars(change))
     before, after = vars(elements(velocity)), vars(elements(velocity + impulse))
-    found = {}
+    result = {}
     for name, value in after.items():
         step = value - before[name]
         # An angle that passes the cut at pi has not changed by a whole turn.
-        found[name] = step - _TURN * jnp.round(step / _TURN) if name in _ANGLES else step
-    return found
+        result[name] = step - _TURN * jnp.round(step / _TURN) if name in _ANGLES else step
+    return result

@@ -29,8 +29,8 @@ from .ground_track import GroundPoint, position_of
 
 
 class LookAngles(NamedTuple):
-    """Where a station sees something: `azimuth` from the north to the east, from -pi to pi, and
-    `elevation`, rad; `distance`, m; each (*runs,)."""
+    """Direction and distance of something seen from a station: `azimuth` from the north to the
+    east, from -pi to pi, and `elevation`, rad; `distance`, m; each (*runs,)."""
 
     azimuth: Scalar
     elevation: Scalar

@@ -48,8 +48,11 @@ def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
 
 
 def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
-    """Potential energy per unit mass V, m^2/s^2, less its value at the centre; arguments as in
-    `third_body`."""
+    """Potential energy per unit mass V, m^2/s^2, less its value at the centre.
+
+    **Arguments**
+
+    - `r`, `s`, `mu`: as in `third_body`."""
     r, s = _same_rank(r, s)
     per_s = inverse_norm(s, 2)
     size, rise = dot(r, r) * per_s, dot(r, s) * per_s

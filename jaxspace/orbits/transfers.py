@@ -33,7 +33,7 @@ from ..core.types import as_float
 
 
 class ImpulsiveTransfer(NamedTuple):
-    """What a transfer takes.
+    """Cost of a transfer.
 
     - `impulses`: increments of speed in their order, m/s, (impulses, *runs); negative against the
       velocity.
@@ -66,7 +66,9 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
 
     **Returns** the increment along the velocity, m/s, (*runs,).
     """
-    r, s, s2 = as_float(radius), as_float(before), as_float(after)
+    r = as_float(radius)
+    s = as_float(before)
+    s2 = as_float(after)
     speeds = _apsis_speed(r, s, mu) + _apsis_speed(r, s2, mu)
     # (s2 - s) / ((r + s2) (r + s)), of which one may be infinite.
     open_s, open_s2 = jnp.isinf(s), jnp.isinf(s2)
@@ -95,8 +97,8 @@ def coaxial_transfer(
     arrival_opposite: Scalar,
     mu: Scalar,
 ) -> ImpulsiveTransfer:
-    """From an apsis of one ellipse to an apsis of another on the same line of apsides, half a
-    revolution on (Thomson 4.12).
+    """Transfer from an apsis of one ellipse to an apsis of another on the same line of apsides,
+    half a revolution on (Thomson 4.12).
 
     **Arguments**, each (*runs,)
 
@@ -116,7 +118,7 @@ def coaxial_transfer(
 
 
 def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfer:
-    """From a circle to another one in the same plane by two impulses (Thomson 4.11).
+    """Transfer from a circle to another one in the same plane by two impulses (Thomson 4.11).
 
     **Arguments**, each (*runs,)
 
@@ -131,7 +133,7 @@ def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfe
 def bielliptic_transfer(
     start: Scalar, between: Scalar, end: Scalar, mu: Scalar
 ) -> ImpulsiveTransfer:
-    """From a circle to another one by three impulses, over an apsis farther out.
+    """Transfer from a circle to another one by three impulses, over an apsis farther out.
 
     **Arguments**, each (*runs,)
 

@@ -25,7 +25,11 @@ from ..core.vectors import scale
 
 
 def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
-    """m_1 m_2 / (m_1 + m_2), kg, (*runs,): the inertia of the relative motion (Thomson 4.6-3)."""
+    """m_1 m_2 / (m_1 + m_2), kg: the inertia of the relative motion (Thomson 4.6-3).
+
+    **Arguments**
+
+    - `m1`, `m2`: kg, (*runs,)."""
     # In this order, because the product of two masses of planets leaves the range of float32.
     return m1 * (m2 / (m1 + m2))
 

@@ -42,6 +42,11 @@ class UniformGravity(AbstractEffect):
 
 @event("m", direction=-1, needs=("position",))
 def touchdown(t: Scalar, y: BodyState) -> Scalar:
-    """The height, m, over the plane z = 0, through which a body falls."""
+    """The height, m, over the plane z = 0, through which a body falls.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a position."""
     del t
     return y.position[2]

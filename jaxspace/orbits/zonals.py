@@ -68,8 +68,11 @@ def zonals(
 def zonal_potential(
     r: Vector, mu: Scalar, harmonics: Float[Array, "degrees *#runs"], radius: Scalar
 ) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, of zonal harmonics, zero at infinity; arguments as
-    in `zonals`."""
+    """Potential energy per unit mass U, m^2/s^2, of zonal harmonics, zero at infinity.
+
+    **Arguments**
+
+    - `r`, `mu`, `harmonics`, `radius`: as in `zonals`."""
     u = scale(1.0 / radius, r)
     ratio = inverse_norm(u)
     s = u[2] * ratio

@@ -6,7 +6,7 @@ MOST_BINS = 60
 
 
 def bins(x: np.ndarray) -> tuple[float, np.ndarray, float]:
-    """Where the bins of a histogram start, how many values each holds, and their width.
+    """Bins of a histogram: their starts, counts and width.
 
     One bin where the values differ by rounding alone, which cannot be divided."""
     x = x.astype(float)

@@ -79,7 +79,7 @@ def dispersion_figure(
 def heading(dispersion: "Dispersion") -> str:
     """The number of runs, and of those that failed."""
     failed = sum(f.count for f in dispersion.failed)
-    planned = f" of {dispersion.wanted} planned" if dispersion.lacking else ""
+    planned = f" of {dispersion.planned_runs} planned" if dispersion.missing_runs else ""
     return f"{dispersion.runs}{planned} runs, seed {dispersion.seed}" + (
         f", {failed} failed" if failed else ", none failed"
     )
@@ -180,9 +180,9 @@ def _histogram(
 
 def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int) -> None:
     """A bar for each of the largest contributors to the variance of an output."""
-    found = contributors_or_none(dispersion, name, count)
+    result = contributors_or_none(dispersion, name, count)
     dress(axes, "", "share of the variance, %")
-    if found is None:
+    if result is None:
         axes.text(
             0.5,
             0.5,
@@ -194,9 +194,9 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
         )
         axes.set_yticks([])
         return
-    inputs = list(found.shares)
+    inputs = list(result.shares)
     # By chance a share of nothing may come out below zero.
-    shares = [100.0 * max(share, 0.0) for share in found.shares.values()]
+    shares = [100.0 * max(share, 0.0) for share in result.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
     axes.set_yticks(inputs, [_plain(n) for n in inputs])
@@ -208,7 +208,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
     axes.set_title(
         f"contributors to {_plain(name)}", loc="left", fontsize=10, fontweight="bold", pad=17
     )
-    _subtitle(axes, explained(found))
+    _subtitle(axes, explained(result))
 
 
 def _subtitle(axes: "Axes", text: str) -> None:
@@ -227,7 +227,7 @@ def summary(row: "Row") -> str:
 
 
 def explained(found: "Contributors") -> str:
-    """What the shares explain together, and what they do not, in words."""
+    """The sum of the shares and the unexplained rest, in words."""
     part = f"{100.0 * max(found.r_squared, 0.0):.1f} % of the variance by inputs one by one"
     return part + ("" if found.r_squared >= 0.9995 else "; rest: products, higher powers")
 
@@ -237,9 +237,9 @@ def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Co
     # An unknown name is an error of the caller; too few runs are not.
     dispersion.values(name)
     try:
-        found = dispersion.contributors(name, count)
+        result = dispersion.contributors(name, count)
     except ValueError:
         return None
     # What shows as 0.0 % is no contributor.
-    shares = {name: share for name, share in found.shares.items() if share >= LEAST_SHARE}
-    return found._replace(shares=shares) if shares else None
+    shares = {name: share for name, share in result.shares.items() if share >= LEAST_SHARE}
+    return result._replace(shares=shares) if shares else None

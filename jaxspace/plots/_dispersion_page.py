@@ -18,7 +18,7 @@ from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights
+    from ..dispersion import Dispersion, RunPaths
     from ..dispersion.statistics import Failure
 
 HERE = Path(__file__).parent
@@ -34,7 +34,7 @@ def dispersion_page(
     count: int = 8,
     title: str = "Dispersion",
     nominal: Mapping[str, float] | None = None,
-    flights: "Flights | None" = None,
+    paths: "RunPaths | None" = None,
     wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> Path:
     """Write a page of a campaign: its card, tables and interactive plots, light or dark.
@@ -52,14 +52,14 @@ def dispersion_page(
     - `count`: of contributors for each output.
     - `title`: of the page.
     - `nominal`: the outputs of the nominal run, in the units of the dispersion.
-    - `flights`: some runs in full (`jaxspace.dispersion.fly`).
+    - `paths`: some runs in full (`jaxspace.dispersion.run_paths`).
     - `wind`: components to the east and to the north, m/s, for a rose beside the landings, as
       `LaunchSite.winds` gives them.
 
     **Returns** the path.
     """
     nominal = {} if nominal is None else nominal
-    data = page_data(dispersion, nominal, count, flights, wind)
+    data = page_data(dispersion, nominal, count, paths, wind)
     body = [
         f"<h1>{escape(title)}</h1>",
         f'<p class="note">{escape(heading(dispersion))}.</p>',
@@ -120,13 +120,13 @@ def _picker(name: str, words: str, choices: list[str], chosen: str) -> str:
 
 
 def _card(dispersion: "Dispersion") -> str:
-    """What was run, how and on what, at a glance."""
+    """Overview of the campaign, its settings and its machine."""
     record = dispersion.attributes
     good = int(np.count_nonzero(dispersion.good))
     versions = record.get("versions", {})
     rows = {
         "runs": f"{good} of {dispersion.runs} ended well",
-        "unfinished": dispersion.lacking,
+        "unfinished": dispersion.missing_runs,
         "ended": dispersion.ending,
         "seed": str(dispersion.seed),
         "inputs": str(len(dispersion.inputs)),
@@ -156,7 +156,8 @@ def _cells(cells: list[str], tag: str = "td", text: int = 2, heads: Sequence[str
 
 def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
-    required, violations = dispersion.requirements, dispersion.violations()
+    required = dispersion.requirements
+    violations = dispersion.violations()
     heads = ["output", "nominal", "mean", "deviation", "middle 99 %", "limit of 99.5 %"]
     heads += ["least, greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
@@ -165,10 +166,10 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
         name = row.name.replace("_", " ") + (f" [{row.unit}]" if row.unit else "")
         cells = [name, *_numbers(dispersion, row, nominal), str(row.runs)]
         if required:
-            found = violations.get(row.name)
+            result = violations.get(row.name)
             words = (
-                [f"{100.0 * x:.3g}\u00a0%" for x in (found.value, found.high)]
-                if found
+                [f"{100.0 * x:.3g}\u00a0%" for x in (result.value, result.high)]
+                if result
                 else ["", ""]
             )
             # No sign stands at the end of a line.
@@ -178,8 +179,8 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     if required:
         note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
     table = '<table class="outputs">' + "\n".join(lines) + "</table>"
-    doubts = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.doubts())
-    return f'{table}{doubts}<p class="note">{note}</p>'
+    warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.warnings)
+    return f'{table}{warnings}<p class="note">{note}</p>'
 
 
 def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
@@ -197,14 +198,16 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
 
 def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     """The sections with plots, each with its pickers."""
-    names, outputs = data["names"], list(dispersion.outputs)
+    names = data["names"]
+    outputs = list(dispersion.outputs)
     pickers = _picker("across", "across", names, data["pair"][0])
     pickers += _picker("up", "up", names, data["pair"][1])
 
     def chosen(name: str, words: str = "output") -> str:
         return f'<div class="pickers">{_picker(name, words, outputs, outputs[0])}</div>'
 
-    shown, good = len(data["numbers"]), int(np.count_nonzero(dispersion.good))
+    shown = len(data["numbers"])
+    good = int(np.count_nonzero(dispersion.good))
     thinned = f" The first {shown} of {good} runs are shown." if shown < good else ""
     parts = [
         _section(
@@ -242,10 +245,10 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
 
 def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     """The section of the footprint, with the rose of the wind beside it."""
-    found = dispersion.footprint()
-    if found is None:
+    result = dispersion.footprint()
+    if result is None:
         return []
-    head, *rows = found.words()
+    head, *rows = result.words
     table = [_cells(list(head), "th", 1), *(_cells(list(row), text=1) for row in rows)]
     beside = "" if data["rose"] is None else _plot("rose")
     place = " Pointing at a run shows its latitude and longitude." * bool(
@@ -263,7 +266,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
 
 
 def _time(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
-    """Where the wall time went, and how busy the cores were."""
+    """Wall time by stages, and utilisation of the cores."""
     if not data["time"]:
         return ["<p>The time is not known.</p>"]
     return [_plot("time", "low"), f'<p class="note">{escape(processor_words(dispersion))}</p>']

@@ -73,7 +73,8 @@ def root_locus_figure(gains: ArrayLike, roots: ArrayLike, *, title: str = "") ->
     **Raises** `ImportError` where matplotlib is not installed.
     """
     k, values = np.asarray(gains), np.asarray(roots)
-    x, y = np.real(values), np.imag(values)
+    x = np.real(values)
+    y = np.imag(values)
     figure = _new_figure(6.4, 5.2)
     axes = figure.subplots()
     axes.axvline(0.0, color=MUTED, linewidth=0.9)

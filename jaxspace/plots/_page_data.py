@@ -14,7 +14,7 @@ from ._dispersion_figure import chosen_pair, contributors_or_none, explained, sh
 from .footprint import degrees_by_length, required_radius, wind_rose
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, Flights
+    from ..dispersion import Dispersion, RunPaths
     from ..dispersion.table import Row
 
 MOST_POINTS = 2000
@@ -29,10 +29,10 @@ def page_data(
     dispersion: "Dispersion",
     nominal: Mapping[str, float],
     count: int,
-    flights: "Flights | None",
+    paths: "RunPaths | None",
     wind: tuple[ArrayLike, ArrayLike] | None = None,
 ) -> dict[str, Any]:
-    """What the script of the page is given: points, bins, contributors, convergence, times."""
+    """Data for the script of the page: points, bins, contributors, convergence, times."""
     outputs = list(dispersion.outputs)
     # Inputs that do not vary would be lines.
     names = [*outputs, *(n for n, x in dispersion.inputs.items() if np.ptp(x) > 0.0)]
@@ -60,7 +60,7 @@ def page_data(
         # What differs by rounding alone has one bin: it shows nothing against the others.
         "matrix": [n for n, h in histograms.items() if h and len(h["counts"]) > 1][:MOST_OUTPUTS],
         "time": time_budget(dispersion),
-        "trajectories": _paths(flights),
+        "trajectories": _trajectories(paths),
         "footprint": _footprint(dispersion),
         "rose": None if wind is None else _rose(*wind),
     }
@@ -68,8 +68,8 @@ def page_data(
 
 def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
     """The ellipses of the landings and what stands about them; the points are among the others."""
-    found = dispersion.footprint()
-    if found is None:
+    result = dispersion.footprint()
+    if result is None:
         return None
     return {
         "ellipses": [
@@ -79,7 +79,7 @@ def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
                 "name": f"ellipse of {100.0 * ellipse.probability:.3g} % "
                 f"({100.0 * ellipse.inside:.3g} % of the runs)",
             }
-            for ellipse in found.ellipses
+            for ellipse in result.ellipses
         ],
         "radius": required_radius(dispersion),
         "degrees": degrees_by_length(dispersion),
@@ -108,8 +108,7 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
 
 
 def processor_words(dispersion: "Dispersion") -> str:
-    """How busy the cores were while the runs were flown, in a sentence; nothing where that is not
-    known.
+    """Utilisation of the cores while the runs were computed, in a sentence; empty if it is unknown.
 
     Processor time is of all cores together: it stands beside the wall time, and is no part of it.
     """
@@ -220,40 +219,40 @@ def _histogram(
 
 
 def _finite(value: float) -> float | None:
-    """What JSON has for a number: nothing else than finite ones."""
+    """A number for JSON, which has finite ones alone."""
     return float(value) if np.isfinite(value) else None
 
 
 def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, Any]:
-    found = contributors_or_none(dispersion, name, count)
-    if found is None:
+    result = contributors_or_none(dispersion, name, count)
+    if result is None:
         return {"inputs": [], "shares": [], "words": "Too few runs, or nothing scatters."}
     return {
-        "inputs": list(found.shares),
-        "shares": [float(s) for s in found.shares.values()],
-        "words": explained(found),
+        "inputs": list(result.shares),
+        "shares": [float(s) for s in result.shares.values()],
+        "words": explained(result),
     }
 
 
 def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, Any] | None:
     if row.runs < 2:
         return None
-    found = dispersion.convergence(name)
+    result = dispersion.convergence(name)
     # An interval without an end is none: the band begins where there are enough runs.
-    known = np.isfinite(found.low) & np.isfinite(found.high)
-    low, high = (np.where(known, x, found.limit) for x in (found.low, found.high))
+    known = np.isfinite(result.low) & np.isfinite(result.high)
+    low, high = (np.where(known, x, result.limit) for x in (result.low, result.high))
     words = "too few runs for an interval"
     # Among infinite runs an end that is infinite is what the runs say.
     if known[-1] or row.above or row.below:
-        ends = (row.shown(x) for x in (found.limit[-1], found.low[-1], found.high[-1]))
+        ends = (row.shown(x) for x in (result.limit[-1], result.low[-1], result.high[-1]))
         words = "99 % limit {}, with 95 % confidence from {} to {}".format(*ends)
     return {
-        "runs": found.runs.tolist(),
+        "runs": result.runs.tolist(),
         **{
             name: [_finite(x) for x in values]
             for name, values in (
-                ("mean", found.mean),
-                ("limit", found.limit),
+                ("mean", result.mean),
+                ("limit", result.limit),
                 ("low", low),
                 ("high", high),
             )
@@ -262,11 +261,11 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, A
     }
 
 
-def _paths(flights: "Flights | None") -> dict[str, Any] | None:
+def _trajectories(paths: "RunPaths | None") -> dict[str, Any] | None:
     """The trajectories in km, or in m where they are short; `None` without any."""
-    if flights is None or not np.isfinite(flights.positions).any():
+    if paths is None or not np.isfinite(paths.positions).any():
         return None
-    x = np.asarray(flights.positions, float)
+    x = np.asarray(paths.positions, float)
     factor, unit = (1e-3, "km") if np.nanmax(np.abs(x)) > 1e4 else (1.0, "m")
     digits = 6 - int(np.ceil(np.log10(max(factor * float(np.nanmax(np.abs(x))), 1e-6))))
     rounded = np.round(factor * x, digits)
@@ -280,7 +279,7 @@ def _paths(flights: "Flights | None") -> dict[str, Any] | None:
     return {
         "unit": unit,
         # The first one is the nominal run.
-        "numbers": [int(flights.numbers[k]) for k in good if k > 0],
+        "numbers": [int(paths.numbers[k]) for k in good if k > 0],
         "runs": [rounded[..., k].tolist() for k in good if k > 0],
         "nominal": rounded[..., 0].tolist() if 0 in good else None,
     }

@@ -29,7 +29,8 @@ if TYPE_CHECKING:
     from ..core import State
     from ..simulation import Trajectory
 
-MISSED, TURN = 0.25, 0.5 * math.pi
+MISSED = 0.25
+TURN = 0.5 * math.pi
 CONSTANT, KINKS, TINY = 1e-6, 2, 1e-300
 # So much of a radian between two points makes a smooth line.
 SMOOTH = 0.3
@@ -38,7 +39,7 @@ MOST_POINTS = 20_000
 
 
 class Drawn(NamedTuple):
-    """What is drawn of a phase: times, states, and which leaves these times do not resolve."""
+    """The drawn part of a phase: times, states, and the leaves that these times do not resolve."""
 
     ts: Any
     states: "State"
@@ -77,12 +78,12 @@ def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[s
         members = [(str(k), "", value) for k, value in enumerate(state)]
     else:
         return [(name or "state", unit, state)]
-    found = []
+    result = []
     for key, unit, value in members:
         # "parts" only collects what effects add: its members have names of their own.
         path = " ".join(word for word in (name, key) if word and word != "parts")
-        found += state_leaves(value, path, unit)
-    return found
+        result += state_leaves(value, path, unit)
+    return result
 
 
 def _knows_between(phase: Any) -> bool:
@@ -108,12 +109,12 @@ def _derivatives(phase: "Trajectory") -> "State":
 @eqx.filter_jit
 def _of_motion(states: Any) -> dict[str, Any]:
     """The derivatives that a state itself holds: of a position, and of an attitude."""
-    found = {}
+    result = {}
     if getattr(states, "velocity", None) is not None:
-        found["position"] = states.velocity
+        result["position"] = states.velocity
     if getattr(states, "omega", None) is not None and isinstance(states.attitude, Quaternion):
-        found["attitude"] = states.attitude.rate(states.omega)
-    return found
+        result["attitude"] = states.attitude.rate(states.omega)
+    return result
 
 
 def _coarse(phase: Any) -> tuple[frozenset[str], float]:
@@ -129,7 +130,8 @@ def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
     intervals = {}
     for name, _, leaf in state_leaves(phase.states):
-        f, attitude = derivatives.get(name), isinstance(leaf, Quaternion)
+        f = derivatives.get(name)
+        attitude = isinstance(leaf, Quaternion)
         if f is None:
             continue
         y, f = (np.asarray(x.wxyz if isinstance(x, Quaternion) else x) for x in (leaf, f))

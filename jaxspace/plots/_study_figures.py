@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 # do not import it; tests check their types where they run.
 @runtime_checkable
 class CostRow(Protocol):
-    """What the figure reads of a `jaxspace.studies.cost_table.Cost`."""
+    """The attributes of a `jaxspace.studies.cost_table.Cost` for the figure."""
 
     @property
     def method(self) -> str: ...
@@ -42,7 +42,7 @@ class CostRow(Protocol):
 
 @runtime_checkable
 class CostTable(Protocol):
-    """What the figure reads of a `jaxspace.studies.AccuracyCost`."""
+    """The attributes of a `jaxspace.studies.AccuracyCost` for the figure."""
 
     @property
     def rows(self) -> Sequence[CostRow]: ...
@@ -52,7 +52,7 @@ class CostTable(Protocol):
 
 @runtime_checkable
 class InfluenceRow(Protocol):
-    """What the figure reads of a `jaxspace.studies.budget_table.Influence`."""
+    """The attributes of a `jaxspace.studies.budget_table.Influence` for the figure."""
 
     @property
     def effect(self) -> str: ...
@@ -64,7 +64,7 @@ class InfluenceRow(Protocol):
 
 @runtime_checkable
 class InfluenceTable(Protocol):
-    """What the figure reads of a `jaxspace.studies.EffectBudget`."""
+    """The attributes of a `jaxspace.studies.EffectBudget` for the figure."""
 
     @property
     def rows(self) -> Sequence[InfluenceRow]: ...

@@ -88,15 +88,15 @@ def trajectory_figure(
         batched = np.ndim(phase.status) == 1
         parts.append((_times(drawn.ts, runs), _blocks(drawn, batched, runs, units or {})))
     clock, seconds = ("s", 1.0) if scale is None else scale("time", "s")
-    parts = [(seconds * ts, _scaled(found, scale)) for ts, found in parts]
+    parts = [(seconds * ts, _scaled(result, scale)) for ts, result in parts]
     # Phases may have states of different classes: a panel for each block of any of them.
-    blocks = list(dict.fromkeys(name for _, found in parts for name in found))
+    blocks = list(dict.fromkeys(name for _, result in parts for name in result))
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
     if title:
         figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
     panels = figure.subplots(len(blocks), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, blocks, strict=True):
-        present = [(ts, found[name]) for ts, found in parts if name in found]
+        present = [(ts, result[name]) for ts, result in parts if name in result]
         _panel(axes, present)
         block = present[0][1]
         label = name.replace("_", " ") + (f"\n[{block.unit}]" if block.unit else "")
@@ -114,7 +114,7 @@ def trajectory_figure(
 
 def _scaled(blocks: dict[str, Block], scale: Scale | None) -> dict[str, Block]:
     """The blocks in the units in which they are shown."""
-    found = {}
+    result = {}
     for name, block in blocks.items():
         if block.wraps:
             unit, factor = block.unit, 1.0
@@ -123,8 +123,8 @@ def _scaled(blocks: dict[str, Block], scale: Scale | None) -> dict[str, Block]:
         else:
             far = block.unit == "m" and np.nanmax(np.abs(block.values), initial=0.0) > FAR
             unit, factor = ("km", 1e-3) if far else (block.unit, 1.0)
-        found[name] = block._replace(unit=unit, values=factor * block.values)
-    return found
+        result[name] = block._replace(unit=unit, values=factor * block.values)
+    return result
 
 
 def _times(ts: Any, runs: int) -> np.ndarray:
@@ -137,7 +137,7 @@ def _times(ts: Any, runs: int) -> np.ndarray:
 def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> dict[str, Block]:
     """Every block of the states by name."""
     times = len(np.asarray(drawn.ts))
-    found: dict[str, Block] = {}
+    result: dict[str, Block] = {}
     for name, unit, leaf in state_leaves(drawn.states):
         quaternion = isinstance(leaf, Quaternion)
         values = np.asarray(leaf.wxyz if quaternion else leaf)
@@ -153,11 +153,11 @@ def _blocks(drawn: Drawn, batched: bool, runs: int, units: dict[str, str]) -> di
         if quaternion:
             angles = _euler_degrees(values)
             prefix = "" if name == "attitude" else f"{name}, "
-            found[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, True, coarse)
+            result[f"{prefix}Euler angles 3-1-3"] = Block("deg", EULER_LABELS, angles, True, coarse)
         else:
             labels = _labels(len(values))
-            found[name] = Block(units.get(name, unit), labels, values, coarse=coarse)
-    return found
+            result[name] = Block(units.get(name, unit), labels, values, coarse=coarse)
+    return result
 
 
 @jax.jit

@@ -129,12 +129,12 @@ def show_run(
 
 def _traces(data: dict[str, Any]) -> dict[str, str]:
     """Words for each trace that the page can show."""
-    found = {name: words for name, words in NAMES.items() if name in data["traces"]}
-    return {"orbit": "path", **found} if data["position"] else found
+    result = {name: words for name, words in NAMES.items() if name in data["traces"]}
+    return {"orbit": "path", **result} if data["position"] else result
 
 
 def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
-    """What the script of the page draws."""
+    """Data for the script of the page."""
     # By attributes: to import the classes would close a circle with `simulation`.
     # One place at a time: a branch has a page of its own.
     without: Any = getattr(trajectory, "without_branches", lambda: trajectory)
@@ -175,8 +175,8 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
 
 
 def _picked(times: np.ndarray, rate: float) -> np.ndarray:
-    """Which times are shown: evenly in time, because a short phase has as many states as a long
-    one, and more of them for a body that turns at up to this rate, rad/s."""
+    """Numbers of the shown times: evenly in time, because a short phase has as many states as a
+    long one, and more of them for a body that turns at up to this rate, rad/s."""
     span = abs(times[-1] - times[0])
     most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
     wanted = np.linspace(times[0], times[-1], int(min(len(times), most)))
@@ -187,23 +187,23 @@ def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.
     """The blocks of the states that can be seen, each (components, times), finite ones alone."""
     direction = getattr(states, "direction", None)
     position = getattr(states, "position", None) if direction is None else direction
-    found = {"times": np.asarray(ts)[None]}
+    result = {"times": np.asarray(ts)[None]}
     if position is not None:
-        found["position"] = np.asarray(position)
+        result["position"] = np.asarray(position)
     attitude = getattr(states, "attitude", None)
     if isinstance(attitude, Quaternion):
-        found["attitude"] = _continuous(np.asarray(attitude.wxyz))
-        found["axis"] = np.asarray(attitude.matrix())[:, 2]
+        result["attitude"] = _continuous(np.asarray(attitude.wxyz))
+        result["axis"] = np.asarray(attitude.matrix())[:, 2]
         omega = getattr(states, "omega", None)
         if omega is not None:
-            found["rate"] = np.asarray(attitude.rotate(omega))
+            result["rate"] = np.asarray(attitude.rotate(omega))
             momentum = _momentum(system, ts, states)
             if momentum is not None:
-                found["momentum"] = np.asarray(momentum)
-    good = np.all([np.all(np.isfinite(x), axis=0) for x in found.values()], axis=0)
-    found = {name: values[:, good] for name, values in found.items()}
-    found["times"] = found["times"][0]
-    return found
+                result["momentum"] = np.asarray(momentum)
+    good = np.all([np.all(np.isfinite(x), axis=0) for x in result.values()], axis=0)
+    result = {name: values[:, good] for name, values in result.items()}
+    result["times"] = result["times"][0]
+    return result
 
 
 def _continuous(wxyz: np.ndarray) -> np.ndarray:
@@ -228,8 +228,8 @@ def _inertia(system: Any, states: Any) -> Any:
     body = getattr(system, "body", system)
     if getattr(body, "has_inertia", lambda: False)():
         return body.inertia(getattr(states, "mass", None))
-    found = getattr(system, "inertia", None)
-    return found if hasattr(found, "times") else None
+    result = getattr(system, "inertia", None)
+    return result if hasattr(result, "times") else None
 
 
 def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[str, Any]:
@@ -265,7 +265,8 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
             size = np.max(np.linalg.norm(vectors, axis=1))
             # The vectors of a body at rest have no size to divide by.
             traces[name] = _listed((LENGTHS[name] / (size or 1.0) * vectors).T)
-    faces, wheels = _faces(phase), _wheels(phase.system, drawn, times, pick)
+    faces = _faces(phase)
+    wheels = _wheels(phase.system, drawn, times, pick)
     corners = [point for face in faces for point in face["points"]]
     for k, wheel in enumerate(wheels):
         along = np.asarray(wheel["axis"])
@@ -301,7 +302,7 @@ def _faces(phase: Any) -> list[dict[str, Any]]:
 
 def _wheels(system: Any, drawn: Drawn, times: np.ndarray, pick: np.ndarray) -> list[dict[str, Any]]:
     """Axis, place and angle of every wheel of the effects that state the speeds of wheels."""
-    found = []
+    result = []
     for effect in getattr(system, "effects", ()):
         # Speeds belong to the states of one phase: of more phases the frames are others.
         if not hasattr(effect, "speeds") or len(drawn.ts) != len(times):
@@ -313,8 +314,8 @@ def _wheels(system: Any, drawn: Drawn, times: np.ndarray, pick: np.ndarray) -> l
         angles = np.cumsum(np.concatenate([np.zeros((len(speeds), 1)), mean], axis=1), axis=1)
         for axis, angle in zip(axes.T, angles, strict=True):
             along = axis / np.linalg.norm(axis)
-            found.append({"axis": along.tolist(), "angle": np.round(angle[pick], 3).tolist()})
-    return found
+            result.append({"axis": along.tolist(), "angle": np.round(angle[pick], 3).tolist()})
+    return result
 
 
 def _listed(values: np.ndarray) -> list:

@@ -1,4 +1,4 @@
-"""Where the runs of a campaign land: the footprint on the ground, and the rose of the wind."""
+"""Footprint of a campaign on the ground, and the rose of the wind."""
 
 __all__ = ["wind_rose"]
 
@@ -26,7 +26,7 @@ CLASSES = 4
 
 
 def wind_rose(east: ArrayLike, north: ArrayLike) -> tuple[np.ndarray, np.ndarray]:
-    """How often the wind blows from where, by its speed.
+    """Frequency of the directions of the wind, by its speed.
 
     **Arguments**
 
@@ -78,8 +78,8 @@ def footprint_figure(
     with extra("app"):
         from matplotlib.figure import Figure
 
-    found = dispersion.footprint()
-    if found is None:
+    result = dispersion.footprint()
+    if result is None:
         raise InputError(
             "dispersion has no footprint: east and north must be outputs of one unit, finite in "
             "three good runs or more."
@@ -90,7 +90,7 @@ def footprint_figure(
         1, 1 if wind is None else 2, width_ratios=[2.4, 1.0][: 1 + bool(wind)]
     )
     axes = figure.add_subplot(grid[0, 0])
-    _footprint(axes, dispersion, found, nominal)
+    _footprint(axes, dispersion, result, nominal)
     if wind is not None:
         _rose(cast("PolarAxes", figure.add_subplot(grid[0, 1], projection="polar")), *wind)
     return figure

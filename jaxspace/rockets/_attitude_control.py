@@ -41,6 +41,7 @@ class AttitudeControl(AbstractEffect):
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         wanted = y.attitude.rotate_back(self.steering.direction(t, y))
+        # The sine of the error, smooth everywhere; a body that points backwards gets no torque.
         error = cross(axis(2, jnp.ones_like(wanted[0])), wanted)
         return Load(torque_B=self.stiffness * error - self.damping * y.omega)
 

@@ -1,4 +1,4 @@
-"""What the air takes from a thrust: its pressure on the exit of the nozzle.
+"""Loss of thrust by the pressure of the air on the exit of the nozzle.
 
     F_net = F - p A,   A = F_m (1 - I_0/I)/p_0
 
@@ -32,8 +32,8 @@ from ..core.vectors import norm
 
 @final
 class BackPressure(AbstractParameters):
-    """What the air takes from a thrust: its pressure on the exit of the nozzle, that of an
-    atmosphere, or falling exponentially with the height."""
+    """Loss of thrust by the pressure of the air on the exit of the nozzle: the pressure of an
+    atmosphere, or one that falls exponentially with the height."""
 
     exit_area: NumberField = quantity("m^2", non_negative=True, doc="of all nozzles")
     radius: OptionalNumberField = quantity(
@@ -74,6 +74,7 @@ class BackPressure(AbstractParameters):
         - `mean_thrust`: in vacuum, N; `vacuum_impulse`, `sea_level_impulse`: s.
         - `radius`, m, and `atmosphere`: as the fields.
         """
+        # The flow is the same in both, so that the thrusts are as the impulses.
         area = as_float(mean_thrust) * (1.0 - sea_level_impulse / as_float(vacuum_impulse))
         return cls(area / 101325.0, radius, atmosphere=atmosphere)
 
@@ -83,11 +84,13 @@ class BackPressure(AbstractParameters):
             height = y.position[2]
         else:
             height = norm(y.position) - self.radius
+        # The exponential pressure is the default, because it needs no tables.
         if self.atmosphere is not None:
             return self.exit_area * self.atmosphere.air_at(height).pressure
         return self.exit_area * self.surface_pressure * jnp.exp(-height / self.scale_height)
 
     def net(self, thrust: Scalar, y: BodyState) -> Scalar:
-        """What is left, N, of a `thrust` in vacuum, N, in the state `y`: nothing of a motor that
+        """The net thrust, N, for a `thrust` in vacuum, N, in the state `y`; zero for a motor that
         is off, which has no pressure thrust."""
+        # A motor that is off has no jet against which the air could press.
         return jnp.where(thrust > 0.0, thrust - self.loss(y), 0.0)

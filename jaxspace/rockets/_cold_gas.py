@@ -41,6 +41,8 @@ class ColdGasThrusters(AbstractEffect):
         del t, body
         command = with_rank(self.command, y.omega.ndim - 1) + 0.0 * y.omega
         torque = jnp.clip(command, -self.torque_limit, self.torque_limit)
+        # Without gas a command has no effect.
         torque = jnp.where(y.mass > self.empty_mass, torque, 0.0)
+        # Each axis has a pair of its own, so that the flows add up.
         blown = jnp.sum(jnp.abs(torque), axis=0)
         return Load(torque_B=torque, mass_rate=-blown / (self.lever * self.exhaust_velocity))

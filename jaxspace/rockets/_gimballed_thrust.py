@@ -48,7 +48,7 @@ from .steering import AbstractSteering, joined_breaks
 
 @final
 class Gimbal(AbstractParameters):
-    """How a nozzle follows the error of the attitude."""
+    """Control of a nozzle by the error of the attitude."""
 
     steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
     gain: NumberField = quantity(
@@ -64,10 +64,12 @@ class Gimbal(AbstractParameters):
     def tangents(self, t: Scalar, y: BodyState) -> tuple[Scalar, Scalar]:
         """The tangents of the nozzle's angles about x and y, at the time `t`, s: smooth, and never
         beyond the limit."""
+        # In body axes, where the error about x and y is what the nozzle can correct.
         wanted = y.attitude.rotate_back(self.steering.direction(t, y))
         about_x = -self.gain * wanted[1] - self.damping * y.omega[0]
         about_y = self.gain * wanted[0] - self.damping * y.omega[1]
         most = jnp.tan(self.limit)
+        # Smooth, because a hard stop would be a kink that step control has to resolve.
         held = jnp.sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
         return about_x / held, about_y / held
 
@@ -131,6 +133,7 @@ class GimballedThrust(AbstractEffect):
           `throttle`.
         - `fields`: the other fields by name.
         """
+        # Standard gravity by definition of the specific impulse.
         u = 9.80665 * specific_impulse
         flowing = mean_thrust if throttle is None else throttle * mean_thrust
         burn_time = propellant_mass * u / flowing
@@ -212,6 +215,7 @@ class GimballedThrust(AbstractEffect):
         motor = self.motor()
         thrust = motor.thrust(t, y.mass)
         about_x, about_y = self.gimbal.tangents(t, y)
+        # The nozzle turns the thrust without changing its length.
         along = motor.net_thrust(thrust, y) / jnp.sqrt(1.0 + about_x * about_x + about_y * about_y)
         force_B = jnp.stack([-along * about_y, along * about_x, along])
         return Load(
@@ -221,7 +225,8 @@ class GimballedThrust(AbstractEffect):
         )
 
     def _lever(self, mass: Scalar, body: AbstractBody) -> Vector:
-        """From the centre of mass to the gimbal, m."""
+        """The vector from the centre of mass to the gimbal, m."""
+        # A zero with the runs of both, so that the components can be stacked.
         zero = 0.0 * (self.station + mass)
         point = jnp.stack([zero, zero, self.station + zero])
         return with_rank(point, jnp.ndim(mass)) - body.centre_of_mass(mass)
@@ -231,5 +236,6 @@ class GimballedThrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # As those of the point's motor, whose law may have corners, too.
-        own, law = self.motor().breaks(), self.gimbal.steering.breaks()
+        own = self.motor().breaks()
+        law = self.gimbal.steering.breaks()
         return own if law is None else joined_breaks(own, law)

@@ -9,7 +9,7 @@ from ._thrust import Thrust
 
 
 class Motor(MotorFile):
-    """What a file says of a motor; `None` for what it does not say.
+    """Content of the file of a motor; `None` for values that are not in it.
 
     - `times`, s, and `thrusts`, N: the points of the curve.
     - `propellant_mass`, `loaded_mass`: kg; `diameter`, `length`: m; `name`.

@@ -37,8 +37,8 @@ HEAD = 6
 
 
 class MotorFile(NamedTuple):
-    """What a file says of a motor: the fields of `Motor`, which this module does not know, because
-    the effects read files, too."""
+    """Content of the file of a motor: the fields of `Motor`, which this module does not know,
+    because the effects read files, too."""
 
     times: np.ndarray
     thrusts: np.ndarray
@@ -79,7 +79,7 @@ class MotorFile(NamedTuple):
 
 
 def read_motor_file(path: str | os.PathLike[str]) -> MotorFile:
-    """What the file says; see `read_motor`."""
+    """The content of the file; see `read_motor`."""
     lines = read_text(path).splitlines()
     path = Path(path)
     rasp = path.suffix.lower() == ".eng"

@@ -45,13 +45,16 @@ class PitchKick(AbstractJump):
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         """The state after the kick."""
         del t
-        plane, rank = FlightPlane() if self.plane is None else self.plane, y.position.ndim - 1
+        plane = FlightPlane() if self.plane is None else self.plane
+        rank = y.position.ndim - 1
         up = unit(y.position if plane.up is None else with_rank(plane.up, rank))
         normal = with_rank(plane.normal, rank)
+        # Orthogonal to up, so that the turn stays in the plane of the flight.
         about = unit(normal - dot(normal, up) * up)
         air = cross(self.air_rate * axis(2, y.position[2]), y.position)
         w = y.velocity - air
         c = jnp.cos(self.angle)
         s = jnp.sin(self.angle)
+        # By the formula of Rodrigues, for any direction of the velocity.
         turned = c * w + s * cross(about, w) + (1.0 - c) * dot(about, w) * about
         return eqx.tree_at(lambda y: y.velocity, y, turned + air)

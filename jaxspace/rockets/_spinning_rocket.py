@@ -31,7 +31,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, NumberField, Scalar, argument, constructor, quantity
 from ..core.types import as_float
-from .angle_of_attack import check_axes
+from ..rotations.tilt import check_axes
 from .jet_damping import _power, spin_angle
 
 # Nodes of one panel, and the panels of the quadrature of the angle of attack.
@@ -75,7 +75,7 @@ class SpinningRocket(AbstractParameters):
         lever: Scalar,
         ring: Scalar = 0.0,
     ) -> "SpinningRocket":
-        """From the radii of gyration and the place of the exits.
+        """The rocket from its radii of gyration and the place of the exits.
 
         **Arguments**
 
@@ -96,6 +96,7 @@ class SpinningRocket(AbstractParameters):
 
     def spin_rate(self, time: Scalar) -> Scalar:
         """omega_z, rad/s, after `time`, s."""
+        # The exhaust takes spin with rho^2, the shrinking inertia returns it with k_z^2.
         return self.spin * self._ratio_to(time, as_float(self.ring_over_gyration) ** 2 - 1.0)
 
     def spin_angle(self, time: Scalar) -> Scalar:
@@ -113,6 +114,7 @@ class SpinningRocket(AbstractParameters):
         """(m/m_0)^exponent, with the digits of its logarithm where little has burnt."""
         burnt = self.burn_fraction_rate * as_float(time)
         little = burnt < 0.5
+        # The difference 1 - burnt would lose the digits of the little that has burnt.
         near = jnp.exp(exponent * jnp.log1p(-jnp.where(little, burnt, 0.0)))
         return jnp.where(little, near, _power(jnp.where(little, 1.0, 1.0 - burnt), exponent))
 
@@ -120,17 +122,18 @@ class SpinningRocket(AbstractParameters):
         self, time: Scalar, start: Float[Array, "2 *#runs"]
     ) -> Float[Array, "2 *#runs"]:
         """w_xy in body axes, rad/s, after `time`, s, from its value `start` (Thomson Ex. 7.9-1)."""
+        # The transverse rate turns in the body against the spin.
         angle = -(1.0 - self.gyration_ratio**2) * self.spin_angle(time)
         return self.damping(time) * turned(as_float(start), angle)
 
-    def angle_of_attack(
+    def complex_tilt(
         self,
         time: Scalar,
         rate: Float[Array, "2 *#runs"],
         start: Float[Array, "2 *#runs"] | None = None,
         axes: str = "inertial",
     ) -> Float[Array, "2 *#runs"]:
-        """The complex angle of attack, rad, after a `time`, s (Thomson 7.10).
+        """The complex tilt of the axis (`rotations.tilt`), rad, after a `time`, s (Thomson 7.10).
 
         **Arguments**
 

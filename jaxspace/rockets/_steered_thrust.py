@@ -92,6 +92,7 @@ class SteeredThrust(AbstractEffect):
         - `mean_thrust`, N; `specific_impulse`, s; `propellant_mass`, kg; `throttle`.
         - `fields`: the other fields by name.
         """
+        # Standard gravity by definition of the specific impulse, whatever the gravity of the place.
         u = 9.80665 * as_float(specific_impulse)
         burn_time = propellant_mass * u / (mean_thrust * throttle)
         return cls(steering, mean_thrust, u, burn_time, throttle=throttle, **fields)
@@ -119,6 +120,7 @@ class SteeredThrust(AbstractEffect):
 
         **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
         """
+        # Makers measure on the ground; the exit area, by which vacuum differs, is rarely given.
         thrust, u, time, profile = read_motor_file(motor_file).parameters(propellant_mass)
         return cls(steering, thrust, u, time, profile=profile, **fields)
 
@@ -132,6 +134,7 @@ class SteeredThrust(AbstractEffect):
         - `motor`: of the body that rotates.
         - `steering`: where its axis is to point.
         """
+        # A motor without a throttle burns at its full thrust, which is a throttle of one.
         return cls(
             steering,
             motor.mean_thrust,
@@ -164,6 +167,7 @@ class SteeredThrust(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
+        # The flow follows the thrust in vacuum: the pressure of the air takes thrust, not mass.
         motor = self._motor()
         thrust = motor.thrust(t, y.mass)
         return Load(
@@ -172,13 +176,16 @@ class SteeredThrust(AbstractEffect):
         )
 
     def switches(self) -> dict[str, str]:
+        # Only a burnout mass ends the thrust by the state; the burn time is among the breaks.
         return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
-        own, law = self._motor().breaks(), self.steering.breaks()
+        own = self._motor().breaks()
+        law = self.steering.breaks()
         return own if law is None else joined_breaks(own, law)
 
     def _motor(self) -> Thrust:
+        # A throttle that is always there is a factor; the flow falls with the thrust.
         return Thrust(
             self.throttle * self.mean_thrust,
             self.exhaust_velocity,

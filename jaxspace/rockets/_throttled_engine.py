@@ -84,6 +84,7 @@ class ThrottledEngine(AbstractEffect):
         del body
         low, high, _ = self._limits()
         rank = y.omega.ndim - 1
+        # Within the stops, because a servo would leave a place beyond them by a jump.
         first = jnp.clip(*(with_rank(x, rank) for x in (self.command, low, high)))
         return {self.PART: first + 0.0 * y.omega}
 
@@ -93,11 +94,13 @@ class ThrottledEngine(AbstractEffect):
         command, low, high, rate = (with_rank(x, rank) for x in (self.command, *self._limits()))
         engine = y.part(self.PART)
         throttle, about_x, about_y = engine
+        # A dry engine has no thrust and no flow, whatever its throttle.
         burning = y.mass > self.burnout_mass
         thrust = jnp.where(burning, throttle * self.full_thrust, 0.0)
         net = thrust
         if self.back_pressure is not None:
             net = jnp.where(burning, self.back_pressure.net(thrust, y), 0.0)
+        # By the tangents the angles about both axes are those of the projected nozzle.
         side_x, side_y = jnp.tan(about_x), jnp.tan(about_y)
         along = net / jnp.sqrt(1.0 + side_x * side_x + side_y * side_y)
         force = jnp.stack([-along * side_y, along * side_x, along])
@@ -106,6 +109,7 @@ class ThrottledEngine(AbstractEffect):
         return Load(
             force_N=y.attitude.rotate(force),
             torque_B=cross(gimbal - body.centre_of_mass(y.mass), force),
+            # The flow follows the thrust in vacuum: the pressure of the air takes thrust, not mass.
             mass_rate=-thrust / self.exhaust_velocity,
             parts_rate={
                 self.PART: servo_rate(command, engine, low, high, rate, self.time_constant)

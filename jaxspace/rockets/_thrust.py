@@ -235,7 +235,7 @@ class Thrust(AbstractEffect):
         return y.mass - self.burnout_mass * (1.0 + 4096.0 * jnp.finfo(y.mass.dtype).eps)
 
     def net_thrust(self, thrust: Scalar, y: BodyState) -> Scalar:
-        """What the air in the state `y` leaves of a `thrust` in vacuum, N."""
+        """The net thrust, N, in the air of the state `y`, for a `thrust` in vacuum, N."""
         return thrust if self.back_pressure is None else self.back_pressure.net(thrust, y)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -88,7 +88,9 @@ class ThrustProfile(AbstractParameters):
         xp = jnp
         if is_concrete(t) and is_concrete(f):
             # In NumPy, because `jax.numpy` traces what is known, too, within `jit`.
-            xp, t, f = np, np.asarray(times, float), np.asarray(thrusts, float)
+            xp = np
+            t = np.asarray(times, float)
+            f = np.asarray(thrusts, float)
             check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
             check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         # By trapezoids, which are exact for the polygon that `at` evaluates.
@@ -124,6 +126,6 @@ class ThrustProfile(AbstractParameters):
 
     def at(self, x: Scalar) -> Scalar:
         """The level at the fraction `x` of the burn time; zero before ignition, after burnout."""
-        found = polygon(x, self.fraction, self.level)
+        result = polygon(x, self.fraction, self.level)
         # Beyond its ends a polygon goes on, and a motor does not.
-        return jnp.where((x >= 0.0) & (x <= 1.0), found, 0.0)
+        return jnp.where((x >= 0.0) & (x <= 1.0), result, 0.0)

@@ -1,80 +1,18 @@
-"""The angle of attack, as one angle and as a complex number, in body and inertial axes.
+"""The angle of attack: between a body's axis and its velocity relative to the air.
 
-    theta_XY = theta e^(i psi) = (theta/sin theta) (-s_Y + i s_X)      inertial axes
-    theta_12 = theta e^(-i phi) = theta_XY e^(-i int n dt)             body axes (7.3)
-    alpha    = angle between the axis and the velocity relative to the air
+`rotations.tilt` has the tilt of the axis from a fixed direction, with the plane in which it stands.
 
-    symbol           meaning                                               unit
-    psi, theta, phi  Euler's angles Z-X-Z of the body                      rad
-    s                spin axis, the body's z axis, in inertial components  1
-    n                spin                                                  rad/s
-
-theta_XY is the small turn, along the line of nodes; the tip of the axis stands at -i theta_XY. A
-complex number is an array (2, *runs) of real and imaginary part. Euler's angles are singular at
-theta = 0, the place where a missile works: nothing here uses them.
-
-Source: Thomson 7.3, 7.10.
+Source: Thomson 7.10.
 """
 
-__all__ = ["angle_of_attack", "complex_angle_of_attack"]
+__all__ = ["angle_of_attack"]
 
 import jax.numpy as jnp
-from jaxtyping import Array, Float
 
-from ..core import InputError, Scalar, Vector
+from ..core import Scalar, Vector
 from ..core.safe import safe_atan2
 from ..core.vectors import axis, cross, dot, norm
 from ..rotations import Quaternion
-
-AXES = ("inertial", "body")
-
-
-def check_axes(axes: str) -> None:
-    """Raises `InputError` where `axes` is none of `AXES`."""
-    if axes not in AXES:
-        raise InputError(f"axes is {axes!r}: it must be one of {', '.join(AXES)}.")
-
-
-def complex_angle_of_attack(
-    attitude: Quaternion, axes: str = "inertial"
-) -> Float[Array, "2 *#runs"]:
-    """theta_XY in inertial axes, or theta_12 in body axes, rad (Thomson 7.3).
-
-    **Arguments**
-
-    - `attitude`: body to inertial.
-    - `axes`: "inertial" or "body".
-
-    **Returns** real and imaginary part, (2, *runs), smooth at theta = 0; at theta = pi, where the
-    line of nodes is not defined, zero.
-
-    **Raises** `InputError` for other axes.
-    """
-    check_axes(axes)
-    inertial = axes == "inertial"
-    # Seen from the body the inertial axes stand at (pi - phi, theta, pi - psi).
-    s = (attitude if inertial else attitude.inverse()).rotate(
-        axis(2, jnp.ones_like(attitude.wxyz[0]))
-    )
-    ratio = _angle_over_sine(s)
-    sign = 1.0 if inertial else -1.0
-    return sign * ratio * jnp.stack([-s[1], s[0]])
-
-
-def _angle_over_sine(s: Vector) -> Scalar:
-    """theta/sin theta of a unit vector at the angle theta from the z axis."""
-    h2 = s[0] * s[0] + s[1] * s[1]
-    # Ahead only: behind, the sine is small as well, and the angle near pi.
-    small = (h2 < 1e-3) & (s[2] > 0.0)
-    x = jnp.where(small, h2, 0.0)
-    # arcsin(h)/h: the next term is 1e-18, and below rounding in slopes.
-    series = 1.0
-    for k in range(6, 0, -1):
-        series = 1.0 + series * x * (2 * k - 1) ** 2 / (2 * k * (2 * k + 1))
-    # A harmless argument where the series counts: the slope of the root at zero is infinite.
-    h = jnp.sqrt(jnp.where(small | (h2 == 0.0), 1.0, h2))
-    ratio = jnp.arctan2(jnp.where(h2 == 0.0, 0.0, h), s[2]) / h
-    return jnp.where(small, series, jnp.where(h2 == 0.0, 0.0, ratio))
 
 
 def angle_of_attack(attitude: Quaternion, velocity: Vector) -> Scalar:

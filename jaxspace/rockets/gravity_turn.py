@@ -54,13 +54,12 @@ from ..core.types import as_float
 
 @final
 class GravityTurnState(eqx.Module):
-    """`speed`, m/s, `angle` of the path from the vertical, rad, `range` and `height`, m; each
-    (*runs,)."""
+    """Speed, direction and place along the turn; also their rates."""
 
-    speed: Float[Array, "*#runs"]
-    angle: Float[Array, "*#runs"]
-    range: Float[Array, "*#runs"]
-    height: Float[Array, "*#runs"]
+    speed: NumberField = quantity("m/s", doc="speed")
+    angle: NumberField = quantity("rad", doc="of the path, from the vertical")
+    range: NumberField = quantity("m", doc="horizontal distance")
+    height: NumberField = quantity("m", doc="height")
 
 
 def gravity_turn(

@@ -89,8 +89,13 @@ def jet_damping_ratio(
 
 
 def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:
-    """omega_z / n, for `mass_ratio` = m / m_0 and rho / k_z (Thomson 7.9); at the mass ratio zero
-    as `jet_damping_ratio`."""
+    """omega_z / n (Thomson 7.9); at the mass ratio zero
+    as `jet_damping_ratio`.
+
+    **Arguments**
+
+    - `mass_ratio`: m / m_0, (*runs,).
+    - `ring_over_gyration`: rho / k_z, (*runs,)."""
     return _power(as_float(mass_ratio), as_float(ring_over_gyration) ** 2 - 1.0)
 
 

@@ -95,7 +95,10 @@ def vertical_burnout_height(
 ) -> Scalar:
     """Height gained at burnout of a vertical flight, m (Thomson 8.1-11).
 
-    Arguments as in `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
+    **Arguments**
+
+    - `exhaust_velocity`, `mass_ratio`, `burn_time`, `gravity`, `start`: as in
+      `vertical_burnout_velocity`; a mass ratio of 1 is allowed."""
     # 1 - ln(mu) / (mu - 1) = z - (1 - z) z^2 (1/3 + z^2/5 + ...), z = (mu - 1) / (mu + 1), near
     # mu = 1, where the difference loses its digits. The 22nd power of z is below rounding, also in
     # slopes.

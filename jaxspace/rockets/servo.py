@@ -1,5 +1,4 @@
-"""How a surface, a nozzle or a valve follows its command: late, no faster than its servo, and no
-farther than its stops.
+"""Servo of a surface, a nozzle or a valve: a first-order lag within a greatest rate and stops.
 
     x' = v tanh((clip(u, a, b) - x)/(tau v))
 

@@ -67,6 +67,7 @@ class FlightPlane(AbstractParameters):
     def along(self, pitch: Scalar, y: BodyState) -> Vector:
         """The unit vector at a `pitch`, rad, above the horizontal, in inertial axes."""
         rank = y.position.ndim - 1
+        # Along the position by default, so that the pitch counts from the local horizontal.
         up = unit(y.position if self.up is None else with_rank(self.up, rank))
         across = unit(cross(with_rank(self.normal, rank), up))
         return jnp.cos(pitch) * across + jnp.sin(pitch) * up
@@ -85,7 +86,9 @@ class AbstractPitch(AbstractSteering):
         """The angle of the thrust above the horizontal, rad, at the time `t`, s."""
 
     def direction(self, t: Scalar, y: BodyState) -> Vector:
+        # Made here: a default in the field would be one object shared by all laws.
         plane = FlightPlane() if self.plane is None else self.plane
+        # The zero gives a pitch of the time alone the runs of the state.
         return plane.along(self.pitch(t) + 0.0 * y.position[0], y)
 
 
@@ -120,6 +123,7 @@ class PitchPolynomial(AbstractPitch):
     def pitch(self, t: Scalar) -> Scalar:
         tau = t - self.start
         total = 0.0 * tau
+        # By nested products, which need no powers of a time that may be zero.
         for c in reversed(list(self.coefficients)):
             total = total * tau + c
         return total
@@ -169,6 +173,7 @@ class AlongVelocity(AbstractSteering):
 
     def direction(self, t: Scalar, y: BodyState) -> Vector:
         del t
+        # Relative to the air, because there the gravity turn has no angle of attack.
         air = cross(self.air_rate * axis(2, y.position[2]), y.position)
         return self.sense * unit(y.velocity - air)
 
@@ -188,6 +193,7 @@ def joined_breaks(
     a: Float[Array, "some *#runs"], b: Float[Array, "more *#runs"]
 ) -> Float[Array, "times *#runs"]:
     """The break times of both, s, with the runs of both."""
+    # One of them may be shared by the runs in which the other differs.
     runs = jnp.broadcast_shapes(a.shape[1:], b.shape[1:])
     both = (with_rank(x, len(runs)) for x in (a, b))
     return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in both])

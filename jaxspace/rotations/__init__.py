@@ -18,5 +18,6 @@ if TYPE_CHECKING:
     from . import moving_frame as moving_frame
     from . import plane_motion as plane_motion
     from . import rotation_vector as rotation_vector
+    from . import tilt as tilt
 else:
     __getattr__, __dir__ = _modules_of(__name__)

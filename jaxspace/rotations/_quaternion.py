@@ -125,6 +125,7 @@ class Quaternion(AbstractGroupElement):
         q = self._components()
         return jnp.concatenate([q[1:], q[:1]])
 
+    @property
     def norm_squared(self) -> Scalar:
         """Sum of the squares of the four components; 1 for an orientation."""
         w, x, y, z = components(self._components())
@@ -132,13 +133,13 @@ class Quaternion(AbstractGroupElement):
 
     def normalised(self) -> "Quaternion":
         """The same orientation with unit length."""
-        return Quaternion(self._components() / jnp.sqrt(self.norm_squared()))
+        return Quaternion(self._components() / jnp.sqrt(self.norm_squared))
 
     def inverse(self) -> "Quaternion":
         """The opposite turn: inertial components to body components."""
         w, x, y, z = components(self._components())
         # Not the conjugate alone, so that the product with the inverse is one at any length.
-        return Quaternion(jnp.stack([w, -x, -y, -z]) / self.norm_squared())
+        return Quaternion(jnp.stack([w, -x, -y, -z]) / self.norm_squared)
 
     def then(self, turn: "Quaternion") -> "Quaternion":
         """This orientation followed by `turn` about the body's own axes: the product q turn."""
@@ -152,14 +153,14 @@ class Quaternion(AbstractGroupElement):
         check_components("Quaternion.rotate: v_B", v_B, 3)
         w, u, v_B = self._meeting(v_B)
         # Divided by the squared length, so that a length other than one changes nothing.
-        s = 2.0 / self.norm_squared()
+        s = 2.0 / self.norm_squared
         return v_B + s * cross(u, cross(u, v_B) + w * v_B)
 
     def rotate_back(self, v_N: Vector) -> Vector:
         """Body components of the vector whose inertial components are `v_N`, (3, *runs)."""
         check_components("Quaternion.rotate_back: v_N", v_N, 3)
         w, u, v_N = self._meeting(v_N)
-        s = 2.0 / self.norm_squared()
+        s = 2.0 / self.norm_squared
         return v_N + s * cross(u, cross(u, v_N) - w * v_N)
 
     def matrix(self) -> Matrix:

@@ -49,7 +49,7 @@ def omega_from_cosine_rates(cosines: Matrix, cosine_rates: Matrix) -> Vector:
 
 
 def cosine_conditions(cosines: Matrix) -> Float[Array, "6 *#runs"]:
-    """By how much the six conditions on nine cosines are missed, (6, *runs): the squares of the
+    """Residuals of the six conditions on nine cosines, (6, *runs): the squares of the
     lengths of i, j and k less one, and j . k, k . i and i . j.
 
     **Arguments**

@@ -1,4 +1,4 @@
-"""What a scene offers beside its vector field, composed from what its effects offer.
+"""Capabilities of a scene, composed from those of its effects.
 
 Closed form: the orbit under the one effect that has a closed form (a straight line without one),
 and the free rotation of the body. Decoupled: the free rotation, where forces alone act, which do

@@ -1,4 +1,4 @@
-"""What a body under several effects conserves: what each of them keeps, and nothing else.
+"""Invariants of a body under several effects: those that every effect keeps.
 
     energy per unit mass     v^2/2 + sum of potentials
                              + omega . J omega / 2m, where torques couple both motions;
@@ -37,28 +37,30 @@ def conserved(scene: AbstractScene, t: Scalar, y: BodyState) -> dict[str, Array]
 
     **Returns** the quantities by name, with the runs of the state.
     """
-    effects, body, mass = scene.effects, scene.body, scene.mass(y)
+    effects = scene.effects
+    body = scene.body
+    mass = scene.mass(y)
     pairs = [(e, reading.adds) for e, reading in zip(effects, scene.readings, strict=True)]
     kept = frozenset.intersection(*(e.keeps for e in effects)) if effects else ALL_KEPT
     adds = frozenset().union(*(added for _, added in pairs))
     # Effects that add a torque alone do not change the energy of the orbit.
     pushing = [(e, added) for e, added in pairs if not added or not added <= TURNING]
-    unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared()}
-    found: dict[str, Array] = {}
+    unit = {} if y.attitude is None else {"quaternion_norm": y.attitude.norm_squared}
+    result: dict[str, Array] = {}
     # Mass that leaves takes energy and momentum along.
     if "mass_rate" in adds:
         return unit
     if y.position is not None and y.velocity is not None:
         moment = cross(y.position, y.velocity)
         if "angular_momentum" in kept:
-            found["angular_momentum"] = moment
+            result["angular_momentum"] = moment
         elif "axial_angular_momentum" in kept:
-            found["axial_angular_momentum"] = moment[2]
+            result["axial_angular_momentum"] = moment[2]
     if "energy" in kept:
         # Without a torque the energy of the rotation is constant by itself, and listed so.
-        found["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
+        result["energy"] = _energy(effects, body, mass if "torque" in adds else None, t, y)
     elif pushing and all("energy" in e.keeps and "torque" not in x for e, x in pushing):
-        found["orbital_energy"] = _energy([e for e, _ in pushing], body, None, t, y)
+        result["orbital_energy"] = _energy([e for e, _ in pushing], body, None, t, y)
     if y.omega is not None and y.attitude is not None:
         inertia = body.inertia(mass)
         turning = [e for e, added in pairs if added & (TURNING - {"parts"})]
@@ -69,10 +71,10 @@ def conserved(scene: AbstractScene, t: Scalar, y: BodyState) -> dict[str, Array]
                     h = h + matvec(load.inertia_B, y.omega)
                 if load.momentum_B is not None:
                     h = h + load.momentum_B
-            found["rotational_momentum"] = y.attitude.rotate(h)
+            result["rotational_momentum"] = y.attitude.rotate(h)
         if not turning:
-            found["rotational_energy"] = kinetic_energy(inertia, y.omega)
-    return found | unit
+            result["rotational_energy"] = kinetic_energy(inertia, y.omega)
+    return result | unit
 
 
 def _energy(

@@ -147,7 +147,8 @@ def _with_other_rates(y: BodyState) -> BodyState:
 def _power_at(
     effect: Custom, t: Scalar, y: BodyState, body: AbstractBody
 ) -> tuple[Scalar, Scalar, Scalar]:
-    load, mass = effect.load(t, y, body), body.constant_mass() if y.mass is None else y.mass
+    load = effect.load(t, y, body)
+    mass = body.constant_mass() if y.mass is None else y.mass
     pairs = [(load.acceleration_N, y.velocity, None), (load.force_N, y.velocity, mass)]
     pairs += [(load.torque_B, y.omega, mass)]
     power = size = jnp.zeros(())

@@ -1,4 +1,4 @@
-"""What the capabilities and the tables of a scene require of it."""
+"""Interface of a scene for its capabilities and tables."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ class AbstractScene(AbstractSystem):
     @property
     @abstractmethod
     def readings(self) -> tuple[Reading, ...]:
-        """What each effect reads and adds."""
+        """The parts that each effect reads and adds."""
 
     @abstractmethod
     def loads(self, t: Scalar, y: BodyState) -> Load:

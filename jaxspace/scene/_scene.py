@@ -120,7 +120,7 @@ class Scene(AbstractScene):
 
     @property
     def readings(self) -> tuple[Reading, ...]:
-        """What each effect reads and adds."""
+        """The parts that each effect reads and adds."""
         return read_effects(self.effects, self.body, self.carry).effects
 
     def check_state(self, y: BodyState) -> None:
@@ -138,7 +138,7 @@ class Scene(AbstractScene):
                     f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
                 )
         # A part without a role would be integrated at a cost, or silently dropped.
-        idle = [part for part in y.present() if part not in parts]
+        idle = [part for part in y.present if part not in parts]
         if idle:
             raise InputError(
                 f"The state holds {idle[0]}, which no effect of the scene reads or changes: "
@@ -260,7 +260,8 @@ class Scene(AbstractScene):
         return reasons[capability]() if capability in reasons else ""
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
-        """What all effects keep: the energy if every one of them keeps it, and so on."""
+        """The quantities that all effects keep, such as the energy if every one of them keeps
+        it."""
         return conserved(self, t, y)
 
     def explain(self) -> str:

@@ -1,4 +1,4 @@
-"""What effects read and add, read off their loads: these are traced once for each make, never run.
+"""The parts that effects read and add, from traces of their loads, once for each structure.
 
 A load is traced in a state that holds as little as it can do with: nothing, a place with its
 velocity, an orientation with its rate, a mass, then two of them, then all. What it reads are the
@@ -44,7 +44,7 @@ GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "p
 
 
 class Reading(NamedTuple):
-    """What an effect does with the state, in words.
+    """The parts of the state that an effect reads and adds.
 
     - `needs`: the parts that its load is computed from, of "position", "velocity", "attitude",
       "omega", "mass".
@@ -56,8 +56,8 @@ class Reading(NamedTuple):
 
 
 class SceneReading(NamedTuple):
-    """What each effect of a scene reads and adds, and the `parts` that a state of the scene holds,
-    in the order of `BodyState`."""
+    """A `Reading` for each effect of a scene, and the `parts` that a state of the scene holds, in
+    the order of `BodyState`."""
 
     effects: tuple[Reading, ...]
     parts: tuple[str, ...]
@@ -66,7 +66,7 @@ class SceneReading(NamedTuple):
 def read_effects(
     effects: Iterable[AbstractEffect], body: AbstractBody, present: Iterable[str] = ()
 ) -> SceneReading:
-    """What effects read and add that act together on a body.
+    """The parts that effects read and add that act together on a body.
 
     **Arguments**
 
@@ -124,8 +124,8 @@ def _traced(
         # What turns a body without inertia is told by the scene, by name: here it may turn.
         if not body.has_inertia():
             body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
-        found, held = _together(effects, t, y, body, present)
-        traces.extend(found)
+        result, held = _together(effects, t, y, body, present)
+        traces.extend(result)
         parts.update(held)
         return [trace.results for trace in traces]
 
@@ -134,7 +134,7 @@ def _traced(
     jaxpr = jax.make_jaxpr(act)(y, arrays, time).jaxpr
     moved = {
         part: depending_on(jaxpr, [x])
-        for part, x in zip(y.present(), jaxpr.invars[: len(y.present())], strict=True)
+        for part, x in zip(y.present, jaxpr.invars[: len(y.present)], strict=True)
     }
     outputs = iter(jaxpr.outvars)
     readings = []
@@ -153,7 +153,7 @@ def _sample() -> BodyState:
 
 
 class _Trace(NamedTuple):
-    """What an effect did in a trace.
+    """Result of the trace of an effect.
 
     - `held`: the parts of the state that it was in, and the names of those of effects.
     - `results`: the arrays that it returned.
@@ -175,14 +175,16 @@ def _together(
     body: AbstractBody,
     present: frozenset[str],
 ) -> tuple[list[_Trace], frozenset[str]]:
-    """What the effects do in the smallest state that serves all of them, and the parts of it.
+    """The readings of the effects in the smallest state that serves all of them, and its parts.
 
     Arguments as of `_alone`."""
-    parts, own = _in_pairs(present), {}
+    parts = _in_pairs(present)
+    own = {}
     last: dict[int, _Trace] = {}
     while True:
         before = (parts, frozenset(own))
-        traces, failure = [], None
+        traces = []
+        failure = None
         for k, effect in enumerate(effects):
             trace = last.get(k)
             if trace is not None and trace.held == (parts, frozenset(own)):
@@ -212,7 +214,7 @@ def _alone(
     present: frozenset[str],
     own: dict[str, PyTree],
 ) -> _Trace:
-    """What an effect does in the smallest state with the parts `present` that it can do with.
+    """The reading of an effect in the smallest sufficient state with the parts `present`.
 
     **Arguments**
 

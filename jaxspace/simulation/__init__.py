@@ -5,8 +5,8 @@ from ..integration.events import Event as Event
 from ..integration.status import SimulationError as SimulationError
 from ..integration.status import Status as Status
 from ._batch import simulate_batch as simulate_batch
-from ._compact import CompactFlight as CompactFlight
-from ._compact import fly_compact as fly_compact
+from ._compact import CompactRun as CompactRun
+from ._compact import simulate_compact as simulate_compact
 from ._crossings import crossings as crossings
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase

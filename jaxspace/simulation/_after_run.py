@@ -8,7 +8,7 @@ from .trajectory import Trajectory
 
 
 def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
-    """Warn of what the systems of a run find in it (`AbstractSystem.warning`), where its numbers
+    """Issue the warnings of the systems about their run (`AbstractSystem.warning`), if its numbers
     are known. `stacklevel` is that of the caller."""
     phases = result.phases if isinstance(result, MissionTrajectory) else (result,)
     for run in phases:

@@ -1,5 +1,4 @@
-"""Many runs of a system, integrated block by block: one solve serves all runs of a block, and no
-solve is mapped over runs."""
+"""Many runs of a system, integrated block by block: the runs of a block share one solve."""
 
 import dataclasses
 import functools
@@ -12,7 +11,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, state_dtype
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
@@ -74,9 +73,9 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
-    # A state that is not finite fails its own run alone, so that only the precision is checked.
+    # A state that is not finite fails only its own run: here the precision alone is checked.
+    y0s = as_state(y0s)
     state_dtype(y0s)
-    y0s = without_weak_types(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = as_events(events)
     check_dense(dense, events)
@@ -87,7 +86,7 @@ def simulate_batch(
     check_values(whole[0], ts, whole[1])
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     traced = is_traced((batched, shared))
-    # A traced status cannot decide what is repeated (below).
+    # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
     config_for = functools.partial(
         _resolve_for, accuracy, whole, batched, restarts=traced and not throw
@@ -113,8 +112,7 @@ def _resolve_for(
 ) -> IntegrationConfig:
     """The configuration for the runs `rows`, by default for all of them.
 
-    `decoupled` sets `Accuracy.decoupled` where the accuracy leaves it open and chooses the method
-    itself."""
+    `decoupled` sets `Accuracy.decoupled` where it is `None` and the method is "auto"."""
     system, y0, ts = whole
     if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
         accuracy = dataclasses.replace(accuracy, decoupled=decoupled)

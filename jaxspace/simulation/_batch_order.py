@@ -1,4 +1,4 @@
-"""The order of the runs of a batch: runs of like rates share their blocks, and their steps."""
+"""The order of the runs of a batch: runs of similar rates share a block, and its steps."""
 
 import functools
 
@@ -21,11 +21,12 @@ UNIFORM = 1.25
 def order_of(
     batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
 ) -> tuple[Array, Bool[Array, ""]] | None:
-    """The order of the runs by how fast they begin, and whether they differ enough to sort them.
+    """The order of the runs by their initial rates, and whether these differ enough to sort the
+    runs.
 
-    Runs alike in this need similar steps, and the runs of a block share theirs. `None` where the
-    steps do not depend on the runs."""
-    # A single block has nothing to sort, and equal steps do not depend on the runs.
+    Runs of similar rates need similar steps, and the runs of a block share their steps. `None`
+    where the steps do not depend on the runs."""
+    # In a single block, and with fixed steps, the order has no effect.
     runs = jax.tree.leaves(batched)[0].shape[-1]
     if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
         return None
@@ -49,9 +50,7 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
 
 
 def arranged(tree: PyTree, order: Array, differ: Array) -> PyTree:
-    """The runs in this order if they differ.
-
-    To sort and to gather runs of one rate costs as much as a few steps of each."""
+    """The runs in this order, if they differ: to reorder costs as much as a few steps of each."""
     return jax.lax.cond(
         differ, lambda tree: jax.tree.map(lambda x: x[..., order], tree), lambda tree: tree, tree
     )

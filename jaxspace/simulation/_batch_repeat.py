@@ -1,4 +1,4 @@
-"""Runs of a batch that failed for a reason that repetition can cure, and their second attempt."""
+"""Repetition of runs of a batch that failed for a reason that it can cure."""
 
 from collections.abc import Callable
 
@@ -29,16 +29,16 @@ def repeat_systems(
 ) -> tuple[RunResult, IntegrationConfig]:
     """The result with failed runs of a system repeated, and the configuration of the last attempt.
 
-    Runs whose block ran out of steps: each alone, then by the method that their own numbers call
-    for, then with the exact part of their motion beside the steps. Runs that missed the tolerance
-    by too few fixed steps: with more of them.
+    Runs whose block ran out of steps are repeated one by one, then by the method that suits their
+    numbers, then with the exact part of their motion in closed form. Runs that missed the tolerance
+    because of too few fixed steps are repeated with more of them.
 
     **Arguments**
 
     - `result`, `config`: the first attempt.
-    - `batched`, `shared`: what carries runs, and what all runs share.
-    - `config_for`: the configuration that the runs of these numbers call for; with `True`, that
-      with the exact part of their motion beside the steps.
+    - `batched`, `shared`: the parts that carry runs, and those that all runs share.
+    - `config_for`: the configuration for the runs with these numbers; with `True`, the one with the
+      exact part of their motion in closed form.
     - `events`, `dense`: as in `simulate_batch`.
 
     **Returns** the result and its configuration."""
@@ -46,7 +46,7 @@ def repeat_systems(
     def again(
         result: RunResult, rows: np.ndarray, config: IntegrationConfig, block: int
     ) -> RunResult:
-        # Filled up to whole blocks, so that fewer shapes have to be compiled.
+        # Padded to whole blocks, so that fewer shapes are compiled.
         filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
         part = run_systems(
             _runs_at(batched, filled), shared, config, events, Blocks(block, None), dense
@@ -54,13 +54,13 @@ def repeat_systems(
         part = jax.tree.map(lambda x: x[..., : rows.size], part)
         return _with_runs_at(result, rows, part)
 
-    # A block shares its steps, so that one slow run can use up those of all.
+    # The runs of a block share their steps, so that one slow run can use them up for all.
     rows = _out_of_steps(result)
     if rows.size and result.status.size > 1:
         result = again(result, rows, config, 1)
         rows = _out_of_steps(result)
         other = config_for(rows) if rows.size else config
-        # The same method would fail once more.
+        # The same method would fail again.
         if type(other.method) is not type(config.method):
             result = again(result, rows, other, 1)
             rows = _out_of_steps(result)
@@ -87,15 +87,15 @@ def repeat_missions(
     configs_by: Callable[[Accuracy], tuple[IntegrationConfig, ...]],
     num_saved: int,
 ) -> MissionResult:
-    """The result with the missions repeated alone whose block ran out of steps, then with the exact
-    parts of their motion beside the steps.
+    """The result with those missions repeated whose block ran out of steps: one by one, then with
+    the exact parts of their motion in closed form.
 
     **Arguments**
 
     - `result`, `configs`: the first attempt.
-    - `batched`, `shared`, `num_saved`: what carries runs, what all runs share, and how many states
-      are saved.
-    - `accuracy`, `configs_by`: what the user asked for, and the configurations of an accuracy."""
+    - `batched`, `shared`: the parts that carry runs, and those that all runs share.
+    - `num_saved`: number of states that each phase saves.
+    - `accuracy`, `configs_by`: the accuracy of the user, and the configurations for an accuracy."""
 
     def again(result: MissionResult, configs: tuple[IntegrationConfig, ...]) -> MissionResult:
         alone = run_missions(_runs_at(batched, rows), shared, configs, num_saved, Blocks(1, None))

@@ -1,4 +1,4 @@
-"""The runs of a batch, block by block, with all of their numbers on the axis of runs."""
+"""The runs of a batch, block by block; every result has the axis of runs."""
 
 import dataclasses
 
@@ -31,24 +31,24 @@ def run_systems(
     blocks: Blocks,
     dense: bool,
 ) -> RunResult:
-    """The runs of a system, cut into blocks: what carries runs, and what all of them share."""
+    """The runs of a system, block by block; `batched` carries runs, `shared` is for all of them."""
 
     def block(piece: PyTree, given: PyTree) -> RunResult:
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
-        # Not before, because a condition meets the axis of runs here for the first time.
+        # Only here, because this is where a condition first meets the axis of runs.
         check_events(events, system, y0, ts[0], 1)
         _check_runs(system, y0, ts[0], blocks.size)
         return _every_run(run_system(system, y0, ts, events, config, 1, dense))
 
-    # Passed and not closed over, so that every device gets its own copy of these arrays.
+    # Passed and not closed over, so that every device gets a copy of these arrays.
     given = (shared, config, events)
     order = order_of(batched, shared, config, blocks)
     if order is None:
         return blocks.map(block, batched, given)
     order, differ = order
     done = blocks.map(block, arranged(batched, order, differ), given)
-    # The inverse of a permutation is its argsort; the order that changes nothing is its own.
+    # The inverse of a permutation is its argsort; the identity is its own inverse.
     back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
     return arranged(done, back, differ)
 
@@ -61,7 +61,8 @@ def run_missions(
     num_saved: int,
     blocks: Blocks,
 ) -> MissionResult:
-    """The runs of a mission, cut into blocks: what carries runs, and what all of them share."""
+    """The runs of a mission, block by block; `batched` carries runs, `shared` is for all of
+    them."""
 
     def block(piece: PyTree, given: PyTree) -> MissionResult:
         shared, configs = given
@@ -86,7 +87,7 @@ def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
 
 
 def _every_run(result: RunResult) -> RunResult:
-    """The result of a block with the runs on the last axis of its statistics, too."""
+    """The result of a block, with an axis of runs for its statistics as well."""
     runs = result.status.shape
 
     def every(x: Array) -> Array:
@@ -100,5 +101,5 @@ def _every_run(result: RunResult) -> RunResult:
     if dense is not None:
         dense = dense._replace(ts=times(dense.ts))
     stats = {name: every(x) for name, x in result.stats.items()}
-    # The ends of the steps are those of the block, and of no single run.
+    # The ends of the steps belong to the block, and not to a single run.
     return result._replace(stats=stats, dense=dense, step_ends=None)

@@ -2,11 +2,11 @@
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
 
-The vector field of a phase stands once in the program, in place of once for each of twelve stages,
-again for events and again for the record of steps: an optimisation compiles this and its derivative
-once, and the whole answer comes after seconds. A step runs slower than that of `simulate_mission`,
-and takes no notice of a tolerance: `error` says whether the steps were enough, and the run of the
-optimum by `simulate_mission` confirms it.
+The program holds the vector field of a phase once, in place of once for each of twelve stages,
+again for events and again for the record of steps. An optimisation compiles this program and its
+derivative once, and returns within seconds. A step runs slower than that of `simulate_mission`, and
+no tolerance controls it: `error` shows whether the steps were enough, and a run of the optimum by
+`simulate_mission` confirms it.
 
 Steps end on the `breaks` of the phases. A phase that ends at an event steps up to its zero, where
 one Newton step carries the derivative.
@@ -30,13 +30,13 @@ from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
 from .legs import check_one_line
 
-# How often the step to an event is shortened: some eight reach rounding.
+# Most reductions of the step to an event: about eight reach rounding.
 SEARCH = 12
 
 
 class CompactPhase(NamedTuple):
-    """A phase: the times of its steps' ends, (steps + 1,), s, the states there, components
-    lead, the state at its end `before` the jump, and whether the event that ends it happened."""
+    """A phase: the times of the ends of its steps, (steps + 1,), s, the states there, times behind
+    the components, the state at its end `before` the jump, and whether its event happened."""
 
     ts: Float[Array, " times"]
     states: State
@@ -44,13 +44,13 @@ class CompactPhase(NamedTuple):
     happened: Bool[Array, ""]
 
 
-class CompactFlight(NamedTuple):
-    """Result of `fly_compact`.
+class CompactRun(NamedTuple):
+    """Result of `simulate_compact`.
 
     - `final`, `end`: the state after the last jump, and its time, s.
     - `phases`: one `CompactPhase` for each phase.
-    - `error`: the sum of what the steps estimate of their errors (of fifth order, so that it is on
-      the safe side), relative to the largest component of each part of the state."""
+    - `error`: the sum of the error estimates of the steps, relative to the largest component of
+      each part of the state; of fifth order, so that it exceeds the error."""
 
     final: State
     end: Float[Array, ""]
@@ -58,7 +58,9 @@ class CompactFlight(NamedTuple):
     error: Float[Array, ""]
 
 
-def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40) -> CompactFlight:
+def simulate_compact(
+    mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 40
+) -> CompactRun:
     """The run of a mission in fixed steps, as a small program, for optimisation.
 
     **Arguments**
@@ -66,22 +68,22 @@ def fly_compact(mission: Mission, y0: State, t0: Scalar = 0.0, *, steps: int = 4
     - `mission`, `y0`, `t0`: as in `simulate_mission`, of one run.
     - `steps`: of each phase, shared among the spans between its breaks, at least two each.
 
-    **Returns** a `CompactFlight`, differentiable in both modes.
+    **Returns** a `CompactRun`, differentiable in both modes.
 
     **Raises** `InputError` for fewer than one step, an event that is a touch, or branches."""
     if steps < 1:
-        raise InputError(f"fly_compact got steps = {steps}: it must be at least 1.")
-    check_one_line(mission, "fly_compact")
+        raise InputError(f"simulate_compact got steps = {steps}: it must be at least 1.")
+    check_one_line(mission, "simulate_compact")
     t = as_float(t0)
     y = y0
     error = jnp.zeros(())
     phases = []
     for phase in mission.phases:
-        flown, t, y, more = _phase(phase, t, y, steps)
-        phases.append(flown)
+        run, t, y, more = _phase(phase, t, y, steps)
+        phases.append(run)
         error = error + more
         y = y if phase.then is None else phase.then(t, y)
-    return CompactFlight(y, t, tuple(phases), error)
+    return CompactRun(y, t, tuple(phases), error)
 
 
 def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
@@ -101,11 +103,15 @@ def _phase(
     """A phase, the time and the state at its end before the jump, and the error of its steps."""
     event = phase.until if isinstance(phase.until, Event) else None
     if event is not None and event.touch is not None:
-        raise InputError(f"Phase {phase.name!r} ends at a touch: fly_compact needs a crossing.")
+        raise InputError(
+            f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
+        )
     t1 = t0 + (phase.until if event is None else event.within)
     if phase.system is not phase.moving:
-        raise InputError(f"Phase {phase.name!r} is a closed loop: fly_compact takes systems alone.")
-    # Constants of the phase, as far as its state is concerned, are integrated along.
+        raise InputError(
+            f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
+        )
+    # Parts of the state that are constant in the phase are integrated with the others.
     v0, unravel = ravel_pytree(y0)
     system = phase.moving
     ts = _ends(phase, t0, t1, steps)
@@ -124,11 +130,13 @@ def _phase(
             return v, (v, wrong)
 
         v, (vs, wrongs) = lax.scan(advance, v0, (ts[:-1], ts[1:]))
-        times, happened = ts, jnp.asarray(True)
-        t, y = t1, unravel(v)
+        times = ts
+        happened = jnp.asarray(True)
+        t = t1
+        y = unravel(v)
     else:
-        found = _until_event(event, step, unravel, ts, v0)
-        (t, v, happened), (times, vs, wrongs) = found
+        result = _until_event(event, step, unravel, ts, v0)
+        (t, v, happened), (times, vs, wrongs) = result
         times = jnp.concatenate([t0[None], times])
         t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
@@ -189,7 +197,8 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         across = passed(g1, at.g)
         keep = lambda new, old: jnp.where(across, old, new)  # noqa: E731
         first = across & ~at.hit
-        # Whichever end is kept twice counts half, so that it does not stay for ever (Illinois).
+        # The weight of an end that stays twice is halved (Illinois), so that it does not stay for
+        # ever.
         ahead = jnp.where(across & at.hit & (at.side < 0.0), 0.5 * at.ahead, 1.0)
         past = jnp.where(~across & at.hit & (at.side > 0.0), 0.5 * at.past, 1.0)
         new = _Search(
@@ -207,7 +216,8 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         # A step that is not taken has no error to count.
         return new, (new.t, new.v, keep(wrong, 0.0 * wrong))
 
-    zero, one = jnp.zeros_like(ts[0]), jnp.ones_like(ts[0])
+    zero = jnp.zeros_like(ts[0])
+    one = jnp.ones_like(ts[0])
     start = _Search(
         ts[0], v0, event.condition(ts[0], unravel(v0)), jnp.asarray(0), jnp.asarray(False),
         zero, zero, one, one, zero,

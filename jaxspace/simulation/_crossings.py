@@ -28,17 +28,17 @@ def crossings(
 
     **Arguments**
 
-    - `run`: from `simulate` or `simulate_batch`. It is run once more, by the same method: to save
-      this, give `simulate` an event with `terminal=False`.
+    - `run`: from `simulate` or `simulate_batch`. It is integrated again, by the same method; an
+      event with `terminal=False` in `simulate` saves this.
     - `condition`: a function (t, y) of time, s, and state, which returns one number for each run;
       or an `Event`, whose `direction`, `touch` and `at_start` then count.
-    - `samples`: in how many parts the run is searched at least; by default `Event.samples`, or the
-      number of save times if there are more.
-    - `capacity`: for how many zeros there is room; by default `Event.capacity`.
+    - `samples`: least number of parts of the run that are searched; by default `Event.samples`, or
+      the number of save times if that is larger.
+    - `capacity`: largest number of zeros; by default `Event.capacity`.
 
-    **Returns** `Crossings`: times, states, how many there are and whether they are all. In order
-    of the run, differentiable in both modes with respect to all that the run depends on. Where the
-    search or the run failed, they are those before, and `status` says why.
+    **Returns** `Crossings`: times and states in the order of the run, their number, and whether
+    they are complete. Differentiable in both modes with respect to all inputs of the run. Where the
+    search or the run failed, they are those before the failure, and `status` gives the reason.
 
     **Raises** `InputError` for a condition that is not one number for each run, and for a run that
     jumps in place on its way, or had a controller."""
@@ -46,7 +46,7 @@ def crossings(
     event = condition if isinstance(condition, Event) else Event(condition)
     event = dataclasses.replace(
         event,
-        # Only searched for: a run that ended or jumped there would be another one.
+        # Searched for without effect on the run: an end or a jump there would make another run.
         terminal=False,
         then=None,
         samples=max(event.samples, len(run) - 1) if samples is None else samples,
@@ -56,7 +56,7 @@ def crossings(
     system = run.system
     y0 = run.initial
     config = run.config
-    # First and last alone: the search takes samples of its own between them.
+    # First and last alone, because the search chooses the samples between them.
     ends = run.ts[:: len(run) - 1]
     if run.run_axes == 0:
         check_events(events, system, y0, ends[0], 0)

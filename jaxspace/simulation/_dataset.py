@@ -36,7 +36,7 @@ def _unit(tree: PyTree, path: jax.tree_util.KeyPath) -> str:
             case jax.tree_util.DictKey(key=entry) | jax.tree_util.SequenceKey(idx=entry):
                 tree = tree[entry]
             case _:
-                # A tree of another library does not say how to follow its keys.
+                # The keys of a tree of another library may not be attributes.
                 return unit
     return unit
 
@@ -70,6 +70,6 @@ def dataset_of(ts: Array, states: State, status: Array, run_axes: int) -> "xarra
     elif np.all(times == times[:, :1]):
         coordinates["time"] = ("time", times[:, 0], {"units": "s"})
     else:
-        # Runs whose times differ have no common axis: the times are a variable of their own.
+        # Runs whose times differ have no common axis of times: these are a variable.
         variables["t"] = (("time", *runs), times, {"units": "s"})
     return xarray.Dataset(variables, coords=coordinates)

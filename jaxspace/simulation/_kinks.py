@@ -1,8 +1,8 @@
 """Interpolations in time inside of a vector field whose nodes are no breaks of the integration.
 
-A search for the interval of a time is seen in the traced vector field. `Table` and `Spline` search
-for none, and what follows the state, such as the density over the height, is left out: its kinks
-are met by the steps as any other change.
+A search for the interval of a time is visible in the traced vector field. `Table` and `Spline`
+contain no such search. Interpolations over the state, such as the density over the height, are left
+out, because step control handles their kinks as it does any other change.
 """
 
 import warnings
@@ -49,11 +49,12 @@ def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: 
 
 
 def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
-    """Whether the program searches sorted nodes for a time, by what its arguments follow."""
+    """Whether the program searches sorted nodes for a time, from the dependencies of its
+    arguments."""
     known = dict(zip(jaxpr.invars, given, strict=True))
 
     def follows(x: Var | Literal) -> Follows:
-        # Literals cannot be hashed, and follow nothing.
+        # Literals cannot be hashed, and depend on nothing.
         return NOTHING if isinstance(x, Literal) else known.get(x, NOTHING)
 
     for operation in jaxpr.eqns:
@@ -65,7 +66,7 @@ def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
             return True
         inner = operation.params.get("jaxpr")
         inner = getattr(inner, "jaxpr", inner)
-        # Calls alone: loops and branches order their arguments in other ways.
+        # Calls alone, because loops and branches have their arguments in another order.
         if time and inner is not None and len(inner.invars) == len(inputs):
             if _searches(inner, inputs):
                 return True

@@ -1,8 +1,8 @@
 """Failures of runs inside of a compiled program, as errors of Python.
 
-A program of JAX raises an error by a function of Python that it calls. JAX reports what this
-function raises twice: in its log, with a traceback, and as an error whose message holds the
-traceback of the call and ends in what was raised. In the log the sentence of the failure is enough.
+A JAX program raises an error through a Python function that it calls. JAX reports the exception of
+this function twice: in its log, with a traceback, and as an error whose message holds the traceback
+of the call and ends with the exception. Here the log is shortened to the sentence of the failure.
 """
 
 import contextlib
@@ -31,13 +31,13 @@ def raise_where_failed(tree: T, status: Int[Array, ""]) -> T:
         del tree
         return jax.pure_callback(_fail, shapes, worst)
 
-    # One choice for all mapped runs: a choice of each would be made by evaluating both sides.
+    # One branch for all mapped runs, because a mapped branch would evaluate both sides.
     return jax.lax.cond(worst > Status.EVENT, failed, lambda tree, worst: tree, tree, worst)
 
 
 @raise_where_failed.defjvp
 def _raise_where_failed_tangent(primals, tangents):
-    # The values that derivatives are computed with raise, which is enough.
+    # The primal values raise, which is enough for the derivatives as well.
     return raise_where_failed(*primals), tangents[0]
 
 
@@ -54,7 +54,7 @@ def _largest_of_mapped(axis_size: int, in_batched: Any, status: Array) -> tuple[
 
 @contextlib.contextmanager
 def sentence_alone() -> Iterator[None]:
-    """What a program raises in this context because a run failed, as `SimulationError`."""
+    """In this context, turn the error of a program with a failed run into a `SimulationError`."""
     try:
         yield
     # Which of the two depends on the way that JAX calls a program.
@@ -72,7 +72,7 @@ def _fail(worst: Array) -> None:
 
 
 class _SentenceAlone(logging.Filter):
-    """Shortens what the log says of a failed run, and leaves everything else as it is."""
+    """A filter of the log that shortens the entry of a failed run, and leaves the others."""
 
     def filter(self, record: logging.LogRecord) -> bool:
         error = record.exc_info[1] if record.exc_info else None

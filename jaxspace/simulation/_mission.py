@@ -19,7 +19,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_finite, is_concrete
 from ..core.types import as_float
 from ..integration.events import Event
-from .flight import AbstractFlight, moving
+from .runnable import AbstractRunnable, moving
 
 
 # A duration becomes an array; an event passes.
@@ -58,16 +58,16 @@ def _as_phases(x: Any) -> tuple["Phase", ...]:
 
 
 def _with_known_end(phase: Any) -> Any:
-    """The phase; a flight in it knows how long it may take, where that is known here."""
-    flight = getattr(phase, "system", None)
-    if not isinstance(flight, AbstractFlight) or flight.longest is not None:
+    """The phase; a closed loop in it gets the longest time of the phase, if that is known here."""
+    loop = getattr(phase, "system", None)
+    if not isinstance(loop, AbstractRunnable) or loop.longest is not None:
         return phase
     duration = phase.until.within if isinstance(phase.until, Event) else phase.until
-    # Traced, as in a campaign: its builder has to give the longest time itself.
+    # Traced, as in a campaign, whose builder has to give the longest time.
     if not is_concrete(duration):
         return phase
-    # Runs share the number of samples: that of the longest serves all.
-    known = flight.lasting(float(np.max(np.asarray(duration))))
+    # Runs share the number of samples, so that the longest decides.
+    known = loop.lasting(float(np.max(np.asarray(duration))))
     return dataclasses.replace(phase, system=known)
 
 
@@ -85,7 +85,7 @@ class Phase(eqx.Module):
     Raises `InputError` for an event without a limit or that ends no run, for a duration that is not
     finite, for a jump that is no function, and for a branch that is no mission."""
 
-    system: AbstractSystem | AbstractFlight
+    system: AbstractSystem | AbstractRunnable
     until: Float[Array, "*#runs"] | Event = eqx.field(converter=_as_until)
     then: Callable[[Scalar, State], State] | None = eqx.field(converter=_as_jump, default=None)
     name: str = eqx.field(static=True, default="phase")
@@ -108,7 +108,7 @@ class Phase(eqx.Module):
 
     @property
     def moving(self) -> AbstractSystem:
-        """The system that moves, without what controls it."""
+        """The system that moves, without its controller."""
         return moving(self.system)
 
 
@@ -138,7 +138,7 @@ class Mission(eqx.Module):
             )
         branches = [branch.name for phase in self.phases for branch in phase.branches]
         for number, name in enumerate(branches):
-            # A phase of a branch is found by both names, with a dot between them.
+            # The key of a phase of a branch is both names, joined by a dot.
             taken = {other.split(".")[0] for other in names} | set(branches[:number])
             if not name or "." in name or name in taken:
                 raise InputError(

@@ -7,7 +7,7 @@ from jaxtyping import ArrayLike, Float, Real
 from ..core import InputError, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, state_dtype, without_weak_types
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, state_dtype
 from ._after_run import warn_after
 from ._batch_repeat import repeat_missions
 from ._batch_runs import run_missions
@@ -53,8 +53,8 @@ def simulate_mission_batch(
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
     check_mission("missions", missions, "simulate_batch")
+    y0s = as_state(y0s)
     state_dtype(y0s)
-    y0s = without_weak_types(y0s)
     check_num_saved(num_saved)
     t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
     if t0.ndim > 1:

@@ -60,11 +60,12 @@ class MissionTrajectory(AbstractMissionResult):
 
     def show(self, path: "str | os.PathLike[str] | None" = None) -> "Path":
         """Open the mission in the browser as a page that moves (`jaxspace.plots.view_page`)."""
-        # Imported late: a mission that is not shown needs no plots.
+        # Imported here, so that only a mission that is shown needs the plots.
         from ..plots import show_run
 
         return show_run(self, path)
 
+    @property
     def evaluations(self) -> Array:
         """Evaluations of the vector field over all phases."""
         return sum((p.stats["evaluations"] for p in self.phases), jnp.array(0))

@@ -1,4 +1,4 @@
-"""Runs repeated more finely, to see how far their final states move."""
+"""Runs repeated with finer steps, to see how far their final states move."""
 
 import jax
 import jax.numpy as jnp
@@ -12,16 +12,16 @@ from ._runs import integrate_through_times
 from .batch_layout import cut_batch, local_blocks, split_batch
 from .blocks import Blocks, jit_wide_vectors
 
-# A part of the run in no simple ratio to the rest, so that a closed form makes its own errors.
+# A part of the run in no simple ratio to the rest, so that a closed form makes other rounding
+# errors.
 PART = 0.4
 
 
 def _final_state(
     system: AbstractSystem, y0: State, ts: Array, config: IntegrationConfig, run_axes: int
 ) -> State:
-    """The state at the last of `ts`, by way of a state within the run.
-
-    NaN where the steps run out on the way."""
+    """The state at the last of `ts`, by way of a state within the run; NaN where the steps run
+    out."""
     ends = jnp.stack([ts[0], ts[0] + PART * (ts[-1] - ts[0]), ts[-1]])
     y0 = broadcast_state(system, ts[0], y0)
     result = integrate_through_times(system, y0, ends, config, run_axes)

@@ -1,10 +1,11 @@
-"""Runs that an event moves in place and lets go on, as a floor does with a ball.
+"""Runs in which an event changes the state and which then go on, such as a ball on a floor.
 
     y(t_k+) = then(t_k, y(t_k-)),   g(t_k, y(t_k-)) = 0        k = 1, 2, ... up to the capacity
 
-From one restart to the next the run is that of a phase: the search is outside of every derivative,
-and one Newton step carries those of the time, so that they pass through all restarts. The states at
-the save times follow afterwards, each from the last restart or save time before it.
+From one restart to the next the run is like a phase: the search is outside of every derivative, and
+one Newton step carries the derivatives of the time, so that they pass through all restarts. The
+states at the save times are computed afterwards, each from the last restart or save time before
+it.
 """
 
 from typing import NamedTuple
@@ -25,15 +26,17 @@ from ..integration.status import Status, combine_status
 
 
 class Restarts(NamedTuple):
-    """Every restart of each run, and how the run ended: rows lead.
+    """Every restart of each run, on the first axis, and the end of the run.
 
-    - `ts`, `before`, `after`: times, s, and the states on both sides; the end of the run, and the
-      state there, behind the last one.
-    - `which`: the number of the event, -1 behind the last one; `rising`: the way of its condition.
+    - `ts`, `before`, `after`: times, s, and the states on both sides; behind the last restart those
+      of the end of the run.
+    - `which`: the number of the event, -1 behind the last one; `rising`: whether its
+      condition rises.
     - `end`, `final`: the time at which the run ends, s, and the state there; `stopped_by`: the
       number of the event that ended it, or -1. A run that failed ends with the last restart
       before.
-    - `counts`, `overflow`: of each event, how many restarts, and whether there was no room."""
+    - `counts`, `overflow`: of each event, its number of restarts, and whether its capacity was
+      exceeded."""
 
     ts: Float[Array, "restarts *#runs"]
     before: State
@@ -49,7 +52,7 @@ class Restarts(NamedTuple):
     stats: dict[str, Array]
 
 
-class _Way(NamedTuple):
+class _RunState(NamedTuple):
     """Progress of a run: time, state, status, restarts of each event, and what ended it."""
 
     t: Array
@@ -69,57 +72,58 @@ def restarts_between(
     run_axes: int,
 ) -> Restarts:
     """All restarts from `t0` to `t1`, s, (*runs,); events without `then` end the run, and so does a
-    restart for which there is no room."""
+    restart beyond the capacity."""
     runs = runs_of(y0, run_axes)
     axes = (1,) * len(runs)
     rooms = [0 if event.then is None else event.capacity for event in events]
     room = jnp.array(rooms, jnp.int32).reshape(-1, *axes)
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
-    def one(way: _Way, _: None) -> tuple[_Way, tuple]:
-        # A run that has ended goes on with an interval of no length, as the others need the pass.
-        stopped = (way.stopped_by >= 0) | (way.status > Status.EVENT)
-        last = jnp.where(stopped, way.t, t1)
-        found = first_event(system, way.y, way.t, last, events, config, run_axes)
-        result = integrate(system, way.y, way.t, found.time, None, config, run_axes)
+    def one(run: _RunState, _: None) -> tuple[_RunState, tuple]:
+        # A run that has ended takes part with an interval of no length, for the sake of the others.
+        stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
+        last = jnp.where(stopped, run.t, t1)
+        found = first_event(system, run.y, run.t, last, events, config, run_axes)
+        result = integrate(system, run.y, run.t, found.time, None, config, run_axes)
         y = found.met(state_at(result.states, -1, run_axes))
         t, y = newton_correct(system, events, found.which, found.time, y)
-        status = combine_status(way.status, combine_status(result.status, found.status))
-        # What an interval that failed has led to is no restart, and no end of the run.
+        status = combine_status(run.status, combine_status(result.status, found.status))
+        # The end of an interval that failed is neither a restart nor the end of the run.
         good = status <= Status.EVENT
         hit = (found.which >= 0) & good
-        here = (numbers == found.which) & hit & (way.counts < room)
+        here = (numbers == found.which) & hit & (run.counts < room)
         goes_on = jnp.any(here, axis=0)
-        after, rising = y, jnp.zeros(runs, bool)
+        after = y
+        rising = jnp.zeros(runs, bool)
         for number, event in enumerate(events):
-            # Before the jump, which may turn the way of the condition round.
+            # Before the jump, which may reverse the sign of the slope.
             slope = event.slope(system, t, y)[1]
             rising = jnp.where(here[number], slope * jnp.sign(t1 - t0) > 0.0, rising)
             if event.then is not None:
                 moved = event.then(t, y)
                 after = jax.tree.map(lambda a, b, k=number: jnp.where(here[k], a, b), moved, after)
-        by = jnp.where(hit & ~goes_on, found.which, way.stopped_by)
+        by = jnp.where(hit & ~goes_on, found.which, run.stopped_by)
         row = (t, y, after, jnp.where(goes_on, found.which, -1), rising, result.stats)
-        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (way.t, way.y))
-        return _Way(t, after, status, way.counts + here.astype(jnp.int32), by), row
+        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (run.t, run.y))
+        return _RunState(t, after, status, run.counts + here.astype(jnp.int32), by), row
 
     none = jnp.zeros((len(events), *runs), jnp.int32)
-    start = _Way(
+    start = _RunState(
         jnp.broadcast_to(t0, runs),
         y0,
         jnp.zeros(runs, jnp.int32),
         none,
         jnp.full(runs, -1, jnp.int32),
     )
-    # One pass more than restarts: the last one leads to the end, or finds that there is no room.
-    way, (ts, before, after, which, rising, stats) = jax.lax.scan(
+    # One pass more than restarts: the last one reaches the end, or exceeds the capacity.
+    run, (ts, before, after, which, rising, stats) = jax.lax.scan(
         one, start, None, length=sum(rooms) + 1
     )
-    # An event that jumps ends a run only for want of room.
-    overflow = (numbers == way.stopped_by) & (room > 0)
+    # An event with a jump ends a run only where its capacity is exceeded.
+    overflow = (numbers == run.stopped_by) & (room > 0)
     return Restarts(
-        ts, before, after, which, rising, way.t, way.y, way.stopped_by, way.counts, overflow,
-        way.status, _total(stats),
+        ts, before, after, which, rising, run.t, run.y, run.stopped_by, run.counts, overflow,
+        run.status, _total(stats),
     )  # fmt: skip
 
 
@@ -131,15 +135,16 @@ def states_between(
     config: IntegrationConfig,
     run_axes: int,
 ) -> tuple[State, Int[Array, "*runs"], dict[str, Array]]:
-    """The states at the save times `ts`, (times, *runs), which end where the run does; right after
-    a restart at one of them. Also status and work."""
+    """The states at the save times `ts`, (times, *runs), status and work.
+
+    The times end with the run; at a save time with a restart the state is that after it."""
     sign = jnp.where(found.end < ts[0], -1.0, 1.0).astype(ts.dtype)
     happened = found.which >= 0
 
     def one(carry: tuple[State, Array, Array], t: Array) -> tuple[tuple, tuple]:
         y, t_before, status = carry
         passed = happened & (sign * found.ts <= sign * t) & (sign * found.ts >= sign * t_before)
-        # The last restart before the row, and none where there is no restart before it.
+        # The last restart since the save time before, if there is one.
         index = passed.shape[0] - 1 - jnp.argmax(passed[::-1], axis=0)
         restarted, t_restart = pick((found.after, found.ts), index, run_axes)
         jumped = jnp.any(passed, axis=0)
@@ -150,7 +155,7 @@ def states_between(
         status = combine_status(status, result.status)
         return (y, t, status), (y, result.stats)
 
-    # A scan over save times, because every run reaches these in an integration of its own length.
+    # A scan over save times, because the interval before each has another length in every run.
     start = (y0, ts[0], found.status)
     (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)
@@ -159,7 +164,7 @@ def states_between(
 
 
 def collected(found: Restarts, events: tuple[Event, ...], run_axes: int) -> tuple[Crossings, ...]:
-    """The restarts of each event that has some, as its `Crossings`."""
+    """The restarts of each event with a jump, as its `Crossings`."""
     return tuple(
         _of_event(found, number, event.capacity, run_axes)
         for number, event in enumerate(events)
@@ -193,7 +198,7 @@ def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Cro
 
 
 def _total(stats: dict[str, Array]) -> dict[str, Array]:
-    """Work over all rows."""
+    """Statistics over all intervals."""
     return {
         name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
         for name, x in stats.items()

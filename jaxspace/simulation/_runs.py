@@ -49,7 +49,7 @@ def integrate_through_times(
     start = (y0, jnp.zeros(runs_of(y0, run_axes), jnp.int32))
     # By a scan, so that the integration is traced and compiled once for all intervals.
     (_, status), (states, stats) = jax.lax.scan(interval, start, (times[:-1], times[1:]))
-    # The work of the intervals adds up, and their largest error is that of the run.
+    # The work of the intervals is summed, and the error of the run is their largest one.
     total = {
         name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
         for name, x in stats.items()
@@ -72,10 +72,10 @@ def _at_times(
     if ts.shape[0] == 2:
         result = integrate(system, y0, ts[0], ts[1], None, config, run_axes, dense=dense)
         return result._replace(states=with_start(y0, result.states, run_axes))
-    # Safe, because a run without duration divides zero by zero.
+    # A run of no duration divides zero by zero.
     fractions = safe_divide(ts - ts[0], ts[-1] - ts[0])
     result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, dense=dense)
-    # The state at the first time is the initial one to the last bit.
+    # The state at the first time is exactly the initial one.
     return result._replace(states=replace_state(result.states, 0, y0, run_axes))
 
 
@@ -90,7 +90,7 @@ def _sampled(
 ) -> tuple[IntegrationResult, Array, State]:
     """`_at_times`, with the times and states of at least `samples` parts of the run, times first.
 
-    One integration, except where runs have save times of their own."""
+    One integration, except where the save times differ between runs."""
     runs = runs_of(y0, run_axes)
     duration = ts[-1] - ts[0]
     if ts.ndim > 1:
@@ -103,7 +103,7 @@ def _sampled(
     # Rounded up, so that there are at least as many samples.
     parts = -(-samples // (ts.shape[0] - 1))
     shares = jnp.linspace(0.0, 1.0, parts, endpoint=False, dtype=ts.dtype)
-    # Every save time is a sample, to the last bit.
+    # Every save time is exactly a sample.
     inner = ts[:-1, None] + shares * jnp.diff(ts)[:, None]
     times = jnp.concatenate([inner.reshape(-1), ts[-1:]])
     result = _at_times(system, y0, times, config, run_axes, dense)
@@ -125,7 +125,7 @@ def run_system(
     """One system from `y0` through `ts`, (times,) or (times, *runs), or to its first event.
 
     From the event on, states and times are those of the event. Events that are not terminal are
-    collected on the way. What a failed run did not reach is NaN."""
+    collected. States that a failed run did not reach are NaN."""
     if run_axes:
         y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
@@ -141,7 +141,8 @@ def run_system(
     if events:
         result, crossings = _with_crossings(system, y0, ts, events, config, run_axes, dense)
     else:
-        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        crossings = ()
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((len(events), *runs), bool)
     left = (result.states, result.status, which, happened, result.stats, result.dense, None)
@@ -157,7 +158,7 @@ def _with_crossings(
     run_axes: int,
     dense: bool,
 ) -> tuple[IntegrationResult, tuple[Crossings, ...]]:
-    """`_at_times`, with every zero of these events on the way."""
+    """`_at_times`, with every zero of these events."""
     samples = max(event.samples for event in events)
     result, times, states = _sampled(system, y0, ts, config, run_axes, dense, samples)
     found = []
@@ -184,15 +185,15 @@ def _to_event(
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
     found = first_event(system, y0, asked[0], asked[-1], ending, config, run_axes)
-    # Outside of every derivative: `newton_correct` below carries those of the time.
+    # Outside of every derivative: `newton_correct` below carries the derivatives of the time.
     when, which = found.time, found.which
-    # Each run may stop at a time of its own; backwards, times descend.
+    # Each run may stop at another time; times descend in a run backwards.
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(when.dtype)
     ts = sign * jnp.minimum(sign * asked, sign * when)
-    # Run again to the events alone: each run lands on its own, as accurate as its steps.
+    # Integrated again to the events: each run lands on its event, with the accuracy of its steps.
     if passed:
         result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
-        # Where the search for the end failed, the run might have ended there.
+        # Where the search failed, the run might have ended there.
         crossings = tuple(
             dataclasses.replace(
                 each.until(asked[0], found.failed), status=combine_status(each.status, found.status)
@@ -200,7 +201,8 @@ def _to_event(
             for each in crossings
         )
     else:
-        result, crossings = _at_times(system, y0, ts, config, run_axes, dense), ()
+        result = _at_times(system, y0, ts, config, run_axes, dense)
+        crossings = ()
     last = state_at(result.states, -1, run_axes)
     t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
     stopped = (which >= 0) & (sign * asked >= sign * when)
@@ -227,10 +229,10 @@ def straight_to_event(
     config: IntegrationConfig,
     run_axes: int,
 ) -> RunResult:
-    """A run to the first of its events, by one integration that finds it on the way.
+    """A run to the first of its events, by one integration that locates it.
 
-    Only for events that `locates_events`. Its derivatives are those of a second integration, to the
-    time that was found.
+    Only for a method that `locates_events`. Its derivatives are those of a second integration, to
+    the located time.
 
     **Arguments**
 
@@ -288,26 +290,26 @@ def _with_restarts(
     run_axes: int,
 ) -> RunResult:
     """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
-    found = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
+    result = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
-    stopped = (found.stopped_by >= 0) & (sign * asked >= sign * found.end)
-    ts = jnp.where(stopped, found.end, asked)
-    states, status, stats = states_between(system, y0, ts, found, config, run_axes)
-    states = _where_stopped(stopped, found.final, states, run_axes)
-    # Behind the last restart of a run that failed, another event may be.
-    known = (found.status <= Status.EVENT) | (sign * asked <= sign * found.end)
+    stopped = (result.stopped_by >= 0) & (sign * asked >= sign * result.end)
+    ts = jnp.where(stopped, result.end, asked)
+    states, status, stats = states_between(system, y0, ts, result, config, run_axes)
+    states = _where_stopped(stopped, result.final, states, run_axes)
+    # A run that failed may have had further events after its last restart.
+    known = (result.status <= Status.EVENT) | (sign * asked <= sign * result.end)
     states = scaled(states, nan_unless(known))
-    hit = (found.stopped_by >= 0) & (status == Status.COMPLETED)
+    hit = (result.stopped_by >= 0) & (status == Status.COMPLETED)
     status = jnp.where(hit, Status.EVENT, status)
-    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * found.end.ndim)
-    happened = numbers == found.stopped_by
-    event = found.stopped_by.astype(jnp.int32)
-    crossings = collected(found, events, run_axes)
+    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * result.end.ndim)
+    happened = numbers == result.stopped_by
+    event = result.stopped_by.astype(jnp.int32)
+    crossings = collected(result, events, run_axes)
     return RunResult(ts, states, status, event, happened, stats, None, None, crossings)
 
 
 def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:
-    """The states, with `y` at the times, (times, *runs), at which a run has `stopped`."""
+    """The states, with `y` at those times, (times, *runs), at which a run has `stopped`."""
 
     def leaf(xs: Array, x: Array) -> Array:
         flags = stopped.reshape(*(1,) * (xs.ndim - stopped.ndim), *stopped.shape)
@@ -322,6 +324,6 @@ def _of_each_run(ts: Array, runs: tuple[int, ...]) -> Array:
 
 
 def _with_runs(ts: Array, runs: tuple[int, ...]) -> Array:
-    """Times with axes of length one for the runs that they do not differ in."""
+    """The times with axes of runs of length one where all runs share them."""
     missing = (1,) * (len(runs) - ts.ndim + 1)
     return ts.reshape(ts.shape[0], *missing, *ts.shape[1:])

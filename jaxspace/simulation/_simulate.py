@@ -11,9 +11,9 @@ from ..core import AbstractSystem
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
+    as_state,
     check_initial_state,
     check_start,
-    without_weak_types,
 )
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
@@ -74,9 +74,9 @@ def simulate(
     from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
     compiled program runs."""
     check_system("system", system, "simulate_mission")
+    y0 = as_state(y0)
     check_initial_state(y0)
     check_start(y0)
-    y0 = without_weak_types(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     start = jax.ShapeDtypeStruct((), ts.dtype)
@@ -90,7 +90,7 @@ def simulate(
     starts = functools.partial(InitialConditions.of_one, system, y0, ts)
 
     def config_by(accuracy: Accuracy) -> IntegrationConfig:
-        # Restarts are for mapped runs; where one that fails is an error for all, none goes on.
+        # Restarts serve mapped runs, unless one that fails is an error for all.
         return resolve(system, y0, accuracy, starts, restarts=not throw)
 
     config = config_by(with_exact_part(given, system, y0, ts))
@@ -100,5 +100,5 @@ def simulate(
     return trajectory
 
 
-# Compiled, because each of its many operations would be a call of its own.
+# Compiled, because outside of `jit` each operation would be compiled and called separately.
 _run_system = eqx.filter_jit(run_system)

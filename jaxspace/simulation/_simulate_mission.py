@@ -10,9 +10,9 @@ from ..core.checks import is_concrete
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
+    as_state,
     check_initial_state,
     check_start,
-    without_weak_types,
 )
 from ..integration.status import Status
 from ._after_run import warn_after
@@ -60,9 +60,9 @@ def simulate_mission(
     returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
     `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
+    y0 = as_state(y0)
     check_initial_state(y0)
     check_start(y0)
-    y0 = without_weak_types(y0)
     t0 = as_times("t0", t0, y0, "one time, s")
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
@@ -76,7 +76,7 @@ def simulate_mission(
         if exactly is not None:
             configs = exactly
             result = run_mission(mission, y0, t0, num_saved, configs, 0)
-    # Where it is known that no run failed, there is nothing to do, and nothing to compile.
+    # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = mission_trajectory_of(result, mission, given, configs, 0)
@@ -88,11 +88,11 @@ def _failed_phase(result: MissionTrajectory) -> str:
     """Sentence that names the phase in which a mission failed, and where that phase began."""
     for name, phase in result.items():
         if int(phase.status) > Status.EVENT:
-            # A mission keeps no steps: the start of the phase is what is known.
+            # A mission stores no steps, so that only the start of the phase is known.
             start = place_of_failure(int(phase.status), None, float(phase.ts[0]), phase.initial)
             return start.replace("The run", f"The phase {name!r}")
     return ""
 
 
-# Compiled, because each of its many operations would be a call of its own.
+# Compiled, because outside of `jit` each operation would be compiled and called separately.
 _failed_are_nan = eqx.filter_jit(nan_where_failed)

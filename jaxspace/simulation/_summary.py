@@ -23,11 +23,11 @@ Row = tuple[str, ...]
 MOST_COMPONENTS = 4
 
 
-# Protocols, and not the classes that print themselves by them: imports go one way. Checked where
+# Protocols in place of the printed classes, because these import this file. Checked where
 # annotations are.
 @runtime_checkable
 class Run(Protocol):
-    """What is printed of a run, with the names of a `Trajectory`."""
+    """The attributes of a run that are printed, with the names of a `Trajectory`."""
 
     ts: Array
     states: State
@@ -41,7 +41,7 @@ class Run(Protocol):
 
 @runtime_checkable
 class Phases(Protocol):
-    """What is printed of a mission, with the names of a `MissionTrajectory`."""
+    """The attributes of a mission that are printed, with the names of a `MissionTrajectory`."""
 
     final: State
     end: Array
@@ -56,15 +56,16 @@ class Phases(Protocol):
         """The runs with the names of their phases."""
         ...
 
+    @property
     def evaluations(self) -> Array:
-        """How often the vector fields were evaluated."""
+        """Number of evaluations of the vector fields."""
         ...
 
 
 class Summary(NamedTuple):
     """Content of a printed result.
 
-    - `title`: what it is.
+    - `title`: the kind of the result.
     - `facts`: names and sentences.
     - `tables`: each with its head; the first two columns are words."""
 
@@ -109,8 +110,8 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
         *facts,
         *_ended(run.status),
     ]
-    # In a batch the range at the end says most, because most runs start alike.
-    # The last state alone of many runs.
+    # Of a batch the range at the end, because most runs start with similar states.
+    # Only the last state of many runs.
     places = (-1,) if run.run_axes else (0, -1)
     ends = [state_at(run.states, k, run.run_axes) for k in places]
     tables = [_state_table(run.states, ends, run.run_axes)]
@@ -122,7 +123,7 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
 
 
 def _sampled(run: Run) -> list[PyTree]:
-    """What the controller of a run has commanded and read, by name; empty without one."""
+    """Commands and readings of the controller of a run, by name; empty without one."""
     if run.control is None:
         return []
     return [{name: run.control[name] for name in ("commands", "readings")}]
@@ -142,7 +143,7 @@ def summary_of_mission(result: Phases) -> Summary:
         rows.append(
             (name, type(phase.system).__name__, *cells, _counts(phase)[0], _statuses(phase.status))
         )
-    work = _range(result.evaluations())
+    work = _range(result.evaluations)
     facts = [
         ("times", f"{_range(result.phases[0].ts[0])} s to {_range(result.end)} s"),
         ("work", f"{work} evaluations of the vector fields"),
@@ -153,7 +154,8 @@ def summary_of_mission(result: Phases) -> Summary:
 
 
 def _has_numbers(result: Any) -> bool:
-    """Whether the arrays of a result are known: not in a traced one, nor in a tree of shapes."""
+    """Whether the arrays of a result are known: false while it is traced, and in a tree of
+    shapes."""
     leaves = jax.tree.leaves(result)
     if any(isinstance(x, Tracer | jax.ShapeDtypeStruct) for x in leaves):
         return False

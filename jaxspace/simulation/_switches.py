@@ -1,7 +1,7 @@
-"""Vector fields that jump by the state: where no event ends the run there, derivatives are wrong.
+"""Vector fields that jump by the state: without an event at the jump, derivatives are wrong.
 
-How the time of the jump moves is not seen by the derivative of a step that passes over it. An event
-adds it (`newton_correct`).
+The derivative of a step over a jump does not contain how the time of the jump moves. An event adds
+this (`newton_correct`).
 """
 
 import warnings
@@ -23,8 +23,8 @@ def warn_of_switches(
     t: Scalar | jax.ShapeDtypeStruct,
     stacklevel: int,
 ) -> None:
-    """Warn of a system that jumps by a part of the state (`AbstractSystem.switches`) of which no
-    event knows. `stacklevel` is that of the caller."""
+    """Warn of a system that jumps by a part of the state (`AbstractSystem.switches`) that no event
+    reads. `stacklevel` is that of the caller."""
     switches = _switches_of(system)
     if not switches:
         return
@@ -46,7 +46,7 @@ def _switches_of(system: AbstractSystem) -> dict[str, str]:
 
 
 def _reads(event: Event, t: Scalar | jax.ShapeDtypeStruct, y: PyTree, part: str) -> bool:
-    """Whether the condition of an event computes with a part of the state."""
+    """Whether the condition of an event reads a part of the state."""
     leaves = jax.tree.leaves(getattr(y, part, None))
     others = len(jax.tree.leaves((t, y)))
 

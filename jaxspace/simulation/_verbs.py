@@ -1,4 +1,4 @@
-"""Which verb runs what: each refuses what another one runs, and names that one."""
+"""Checks that a verb is given what it runs; the error names the verb that runs the other."""
 
 from ..core import AbstractSystem, InputError
 from ._mission import Mission

@@ -1,4 +1,4 @@
-"""Which arrays of a batch carry runs, and how the batch is cut into blocks."""
+"""The arrays of a batch that carry runs, and the division of the batch into blocks."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -22,13 +22,13 @@ InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     """Whether the declared shape of a leaf has runs on its last axis, for every leaf.
 
-    An array that declares nothing carries at most so many axes of runs as `undeclared` says; fewer
-    than `least` runs are what all runs share."""
+    An array without a declaration carries up to `undeclared` axes of runs. An array with fewer than
+    `least` runs is shared by all."""
 
     def leaf(x: PyTree, axes: int) -> bool:
         if not eqx.is_array(x) or axes == 0:
             return False
-        # A number of runs that is left open, as `jax.export` allows, stands for many.
+        # A symbolic number of runs, as `jax.export` allows, stands for many.
         return is_symbolic_dim(x.shape[-1]) or x.shape[-1] >= least
 
     return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))
@@ -52,7 +52,7 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
     for (path, leaf), flag in zip(leaves, jax.tree.leaves(flags), strict=True):
         if flag:
             names = ("systems", "y0s", "ts")
-            # The name under which the caller knows the array, for the sentence.
+            # The name by which the caller knows the array, for the error.
             name = names[path[0].idx] + jax.tree_util.keystr(path[1:])
             sizes[name] = leaf.shape[-1]
     if not sizes:
@@ -81,10 +81,10 @@ def split_batch(
     - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
     ts = jnp.asarray(ts, state_dtype(y0s))
     if in_axes is None:
-        # Two runs at least: an axis of length one is a shared number that broadcasts.
+        # At least two runs: an axis of length one is a shared number that broadcasts.
         flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
         if not any(jax.tree.leaves((flags, ts.ndim > times_axes))):
-            # A batch of one run: nothing else says how many there are.
+            # A batch of one run, where no other array gives the number.
             flags = (_declared(systems, 0, 1), _declared(y0s, 1, 1))
     else:
         flags = (_marked(systems, in_axes[0]), _marked(y0s, in_axes[1]))
@@ -96,22 +96,22 @@ def split_batch(
 
 
 def cut_batch(piece: PyTree, shared: PyTree) -> tuple[PyTree, State, Array]:
-    """System, states and times of a block, from its own part and the shared one."""
+    """System, states and times of a block, from its part of the batch and the shared part."""
     system, y0, ts = shared
     return eqx.combine(piece, (add_batch_axis(system), add_batch_axis(y0), ts))
 
 
 def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
-    """The blocks of so many runs: on all local devices, if there is a block for each of them.
+    """The blocks of these `runs`: on all local devices if there is a block for each of them.
 
-    On one device where the arrays were put on a device, or within a transformation."""
+    On one device if the arrays are committed to a device, or within a transformation."""
     devices = jax.local_devices()
     leaves = [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
     free = not is_traced(arrays) and all(
         x.devices() == set(devices) or not x.committed for x in leaves
     )
-    # Fewer runs than a block for each device: to spread them costs more than it saves.
+    # With fewer runs than a block for each device, to distribute them costs more than it saves.
     devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
     blocks = Blocks.on(devices, runs)
-    # A program for any number of runs has blocks of one size, the last of them filled up.
+    # A program for any number of runs has blocks of one size; the last one is padded.
     return blocks if is_symbolic_dim(runs) else Blocks(min(blocks.size, runs), blocks.mesh)

@@ -13,10 +13,10 @@ from jaxtyping import Array, PyTree
 from ..core.tracing import is_traced
 from ..integration.mapping import BLOCK
 
-# Where the processor has no vectors as wide, the compiler takes what there is.
+# On a processor without vectors as wide, the compiler takes the widest.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
 
-# A number, or the symbol that `jax.export` takes for one that is left open.
+# A number, or a symbolic one of `jax.export`.
 NumRuns: TypeAlias = Any
 
 P = ParamSpec("P")
@@ -28,8 +28,7 @@ def jit_outermost(
 ) -> Callable[P, T]:
     """The function under `jit`, with these options of the compiler for calls that they apply to.
 
-    Within a transformation, where the outer call decides on the options of the compiler, under
-    `jit` alone."""
+    Within a transformation plain `jit`, because the outer call sets the options of the compiler."""
     plain = eqx.filter_jit(function)
     special = eqx.filter_jit(function, **options)
 
@@ -61,7 +60,7 @@ class Blocks(NamedTuple):
 
     @classmethod
     def on(cls, devices: Sequence[jax.Device], runs: NumRuns) -> "Blocks":
-        """The division for so many runs on these devices.
+        """The division of these `runs` on the devices.
 
         On CPUs a block is what fits the cache; an accelerator takes all of its runs at once."""
         on_cpu = devices[0].platform == "cpu"
@@ -73,14 +72,14 @@ class Blocks(NamedTuple):
     ) -> PyTree:
         """`function(piece, shared)` of one block at a time, with the runs last everywhere.
 
-        Each device takes an equal part of the blocks. The last block is filled up with copies of
-        the last run."""
+        Each device takes an equal part of the blocks. The last block is padded with copies of the
+        last run."""
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
         count = parts * -(-runs // (self.size * parts))
         # Whole blocks only, so that one program serves all of them.
         filling = count * self.size - runs
-        # `shard_map` takes arrays alone: what else the runs share goes around it.
+        # `shard_map` takes arrays alone; other shared leaves are passed around it.
         arrays, static = eqx.partition(shared, eqx.is_array)
 
         def cut(x: Array) -> Array:
@@ -90,7 +89,7 @@ class Blocks(NamedTuple):
 
         def every(pieces: PyTree, arrays: PyTree) -> PyTree:
             shared = eqx.combine(arrays, static)
-            # One block after the other: what a step keeps of it stays in the cache.
+            # One block after the other, so that the state of a block stays in the cache.
             return jax.lax.map(lambda piece: function(piece, shared), pieces)
 
         if self.mesh is not None:

@@ -41,19 +41,19 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
 
 
 def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
-    """Times in the precision of the state. Raises `InputError`, which names what is `allowed`, for
-    anything else than real numbers."""
+    """Times in the precision of the state. Raises `InputError`, which says what is `allowed`, for
+    anything but real numbers."""
     if not is_traced(x):
         try:
             kind = jnp.asarray(x).dtype if isinstance(x, list | tuple) else np.asarray(x).dtype
         except (TypeError, ValueError, OverflowError):
             kind = np.dtype(object)
-        # A text of digits and a complex number would be converted without a word.
+        # A text of digits and a complex number would be converted without an error.
         real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
         if not real or isinstance(x, str):
             raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
     dtype = state_dtype(y0)
-    # A conversion is a program of its own, though it may change nothing.
+    # Even a conversion that changes nothing would run a program.
     if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
         return x
     ts = jnp.asarray(x)
@@ -69,10 +69,10 @@ def check_num_saved(num_saved: int) -> None:
 
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
-    """Raise `InputError` for what a system finds wrong in its numbers at the start of a run."""
+    """Call `check_values` of the system, which raises `InputError`, at the start of a run."""
     own = type(system).check_values is not AbstractSystem.check_values
     if own and not is_traced((system, ts, y0)):
-        # Chosen by NumPy: JAX would compile the choice of one element.
+        # Indexed by NumPy, because JAX would compile the indexing.
         system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
 
@@ -86,7 +86,7 @@ def shapes_after(
         after = _jumped(jump, t, y)
     except InputError:
         raise
-    # Whatever a jump that meets another state than its own may raise is reported in its words.
+    # A jump may raise anything for a state of another kind; its words are quoted.
     except Exception as error:
         raise InputError(
             f"{name} cannot take the time and a state that holds {_held(y)}: "
@@ -108,14 +108,14 @@ def _jumped(jump: Callable[[Scalar, State], State], t: Time, y: PyTree) -> PyTre
 def check_structure(
     system: AbstractSystem, y0: PyTree, t: Time, *, one_run: bool, stacklevel: int
 ) -> PyTree:
-    """The shapes of the state, with the runs that it meets in the system; `stacklevel` is that of
-    the caller, for a warning.
+    """The shapes of the state, broadcast to the runs of the system; `stacklevel` is that of the
+    caller, for a warning.
 
-    Raises `InputError` unless the derivative has the structure of the state, and where there is to
-    be `one_run`, for a declared shape that holds several."""
+    Raises `InputError` unless the derivative has the structure of the state. With `one_run` also
+    for an array that by its declaration carries several runs."""
     if one_run:
         _check_one_run(system, y0)
-    # Whatever a field that meets another state than its own may raise is reported in its words.
+    # A vector field may raise anything for a state of another kind; its words are quoted.
     try:
         trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
         jaxpr, *derivative = trace(system, t, y0)
@@ -167,8 +167,8 @@ def _check_axes(system: AbstractSystem, y0: PyTree, derivative: PyTree) -> None:
 def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
     """Raise `InputError` for an array with more axes than its field declares components.
 
-    One integration would take them all by the same steps, and give one status for them."""
-    # What declares nothing, such as a state of bare arrays, may have any axes of its own.
+    A single integration would take the same steps for all of them, and have one status."""
+    # Arrays without a declaration, such as a state of bare arrays, may have any axes.
     axes = run_axes_of((system, y0), lambda x: 0)
     leaves = jax.tree_util.tree_flatten_with_path((system, y0))[0]
     for (path, leaf), runs in zip(leaves, jax.tree.leaves(axes), strict=True):
@@ -213,11 +213,11 @@ def has_restarts(events: tuple[Event, ...]) -> bool:
 
 
 def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
-    """Raise `InputError` for a run with jumps in place that is to keep its steps."""
+    """Raise `InputError` for `dense=True` with events that jump in place."""
     if dense and has_restarts(events):
         raise InputError(
-            "dense=True is given with an event that jumps (then): such a run keeps no steps, so "
-            "that the times that are wanted must be among ts."
+            "dense=True is given with an event that jumps (then): such a run stores no steps, so "
+            "that the requested times must be among ts."
         )
 
 
@@ -261,13 +261,13 @@ def _check_events(
     y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
     leaf = jax.tree.leaves(y)[0]
     runs = leaf.shape[leaf.ndim - run_axes :]
-    # Each run has a time of its own, so that a condition of the time alone carries runs, too.
+    # One time for each run, so that a condition of the time alone carries runs, too.
     t = jax.ShapeDtypeStruct(runs, t.dtype)
     for name, event in zip(names, events, strict=True):
         what = f"{name}.condition"
         try:
             value = eqx.filter_eval_shape(event.condition, t, y)
-        # Whatever a condition that meets another state than its own may raise, in its words.
+        # A condition may raise anything for a state of another kind; its words are quoted.
         except Exception as error:
             raise InputError(
                 f"{what} cannot take the time and the state of {type(system).__name__}: "

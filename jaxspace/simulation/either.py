@@ -1,4 +1,4 @@
-"""The one place that runs a system or a mission, whichever it is given, one run or many."""
+"""Run a system or a mission, whichever is given, for one run or many."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,4 @@
-"""Results of a failed run: NaN in place of numbers, and the error that it raises."""
+"""Results of failed runs: NaN in place of numbers, and errors."""
 
 import dataclasses
 from typing import Any, TypeVar
@@ -29,13 +29,13 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
     - `result`: a `RunResult` or `MissionResult`; or with a `status` any tree of arrays with the
       runs last.
 
-    **Returns** the same with NaN: in a `RunResult` where it was not `reached`; in a `MissionResult`
-    this in each phase, and the final state and the end of what failed, the mission itself or a
-    branch; else all of it."""
+    **Returns** the result with NaN. A `RunResult`: see `reached`. A `MissionResult`: each phase,
+    and the final state and the end of a mission or branch that failed. Any other tree: all numbers
+    of the run."""
     if status is not None:
         return scaled(result, nan_unless(status <= Status.EVENT))
     if isinstance(result, MissionResult):
-        # By its own phases: a part may end well where another one fails.
+        # By its own phases, because a branch may succeed where another one fails.
         own = result.without_branches()
         final, end = nan_where_failed((own.final, own.end), own.status)
         phases = [reached(phase) for phase in result.phases]
@@ -47,22 +47,22 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
 
 
 def loud(result: T) -> T:
-    """The result of a traced simulation, whose every array raises where a run failed.
+    """The result of a traced simulation, of which every array raises if a run failed.
 
-    The error hangs on values and derivatives alike, so that it does not matter which of them the
-    caller returns. What was run (`system`, `accuracy`) stays as it is."""
+    Values and derivatives raise, so that it does not matter which of them the caller returns. The
+    arguments of the run (`system`, `accuracy`) stay as they are."""
     status: Array = result.status  # pyright: ignore[reportAttributeAccessIssue]
     failed = status > Status.EVENT
     worst = jnp.max(jnp.where(failed, status, Status.COMPLETED))
     numbers = _numbers(result)
     factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
-    # Mapped outside of `jit`, this is a program by itself, which has ended when it is called.
+    # Mapped outside of `jit`, this is a separate program, which has ended when the call returns.
     with sentence_alone():
         factor, integers = raise_where_failed((factor, integers), worst)
 
     def leaf(x: Array) -> Array:
-        # What all runs share fails with any of them.
+        # Numbers that all runs share fail with any of them.
         own = x.shape[x.ndim - factor.ndim :] == factor.shape
         return x * (factor if own else jnp.min(factor)).astype(x.dtype)
 
@@ -74,8 +74,8 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
 
     **Arguments**
 
-    - `dense`: the steps of the run; `None` for a closed form, which takes none, and where they are
-      too many to be kept.
+    - `dense`: the steps of the run; `None` for a closed form, which takes none, and where there are
+      too many to store.
     - `t0`, `y0`: its start, s, and the state there."""
     if dense is None:
         return f"The run starts at t = {t0:.6g} s with {_numbers_of(y0)}."
@@ -87,24 +87,25 @@ def place_of_failure(status: int, dense: DenseOutput | None, t0: float, y0: PyTr
     last = int(np.flatnonzero(finite)[-1]) if finite.any() else 0
     text = "It got to"
     if status == Status.TOLERANCE_MISSED and last > 0:
-        # Where the steps are shortest is what they could not pass.
-        last, text = int(np.argmin(np.abs(np.diff(ts[: last + 1])))), "Its shortest step is at"
+        # The shortest step marks the place that the run could not pass.
+        last = int(np.argmin(np.abs(np.diff(ts[: last + 1]))))
+        text = "Its shortest step is at"
     state = _numbers_of(jax.tree.map(lambda x: x[..., last], states))
     return f"{text} t = {ts[last]:.6g} s, with {state}."
 
 
 def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> str:
-    """How many steps the rest of a run takes whose steps ran out, as a sentence; empty where they
-    become shorter too fast for an estimate.
+    """Estimated number of further steps of a run whose steps ran out, as a sentence; empty where
+    the steps shorten too fast for an estimate.
 
-    The steps up to a time are taken for a power of it, which the last half of them gives: they
-    grow with its square where a torque spins a body up.
+    The number of steps is extrapolated as a power of the time, fitted to the last half of them: it
+    grows with the square of the time where a torque spins a body up.
 
     **Arguments**
 
     - `dense`: the steps of the run.
     - `t0`, `t1`: where it starts and where it should end, s.
-    - `max_steps`: how many steps it took, those that were rejected among them."""
+    - `max_steps`: number of its steps, rejected ones included."""
     ts = np.asarray(dense.ts)
     lengths = np.abs(ts[np.isfinite(ts)] - t0)
     # The first of them is the start.
@@ -114,7 +115,7 @@ def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> st
     power = max(np.log(2.0) / np.log(reached / half), 1.0)
     if power > STEEPEST:
         return ""
-    # Two digits, and twice as many for what an estimate does not see.
+    # Two digits, and twice the number, because the estimate may be too low.
     steps = int(float(f"{max_steps * (abs(t1 - t0) / reached) ** power:.2g}"))
     return (
         f"Its end at t = {t1:.6g} s takes about {steps} steps if they go on so: "

@@ -1,5 +1,5 @@
-"""From what a run leaves to its trajectory: repeated where its steps proved too few, and loud where
-it failed."""
+"""Trajectories from the results of runs: with a repetition where the steps were too few, and errors
+for failed runs."""
 
 import dataclasses
 from collections.abc import Callable
@@ -32,7 +32,7 @@ def trajectory_of(
     config: IntegrationConfig,
     run_axes: int,
 ) -> Trajectory:
-    """A `Trajectory` from what the run left."""
+    """A `Trajectory` from the result of a run."""
     ts, states, status, event, happened, stats, dense, _, crossings, control = result
     return Trajectory(
         *(ts, states, status, event, happened, stats, system, accuracy, config, dense),
@@ -47,7 +47,7 @@ def mission_trajectory_of(
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
 ) -> MissionTrajectory:
-    """A `MissionTrajectory` from what the phases left."""
+    """A `MissionTrajectory` from the results of the phases."""
     phases = []
     legs, _ = legs_of(mission)
     for run, leg, config in zip(result.phases, legs, configs, strict=True):
@@ -67,14 +67,14 @@ def finish(
     dense: bool,
     throw: bool,
 ) -> Trajectory:
-    """The trajectory of `run`, once more where the first attempt failed for a reason that
-    repetition can cure, and a failure raised.
+    """The trajectory of `run`; repeated if the first attempt failed for a reason that a repetition
+    can cure. Raises for a failure, if `throw`.
 
     **Arguments**
 
-    - `run`, `system`, `dense`, `throw`: what runs, and as in `simulate`.
+    - `run`: integrates with a configuration. `system`, `dense`, `throw`: as in `simulate`.
     - `config`: of the first attempt.
-    - `accuracy`, `config_by`: what the user asked for, and the configuration of an accuracy."""
+    - `accuracy`, `config_by`: the accuracy of the user, and the configuration for an accuracy."""
     result = run(config=config, dense=dense)
     if is_concrete(result.status):
         if int(result.status) == Status.MAX_STEPS:
@@ -83,7 +83,7 @@ def finish(
                 (config,) = exactly
                 result = run(config=config, dense=dense)
         error = error_of_too_few_steps(result, config)
-        # Once only: what still misses the tolerance then says so in its status.
+        # Once only: a run that still misses the tolerance has the status for it.
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
             result = run(config=config, dense=dense)
@@ -91,9 +91,10 @@ def finish(
     if not throw:
         return trajectory
 
-    # Run once more, because only a run that failed has to know its steps.
+    # Integrated again, because only a failed run needs its steps.
     def where() -> str:
-        steps, status = _steps_of(run, config), int(trajectory.status)
+        steps = _steps_of(run, config)
+        status = int(trajectory.status)
         t0, t1 = float(trajectory.ts[0]), float(trajectory.ts[-1])
         place = place_of_failure(status, steps, t0, trajectory.initial)
         if status != Status.MAX_STEPS or steps is None:
@@ -118,14 +119,14 @@ def with_exact_parts(
     configs: tuple[IntegrationConfig, ...],
     configs_by: Callable[[Accuracy], tuple[IntegrationConfig, ...]],
 ) -> tuple[IntegrationConfig, ...] | None:
-    """The configurations for another attempt after the steps ran out, in which the exact part of
-    the motion needs none; `None` where there is no such part, or the user has decided about it.
+    """The configurations for another attempt after the steps ran out, with the exact part of the
+    motion in closed form; `None` where there is no such part, or `Accuracy.decoupled` is given.
 
     **Arguments**
 
-    - `accuracy`: what the user asked for.
+    - `accuracy`: that of the user.
     - `configs`: of the first attempt, of each phase.
-    - `configs_by`: the configurations of an accuracy."""
+    - `configs_by`: the configurations for an accuracy."""
     if accuracy.decoupled is not None or accuracy.method != "auto":
         return None
     others = configs_by(dataclasses.replace(accuracy, decoupled=True))

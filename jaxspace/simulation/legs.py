@@ -10,10 +10,10 @@ from ._mission import Mission, Phase
 class Leg(NamedTuple):
     """A phase among all those of a mission and of its branches.
 
-    - `name`: of the phase, behind the names of the branches that it lies in, with dots.
-    - `phase`: itself.
-    - `line`: which sequence of phases it is in: 0 for that of the mission, then its branches.
-    - `after`: number of the leg at whose end it starts; `None` for the first of all.
+    - `name`: of the phase, behind the names of the branches that hold it, with dots.
+    - `phase`: the phase.
+    - `line`: number of its sequence of phases: 0 for that of the mission, then its branches.
+    - `after`: number of the leg at whose end it starts; `None` for the first leg.
     - `parted`: whether it starts a branch, from the state before the jump at that end.
     - `start`: the function that gives its initial state, or `None`."""
 
@@ -26,8 +26,8 @@ class Leg(NamedTuple):
 
 
 def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
-    """All phases of a mission, its own ones before those of its branches; and the names of the
-    branches, with dots where they lie in each other."""
+    """All phases of a mission, followed by those of its branches; and the names of the branches,
+    joined by dots where they are nested."""
     legs: list[Leg] = []
     names: list[str] = []
 

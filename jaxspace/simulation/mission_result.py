@@ -1,4 +1,4 @@
-"""What a mission leaves: the results of its phases by number and name, and its branches by name."""
+"""Result of a mission: the results of its phases by number and name, and its branches by name."""
 
 import dataclasses
 import functools
@@ -14,11 +14,11 @@ from .run_result import RunResult
 
 
 class BranchEnd(NamedTuple):
-    """Where a branch of a mission ends.
+    """The end of a branch of a mission.
 
     - `final`, `end`: state after its last jump, and its time, s.
-    - `status`: first failure of each run up to there, from the start of the mission on, or else the
-      status of its last phase."""
+    - `status`: first failure of each run since the start of the mission, or else the status of its
+      last phase."""
 
     final: State
     end: Float[Array, "*runs"]
@@ -26,12 +26,11 @@ class BranchEnd(NamedTuple):
 
 
 class AbstractMissionResult(eqx.Module):
-    """Results of the phases of a mission, which read as a list with names, and as a tree where the
-    mission parts: `result["booster"]` is a branch, `result["booster"]["fall"]` and
+    """Results of the phases of a mission. It is indexed as a list, by names, and as a tree of
+    branches: `result["booster"]` is a branch, `result["booster"]["fall"]` and
     `result["booster.fall"]` are a phase of it.
 
-    - `phases`, `names`: the result of each phase, those of the mission before those of its
-      branches, and their names.
+    - `phases`, `names`: the result of each phase, those of the branches last, and their names.
     - `final`, `end`: state after the last jump of the mission itself, and its time, s.
     - `status`: first failure of each run, branches included, or else the status of the last phase.
     - `branches`, `branch_names`: where each branch ends, and their names."""
@@ -46,7 +45,7 @@ class AbstractMissionResult(eqx.Module):
 
     def __getitem__(self, phase: int | str) -> Any:
         """The result of a phase, by its number or its name, or a branch by its name. Raises
-        `InputError` for a name that none has."""
+        `InputError` for an unknown name."""
         if isinstance(phase, str):
             if phase in self.branch_names:
                 return self._branch(phase)
@@ -75,7 +74,7 @@ class AbstractMissionResult(eqx.Module):
         return zip(self.names, self.phases, strict=True)
 
     def without_branches(self) -> Any:
-        """The mission itself: its own phases, with the first failure of these."""
+        """The mission without its branches, with the first failure of its phases."""
         if not self.branch_names:
             return self
         heads = tuple(f"{name}." for name in self.branch_names)
@@ -84,7 +83,7 @@ class AbstractMissionResult(eqx.Module):
         return self._with_phases(phases, status=status, branches=(), branch_names=())
 
     def _branch(self, name: str) -> Any:
-        """The branch of this name, with those that it has itself."""
+        """The branch of this name, with its own branches."""
         head = f"{name}."
         phases = {k[len(head) :]: phase for k, phase in self.items() if k.startswith(head)}
         ends = dict(zip(self.branch_names, self.branches, strict=True))
@@ -107,7 +106,7 @@ class AbstractMissionResult(eqx.Module):
 
 @final
 class MissionResult(AbstractMissionResult):
-    """Result of a mission, as the outputs of a campaign read it; it reads as a `MissionTrajectory`.
+    """Result of a mission for the outputs of a campaign; it is indexed as a `MissionTrajectory`.
 
     - `phases`, `names`: result of each phase, up to and including its end before the jump, and
       their names.
@@ -128,7 +127,7 @@ def status_of_all(own: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> In
     """The status of a mission with its `branches`: the first failure, or else its own status."""
 
     def with_branch(status: Array, branch: BranchEnd) -> Array:
-        # A branch that ended well says nothing of the whole.
+        # The success of a branch says nothing about the mission.
         return combine_status(status, combine_status(branch.status, status))
 
     return functools.reduce(with_branch, branches, own)

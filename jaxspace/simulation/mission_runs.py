@@ -21,10 +21,10 @@ from ._mission import Mission, Phase
 from ._runs import straight_to_event
 from .blocks import jit_outermost
 from .checks import check_events
-from .flight import AbstractFlight
 from .legs import legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
+from .runnable import AbstractRunnable
 
 FEW_STEPS = 2**14
 
@@ -32,9 +32,9 @@ FEW_STEPS = 2**14
 class OwnTimes(NamedTuple):
     """Save times of a phase that starts or ends at different times in each run.
 
-    - `times`: of the mission, s, (chosen,); where the phase of a run does not cover one of them,
-      its nearer end stands for it.
-    - `along`: how many states follow, evenly from its start to its end."""
+    - `times`: of the mission, s, (chosen,); a time outside of the phase of a run becomes the nearer
+      end of the phase.
+    - `along`: number of further states, evenly spaced from its start to its end."""
 
     times: Float[Array, " chosen"]
     along: int
@@ -45,7 +45,7 @@ class OwnTimes(NamedTuple):
         The phase of a run lasts from `t0` to `t1`, s."""
         times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
         x = safe_divide(times - t0, t1 - t0)
-        # Written so that NaN becomes zero: the end of a failed run must not move the steps of all.
+        # NaN becomes zero, because the end of a failed run must not change the steps of the others.
         own = jnp.where(x > 0.0, jnp.minimum(x, 1.0), 0.0)
         even = jnp.linspace(0.0, 1.0, self.along, dtype=t0.dtype).reshape(-1, *(1,) * t0.ndim)
         return jnp.concatenate([own, jnp.broadcast_to(even, (self.along, *t0.shape))])
@@ -61,7 +61,7 @@ def ends_on_the_way(phase: Phase, num_saved: SaveTimes, config: IntegrationConfi
     """Whether one integration of a phase finds the event that ends it: where no states before it
     are saved, at times that the event decides. It takes no steps that others have planned."""
     ends_alone = isinstance(num_saved, int) and num_saved == 2
-    event = isinstance(phase.until, Event) and not isinstance(phase.system, AbstractFlight)
+    event = isinstance(phase.until, Event) and not isinstance(phase.system, AbstractRunnable)
     return event and ends_alone and searches_steps(config)
 
 
@@ -81,7 +81,7 @@ def _up_to_jump(
         y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
-    # Each run may start, and meet its event, at a time of its own.
+    # Each run may start, and meet its event, at another time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
     found = None
@@ -109,14 +109,14 @@ def _up_to_jump(
         y0,
         t0,
         t1,
-        # Start and end alone are no save times within a step, which would cost evaluations.
+        # Start and end alone need no save times within a step, which would cost evaluations.
         None if ends_alone else fractions,
         config,
         run_axes,
         plan=plan,
         record_steps=record_steps,
     )
-    # Steps are kept of a run of one system only: `dense` is no argument of a mission.
+    # Only runs of a system store their steps: `dense` is no argument of a mission.
     phase = RunResult(
         ts=t0 + of_each(fractions, t1 - t0),
         states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
@@ -143,7 +143,7 @@ def _ended_by(
     ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
     status = combine_status(phase.status, found.status)
     return phase._replace(
-        # The derivatives of the end pass through the correction, and not through the search.
+        # The derivatives of the end are those of the correction, and not of the search.
         ts=phase.ts.at[-1].set(t_event),
         states=replace_state(phase.states, -1, y_event, run_axes),
         status=jnp.where(status == Status.COMPLETED, ended, status),
@@ -152,13 +152,13 @@ def _ended_by(
     )
 
 
-# Compiled, because each operation would be a call of its own.
+# Compiled, because outside of `jit` each operation would be called separately.
 @eqx.filter_jit
 def _left_by(
     then: Callable[[Scalar, State], State] | None, run: RunResult, run_axes: int
 ) -> tuple[Scalar, State]:
     """Time and state after the jump at the end of a phase."""
-    # The time of each run: an event ends the phase of every run at its own.
+    # One time for each run, because an event ends the phase of every run at another time.
     t = run.ts[-1]
     y = state_at(run.states, -1, run_axes)
     return t, y if then is None else then(t, y)
@@ -207,32 +207,34 @@ def run_mission(
 
     **Arguments**
 
-    - `mission`, `y0`, `t0`: what runs, its initial state and the time of its start, s.
-    - `num_saved`: how many states each phase saves from its start to its end, for all of them; or
-      the `SaveTimes` of each.
+    - `mission`, `y0`, `t0`: the mission, its initial state and the time of its start, s.
+    - `num_saved`: number of states that each phase saves from its start to its end; or the
+      `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
     - `record_steps`: whether to return the ends of the steps, of all phases or of each."""
     legs, branch_names = legs_of(mission)
     results: list[RunResult] = []
-    # Of each phase: the time and the state behind its jump, and the status up to there.
+    # Of each phase: time and state after its jump, and the status up to there.
     ends: list[BranchEnd] = []
-    # Written out and not as a scan: each phase has its own system, and its own state after a jump.
+    # Not a scan, because each phase has another system, and may have another kind of state.
     for number, (leg, config) in enumerate(zip(legs, configs, strict=True)):
         phase = leg.phase
         if leg.after is None:
-            y, t, status = y0 if leg.start is None else leg.start(t0, y0), t0, None
+            y = y0 if leg.start is None else leg.start(t0, y0)
+            t = t0
+            status = None
         else:
             y, t, status = ends[leg.after]
             if leg.parted:
-                # A part starts from the state of the whole, before the jump of the phase.
+                # A branch starts from the state of the whole, before the jump of the phase.
                 t, y = _left_by(leg.start, results[leg.after], run_axes)
         plan = None if plans is None else plans[number]
         saved = num_saved if isinstance(num_saved, int) else num_saved[number]
-        if isinstance(phase.system, AbstractFlight):
+        if isinstance(phase.system, AbstractRunnable):
             assert isinstance(saved, int)
-            # It takes the steps that lie between its samples, whatever the plan of the others.
-            result = phase.system.fly(phase.until, y, t, saved, config, run_axes)
+            # A closed loop takes fixed steps between its samples, and no plan.
+            result = phase.system.run(phase.until, y, t, saved, config, run_axes)
             t, y = _left_by(phase.then, result, run_axes)
         else:
             given = phase.system, phase.until, phase.then, y, t, saved

@@ -13,8 +13,8 @@ from ..integration.exact_part import with_exact_part
 from ._mission import Mission, Phase
 from ._switches import warn_of_switches
 from .checks import check_structure, shapes_after
-from .flight import AbstractFlight
 from .legs import legs_of
+from .runnable import AbstractRunnable
 
 
 def resolve_phases(
@@ -27,10 +27,10 @@ def resolve_phases(
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
-    What the state holds in a phase follows from the shapes of the jumps before it. `restarts` is as
-    in `IntegrationConfig`."""
+    The structure of the state in a phase follows from the jumps before it. `restarts`: as in
+    `IntegrationConfig`."""
     configs = []
-    # Of each phase, at its end: the shapes of the state before its jump, and behind it.
+    # Of each phase, at its end: the shapes of the state before its jump, and after it.
     left, behind = [], []
     legs, _ = legs_of(mission)
     for leg in legs:
@@ -47,14 +47,14 @@ def resolve_phases(
         whole = check_structure(phase.moving, y, zero, one_run=run_axes == 0, stacklevel=3)
         events = (phase.until,) if isinstance(phase.until, Event) else ()
         warn_of_switches(phase.moving, events, y, zero, stacklevel=3)
-        if isinstance(phase.system, AbstractFlight):
-            # Its steps between two samples are fixed, and never run out.
+        if isinstance(phase.system, AbstractRunnable):
+            # The steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
         else:
-            # How fast the run turns at its start stands for later phases.
+            # The rate of rotation at the start of the mission stands for later phases.
             own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
             configs.append(resolve(phase.system, y, own, restarts=restarts))
-        # The jump meets the state as the phase leaves it, with the runs of its system.
+        # The jump takes the state at the end of the phase, broadcast to the runs of its system.
         left.append(whole)
         if phase.then is not None:
             whole = shapes_after(phase.then, zero, whole, f"Phase {leg.name!r}: then")

@@ -1,4 +1,4 @@
-"""A result with a trajectory in it, which reads as this."""
+"""Results that hold a trajectory and offer its attributes."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 class AbstractRun(eqx.Module):
-    """A run that holds more than its `trajectory`: what this offers for reading, it offers, too."""
+    """A run that holds more than its `trajectory`, and offers the attributes of this, too."""
 
     trajectory: eqx.AbstractVar[Trajectory]
 
     def facts(self) -> list[tuple[str, ...]]:
-        """Names and sentences that its table has beside those of the trajectory."""
+        """Further lines of its printed form: names and sentences."""
         return []
 
     @property
@@ -55,7 +55,7 @@ class AbstractRun(eqx.Module):
 
     @property
     def event(self) -> Int[Array, "*runs"]:
-        """Which of the events stopped the run, -1 for none."""
+        """Number of the event that stopped the run, -1 for none."""
         return self.trajectory.event
 
     @property
@@ -65,7 +65,7 @@ class AbstractRun(eqx.Module):
 
     @property
     def accuracy(self) -> Accuracy:
-        """How accurately it was run, as the caller gave it."""
+        """The accuracy, as the caller gave it."""
         return self.trajectory.accuracy
 
     def __getitem__(self, k: int) -> State:

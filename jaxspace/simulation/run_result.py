@@ -15,8 +15,8 @@ from ..integration.status import Status
 
 T = TypeVar("T")
 
-# After which nothing behind the start is known: a step missed the tolerance, an event may have
-# passed unseen, or the model does not hold.
+# Failures after which no state but the first is known: a step missed the tolerance, an event may
+# have been missed, or the model does not hold.
 WITHOUT_BOUND = (
     Status.TOLERANCE_MISSED,
     Status.EVENT_UNRESOLVED,
@@ -25,14 +25,13 @@ WITHOUT_BOUND = (
     Status.SAMPLES_TOO_FEW,
     Status.COMMAND_NOT_FINITE,
 )
-# After which it is not known up to where the zeros of a condition are all of them: other searches
-# that failed know it.
+# Failures after which it is unknown up to which time the zeros of a condition are complete.
 CROSSINGS_UNKNOWN = (Status.TOLERANCE_MISSED, Status.OUTSIDE_MODEL, Status.SAMPLES_TOO_FEW)
 
 
 class RunResult(NamedTuple):
-    """What one run, or a batch of them, leaves: the fields of a `Trajectory`, and the recorded
-    ends of the steps in normalised time.
+    """Result of one run, or of a batch: the fields of a `Trajectory`, and the recorded ends of the
+    steps in normalised time.
 
     - `crossings`: of each event that is not terminal.
     - `control`: of a closed loop: `commands`, `readings` and the `memory` of the controller."""
@@ -59,21 +58,21 @@ def scaled(tree: T, factor: Array) -> T:
 
 
 def nan_unless(good: Array) -> Array:
-    """One for what is good, and NaN for the rest."""
-    # A product, and no selection: the derivative of a failed run is NaN, too, and not zero.
+    """One where `good`, NaN elsewhere."""
+    # As a factor, and not a selection, so that the derivative of a failed run is NaN, too.
     return jnp.where(good, 1.0, jnp.nan)
 
 
 def _among(status: Array, some: tuple[Status, ...]) -> Bool[Array, "..."]:
     """Whether each status is one of these."""
-    # A bit for each of them: one shift in the program of every run, where comparisons with each
-    # would be compiled in every first call.
+    # One bit for each status, and a single shift: comparisons with each would add to every first
+    # call.
     return ((sum(1 << s for s in some) >> status) & 1).astype(bool)
 
 
 def known_crossings(crossings: Crossings, status: Array) -> Crossings:
-    """The crossings of runs that ended with a `status`, search included: none, but NaN, where it is
-    not known up to where they are all of them."""
+    """The crossings of runs with this `status`, that of the search included; NaN where it is
+    unknown up to which time they are complete."""
     known = ~_among(status, CROSSINGS_UNKNOWN)
     crossings = scaled(crossings, nan_unless(known))
     count = jnp.where(known, crossings.count, 0)
@@ -87,10 +86,10 @@ def known_crossings(crossings: Crossings, status: Array) -> Crossings:
 
 
 def reached(result: RunResult) -> RunResult:
-    """The result with NaN for what a failed run did not reach within the tolerance.
+    """The result with NaN for states that a failed run did not reach within the tolerance.
 
-    All states after the first for a status of `WITHOUT_BOUND`, and every state that is not finite
-    in one of its blocks. Crossings hold those before a failure alone already."""
+    These are all states after the first for a status of `WITHOUT_BOUND`, and every state with a
+    block that is not finite. Crossings already hold only those before a failure."""
     run_axes = result.status.ndim
     good = True
     for block in jax.tree.leaves(result.states):

@@ -40,13 +40,13 @@ class Trajectory(eqx.Module):
     - `states`: the states at these times: a position is (3, times) or (3, times, runs).
     - `status`: a `Status` for each run, (*runs,). A failed run has NaN in place of all states that
       it did not reach within the tolerance.
-    - `event`: which of the events stopped the run, -1 for none.
+    - `event`: number of the event that stopped the run, -1 for none.
     - `happened`: whether each event happened at that time, (events, *runs): two conditions can be
       zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
     - `system`, `accuracy`: the arguments of the call.
-    - `config`: the method and the tolerances that followed from `accuracy`.
+    - `config`: the method and the tolerances, resolved from `accuracy`.
     - `dense`: the steps of the run, if `dense=True`; they do not hold the exact part of the motion
       (`AbstractSystem.decoupled`).
     - `crossings`: every zero of each event that is not terminal, as `Crossings`; in a failed run,
@@ -81,7 +81,7 @@ class Trajectory(eqx.Module):
     @property
     def undisturbed(self) -> bool:
         """Whether the system alone changed the state, without jumps at events or a controller."""
-        return self.control is None and all(found.after is None for found in self.crossings)
+        return self.control is None and all(result.after is None for result in self.crossings)
 
     def __getitem__(self, k: int) -> State:
         """The state at the k-th time."""
@@ -103,7 +103,7 @@ class Trajectory(eqx.Module):
         if not -runs <= i < runs:
             raise InputError(f"The batch has {runs} runs: there is no number {i}.")
         system = run_of(self.system, i)
-        # A count may be one number for all runs.
+        # All runs may share one count.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
@@ -124,7 +124,7 @@ class Trajectory(eqx.Module):
         return _program_at(self, jnp.asarray(t, self.ts.dtype))
 
     def _at(self, t: Array) -> State:
-        # The steps differ between runs, so that one time for all is needed once per run.
+        # One time for each run, because the steps differ between runs.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
         closed_form = self.system.closed_form() if self.config.method == "closed_form" else None
         if closed_form is not None:
@@ -141,12 +141,13 @@ class Trajectory(eqx.Module):
         return jnp.where(self.ts[-1] < self.ts[0], -1.0, 1.0).astype(self.ts.dtype)
 
     def _reached(self, t: Array) -> Array:
-        """Whether the run got to the time `t`, s, within its tolerance."""
+        """Whether the run reached the time `t`, s, within its tolerance."""
         good = self.status <= Status.EVENT
         if self.dense is None:
             return good
-        # A run whose steps ran out is right up to its last step.
-        sign, steps = self._sign(), self.dense.ts
+        # A run whose steps ran out is valid up to its last step.
+        sign = self._sign()
+        steps = self.dense.ts
         last = jnp.max(jnp.where(jnp.isfinite(steps), sign * steps, -jnp.inf), axis=0)
         return good | ((self.status == Status.MAX_STEPS) & (sign * t <= last))
 
@@ -156,7 +157,7 @@ class Trajectory(eqx.Module):
         sign = self._sign()
         # The number of the last step end at or before t; the ends ascend in the direction of time.
         passed = jnp.sum(sign * steps <= sign * t, axis=0) - 1
-        # A time before the start has passed no step: it is taken at the first, and made NaN later.
+        # A time before the start gets the first step, and becomes NaN later.
         index = jnp.clip(passed, 0, steps.shape[0] - 1)
 
         def pick(x: Array) -> Array:
@@ -173,13 +174,13 @@ class Trajectory(eqx.Module):
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
         """`function(system, t, y)` of one time and one state, at every time of every run.
 
-        Times and runs trail in what it returns. Formulas of the library need no `along`: they
-        apply to `states` as they are."""
+        Times and runs are the last axes of the result. Formulas of the library need no `along`:
+        they apply to `states` as they are."""
         times = jax.vmap(function, in_axes=(None, -1, -1), out_axes=-1)
         if self.run_axes == 0:
             return times(self.system, self.ts, self.states)
         axes = jax.tree.map(lambda n: -1 if n else None, _system_axes(self.system))
-        # `jax.vmap` takes arrays alone: what else a system holds goes around it.
+        # `jax.vmap` takes arrays alone; other leaves of the system are passed around it.
         arrays, static = eqx.partition(self.system, eqx.is_array)
         axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, self.system))
 
@@ -210,14 +211,14 @@ class Trajectory(eqx.Module):
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again)
 
     def check_repeatable(self, what: str) -> None:
-        """Raise `InputError` for a run that its system alone does not repeat: of one with jumps in
-        place (`Event.then`) without its events, of a closed loop without its controller."""
+        """Raise `InputError` for a run that its system alone does not reproduce: a run with jumps
+        in place (`Event.then`), or of a closed loop."""
         if self.control is not None:
             raise InputError(
                 f"{what} repeats a run without its controller, and this one is a closed loop: it "
                 f"must be a run of a system alone."
             )
-        if any(found.after is not None for found in self.crossings):
+        if any(result.after is not None for result in self.crossings):
             raise InputError(
                 f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
                 f"again, with its events."
@@ -259,7 +260,8 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
     return change / jnp.where(size > 0.0, size, 1.0)
 
 
-# One program: outside of `jit`, each operation on the invariants would be compiled by itself.
+# One program, because outside of `jit` each operation on the invariants would be compiled by
+# itself.
 @eqx.filter_jit
 def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
     kept = run.along(lambda system, t, y: system.invariants(t, y))
@@ -272,7 +274,7 @@ def _program_at(run: Trajectory, t: Array) -> State:
     return run._at(t)  # noqa: SLF001
 
 
-# One program: outside of `jit`, each array of the state would be a call of its own.
+# One program, because outside of `jit` each array of the state would be a separate call.
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
 
 
@@ -285,5 +287,5 @@ def run_of(tree: T, i: int, undeclared: int = 0) -> T:
 
 
 def _system_axes(system: AbstractSystem) -> PyTree[int]:
-    """Which arrays of a system carry runs; those that say nothing are shared."""
+    """Axes of runs of the arrays of a system; those without a declaration are shared."""
     return run_axes_of(system, lambda x: 0)

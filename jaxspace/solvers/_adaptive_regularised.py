@@ -4,10 +4,10 @@ passes, perturbed or not.
     dz/d(sigma) = f(t, z)                     z: regularised variables; the last one is the time
     q'' = f(q, c), t = T(q, q') + int g(q)     where the perturbation has a potential
 
-Every run takes the steps that it needs itself, and keeps its own time. With a potential they are
-those of RKN 12(10), otherwise those of DOP853. A step that would pass the time to land on is
-replaced by the one that unperturbed motion takes to it, repeated until what is left is so short
-that two terms of a series pass it (`regularised_step.py`).
+Every run takes its own steps, in its own time. With a potential the method is RKN 12(10), otherwise
+DOP853. A step that would pass the next save time is replaced by one whose length follows from the
+unperturbed motion. This is repeated until two terms of a series cover the remaining time
+(`regularised_step.py`).
 
     symbol  meaning
     sigma   fictitious time
@@ -28,17 +28,17 @@ from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .regularised_step import Regular, attempt, landed, regularised_start
 from .vector_field import ScaledField, StepField
 
-# Steps to land within a step of a given end: each leaves what the perturbation changes within it.
+# Steps to land on a time within a step: the error of each is the effect of the perturbation in it.
 LANDINGS = 4
 
 
 @final
 class AdaptiveRegularised(AbstractFieldSolver):
     """Adaptive steps in regularised variables, of order 12 where the perturbation has a potential
-    and of order 8 elsewhere; each run of a batch has steps of its own.
+    and of order 8 elsewhere; each run of a batch takes its own steps.
 
     For systems that offer such variables, as a scene of `PointGravity` and any accelerations does.
-    They end a step at every save time, which costs a step or two more for each. The absolute
+    A step ends at every save time, which costs one or two more steps for each. The absolute
     tolerance is not used: errors are relative to the size of the orbit."""
 
     term_structure: ClassVar = diffrax.ODETerm
@@ -56,7 +56,7 @@ class AdaptiveRegularised(AbstractFieldSolver):
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
     ) -> Advance:
-        """One step, and what it takes to land: for times within a step of the same run."""
+        """One step, with the steps to land: for times within a step of the same run."""
         del carried
         field: ScaledField = f.args
         form, z = regularised_start(field, y0)

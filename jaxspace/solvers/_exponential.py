@@ -1,5 +1,5 @@
-"""An exponential Rosenbrock method: exact for what is linear about the state, of order 5 for the
-rest.
+"""An exponential Rosenbrock method: exact for the linear part of the vector field about the state,
+of order 5 for the rest.
 
     y' = f(t, y),   J = df/dy,   f_t = df/dt at the start of each step,   Z = h J
 
@@ -15,13 +15,13 @@ rest.
 Without e the method is of order 4, so that e is the estimate of its error. The weights are those of
 the polynomial through D at its nodes, and 8 c^3 phi_3 D_2 corrects the stages: all conditions of
 order 5 hold for every J, however fast its motion. Two formulas that both use D_5 would agree on
-every fast motion, right or wrong, so that the lower one leaves it out.
+every fast motion, right or wrong, so that the lower one omits it.
 
     symbol  meaning                                                       unit
     h       step                                                          s
     J       Jacobian of the vector field                                  1/s
     G_i     linear motion from the start of the step                      state
-    D_i     what the linear motion leaves out of the vector field         state/s
+    D_i     vector field without its linear part                          state/s
     phi_k   (_phi.py)                                                     1
 
 Sources: Hochbruck, Ostermann, Schweitzer (2009), Exponential Rosenbrock-type methods, SIAM J.
@@ -78,12 +78,12 @@ class _Linearisation(NamedTuple):
 
 
 def _linearise(f: StepField, s: Float[Array, ""], y: State, layout: _Layout) -> _Linearisation:
-    # Not by `evaluate`: its barriers would stand between the derivatives.
+    # Not by `evaluate`, whose barriers would separate the derivatives.
     rate, derivative = jax.linearize(lambda s, y: f.terms.vf(s, y, f.args), s, y)
     v = layout.flat(y)
     n = v.shape[-1]
-    # One directional derivative for each component of one run: a component of one run moves no
-    # other run, so that all runs share a direction.
+    # One directional derivative for each component of one run. The runs do not depend on each
+    # other, so that they share the directions.
     directions = jnp.eye(n, dtype=v.dtype).reshape(n, *(1,) * layout.run_axes, n)
 
     def column(direction: Array) -> Flat:
@@ -96,7 +96,7 @@ def _linearise(f: StepField, s: Float[Array, ""], y: State, layout: _Layout) -> 
 
 
 def _apply(matrix: Square, v: Flat) -> Flat:
-    # The default precision of an accelerator would leave the linear motion three digits.
+    # With the default precision of an accelerator the linear motion would have three digits.
     return jnp.einsum("...ij,...j->...i", matrix, v, precision="highest")
 
 
@@ -106,9 +106,9 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
     those with two time scales.
 
     In every step the linear part of the motion about the state is exact, however fast it oscillates
-    or decays. Only what is left, the change of the Jacobian along the step, limits the step. So
-    fast linear motion is stepped over, and its states are right at the ends of the steps; fast
-    motion that is not linear makes the error large and the steps short, as long as it matters.
+    or decays. Only the rest, the change of the Jacobian along the step, limits the step. Steps may
+    thus be long beside fast linear motion, and its states are right at their ends. Fast motion that
+    is not linear makes the error large and the steps short.
 
     Five evaluations a step, and a Jacobian of n + 1 directional derivatives for a state of n
     components: for states of some twenty components at most. Steps land on every save time.
@@ -148,7 +148,7 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
         end = just_before(t0, t1)
         v = layout.flat(y0)
         h = (t1 - t0).astype(v.dtype)
-        # Held: every one of the five stages reads them.
+        # Behind a barrier, because each of the five stages reads them.
         rate0, rate0_t, jacobian = barrier(_linearise(f, t0, y0, layout))
         quarter, half, whole = barrier(phi_functions(h * jacobian))
 
@@ -162,7 +162,7 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
             rate = layout.flat(f(t, layout.state(v + change)))
             return rate - rate0 - _apply(jacobian, change) - c * h * rate0_t
 
-        # The stages 3 to 5 need D_2 only, and not one another.
+        # The stages 3 to 5 depend on D_2, and not on each other.
         d2 = left_out(0.5, linear(0.5, half))
         d3, d4, d5 = (
             left_out(c, linear(c, phi) + 8.0 * c**3 * h * _apply(phi[3], d2))

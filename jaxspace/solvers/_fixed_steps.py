@@ -1,8 +1,7 @@
-"""A number of equal steps of any method, chosen beforehand.
+"""A fixed number of equal steps of any method.
 
-What an adaptive method decides while it runs is decided here before: so a sample of a controller,
-or a step of an environment, always costs the same, has no loop whose length depends on the state,
-and is differentiated like any other formula.
+A sample of a controller, or a step of an environment, then always costs the same, has no loop whose
+length depends on the state, and is differentiated like any other formula.
 """
 
 from typing import ClassVar, final
@@ -25,7 +24,7 @@ from .protocol import (
 )
 from .tolerances import Tolerance
 
-# Beyond this a loop: written out, the steps would take longer to compile than they save.
+# More steps than this are a loop: unrolled, they would take longer to compile than they save.
 UNROLLED = 2
 
 
@@ -107,7 +106,7 @@ class FixedSteps(AbstractFixedStep):
         solver_state: PyTree,
         made_jump: Bool[Array, ""] | bool,
     ) -> Step:
-        # The vector field may have jumped where the segment begins: nothing is carried into it.
+        # The vector field may jump where the segment begins, so that nothing is carried into it.
         del solver_state, made_jump
         h = (t1 - t0) / self.steps
 

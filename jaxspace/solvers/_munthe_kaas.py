@@ -4,9 +4,9 @@ For each block of the state that lies on a group,
 
     y(t) = y_0 moved(x(t))            x' = coordinate_rate(x, y')            x(t_0) = 0
 
-Within a step the inner method integrates the coordinates x about the start of the step, where they
-are as smooth as the motion. So its order stays, and every block stays on its group to rounding.
-Other blocks are integrated as they are.
+Within a step the inner method integrates the coordinates x about the start of the step, which are
+as smooth as the motion. The order is thus that of the inner method, and every block stays on its
+group to rounding. Other blocks are integrated directly.
 
 Source: Munthe-Kaas (1999), High order Runge-Kutta methods on manifolds, Applied Numerical
 Mathematics 29, 115; Hairer, Lubich, Wanner, Geometric Numerical Integration, IV.8.
@@ -51,7 +51,7 @@ def _coordinate_rate(
     """The derivative of the coordinates; `args` holds the terms, the state at the start of the
     step, and the arguments of the terms."""
     terms, y0, inner = args
-    # Held: the vector field and the rate of the coordinates both read the state.
+    # Behind a barrier, because the vector field and the rate of the coordinates read the state.
     y = barrier(_moved(y0, local))
     rate = barrier(terms.vf(s, y, inner))
 
@@ -79,11 +79,12 @@ class _MovedOutput(AbstractDenseOutput):
 @final
 class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The one-step method `solver` on the group: a `Quaternion` has unit length to rounding at the
-    stages, within and at the end of every step. Other methods of this package bring it back to unit
-    length at the end of a step.
+    stages, within and at the end of every step. Other methods of this package normalise it at the
+    end of a step.
 
-    Order, steps and dense output are those of the inner method, which starts again in every step:
-    Tsit5 then takes seven evaluations where it counts six. Raises what the inner method raises."""
+    Order, steps and dense output are those of the inner method, which starts again in every step,
+    so that Tsit5 takes seven evaluations instead of six. It raises the errors of the inner
+    method."""
 
     solver: diffrax.AbstractSolver = DOP853()
     term_structure: ClassVar = diffrax.ODETerm
@@ -91,7 +92,7 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     @property
     def traits(self) -> SolverTraits:
-        # It moves on the group of each block.
+        # The steps stay on the group of each block.
         return solver_traits(self.solver)._replace(linear=False)
 
     def bind(
@@ -119,13 +120,13 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         del carried
         local = _coordinates(y0)
         inner_args = (f.terms, y0, f.args)
-        # The coordinates of the next step are others, so that nothing of this one serves it.
+        # The next step has other coordinates, so that nothing of this one is carried over.
         inner_state = self.solver.init(_TERM, t0, t1, local, inner_args)
         x1, x_error, dense, _, result = self.solver.step(
             _TERM, t0, t1, local, inner_args, inner_state, jnp.array(False)
         )
         y1 = barrier(_moved(y0, x1))
-        # The error as the runner measures it, in the blocks of the state.
+        # In the blocks of the state, as the step control measures errors.
         embedded = _moved(y0, jax.tree.map(jnp.subtract, x1, x_error))
         error = jax.tree.map(jnp.subtract, y1, embedded)
         inner = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)

@@ -1,5 +1,5 @@
-"""Explicit Runge-Kutta-Nystrom methods: Runge-Kutta for r'' = a(t, r), in which no stage needs a
-velocity of its own.
+"""Explicit Runge-Kutta-Nystrom methods: Runge-Kutta for r'' = a(t, r), whose stages have no
+velocity.
 
     k_i = a(t + c_i h, r + c_i h v + h^2 sum_j a_ij k_j)
     r_1 = r + h v + h^2 sum_i b_i k_i            v_1 = v + h sum_i b'_i k_i
@@ -22,7 +22,7 @@ from . import tableaus as tableau
 from .runge_kutta import Weights, dense_rows, stage_loop, weighted
 from .second_order import SecondOrder, Vectors
 
-# Rounding of a product of matrices with entries of order one: a smaller entry is no weight.
+# Rounding of a product of matrices with entries of order one: smaller entries are zero.
 ROUNDING = 1e-15
 
 
@@ -38,8 +38,8 @@ class NystromTableau(NamedTuple):
 
 @final
 class NystromStep(NamedTuple):
-    """What a step leaves: position `r` and velocity `v` at its end, the `mean_velocity` along it,
-    and the accelerations `ks` at its stages."""
+    """Result of a step: position `r` and velocity `v` at its end, the `mean_velocity` along it, and
+    the accelerations `ks` at its stages."""
 
     r: Vectors
     v: Vectors
@@ -68,10 +68,10 @@ RKN12 = NystromTableau(
 
 @jax.custom_jvp
 def _held_in_derivatives(x: Vectors) -> Vectors:
-    """The same vectors, whose derivative is behind a `barrier`.
+    """The same vectors, with a `barrier` in their derivative alone.
 
-    Reverse mode then computes once what a sum of stages contributes, and not for each rate in it.
-    The values pass freely: a barrier among them would compile longer."""
+    Reverse mode then computes the contribution of a sum of stages once, and not for each of its
+    rates. A barrier of the values would compile longer."""
     return x
 
 
@@ -92,7 +92,7 @@ def nystrom_step(
     """One step of length `h` in normalised time, from position `r` and velocity `v` at `s0`.
 
     `in_loop`: whether the stages are a loop of the program (`stage_loop`)."""
-    # Time keeps its own precision: a state in single precision may have a clock in double.
+    # Time keeps its precision: a state in single precision may have a time in double.
     h = h.astype(r.dtype)
 
     def derivative(c: Scalar, change: Vectors | None) -> Vectors:
@@ -108,7 +108,7 @@ def nystrom_step(
         for c, row in zip(method.c, method.a, strict=True):
             change = _held_in_derivatives(weighted(row, ks)) if row else None
             ks.append(derivative(c, change))
-    # Together: the compiler would sum the stages again for each of its readers.
+    # One barrier for both, because the compiler would sum the stages again for each reader.
     mean = barrier(v + h * weighted(method.position, ks))
     r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))
     return NystromStep(r1, v1, mean, ks)

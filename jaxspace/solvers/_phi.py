@@ -1,11 +1,11 @@
-"""The phi functions of small matrices, at a quarter, a half and the whole of each.
+"""The phi functions of small matrices, at a quarter, a half and the whole of each matrix.
 
     phi_0(Z) = e^Z
     phi_k(Z) = Z phi_{k+1}(Z) + 1/k!                                         phi_1 = (e^Z - 1) / Z
     phi_k(2 Z) = 2^-k [ e^Z phi_k(Z) + sum_{j=1..k} phi_j(Z) / (k - j)! ]    doubling
 
-A series gives them at Z / 2^m, and m doublings lead back to Z. The digits lost are those that the
-phase of the fastest motion in Z has lost already, eps |Z|, and no more.
+A series gives them at Z / 2^m, and m doublings lead back to Z. The relative error is eps |Z|, that
+of the phase of the fastest motion in Z.
 
 Source: Higham, Functions of Matrices, 10.7.4 (phi functions), 10.3 (scaling and squaring); Osborne
 (1960), On pre-conditioning matrices, Journal of the ACM 7, 338 (balancing).
@@ -24,7 +24,7 @@ Phis = Float[Array, "6 *runs n n"]
 ORDERS = 5
 # Terms of the series of phi_5: the next one is below a rounding for matrices of norm one.
 TERMS = 17
-# More would leave no digit of the phase of the fastest motion.
+# More doublings would leave no digit of the phase of the fastest motion.
 DOUBLINGS = 32
 # Passes over the matrix; the ratio of its entries shrinks to its square root in each.
 BALANCINGS = 8
@@ -42,15 +42,15 @@ def phi_functions(z: Square) -> list[Phis]:
     scale = _balance(z)
     z = z * scale[..., None, :] / scale[..., :, None]
     norm = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(z), axis=-2), axis=-1))
-    # Two at least: the last two doublings lead from Z/4 to Z/2 and to Z.
+    # At least two, because the last two doublings lead from Z/4 to Z/2 and to Z.
     doublings = jnp.clip(jnp.ceil(jnp.log2(jnp.maximum(norm, 1.0))), 2.0, DOUBLINGS)
     doublings = doublings[..., None, None]
-    # Also true for NaN. A zero in its place keeps the loop below short and its result finite.
+    # True for NaN as well. A zero in its place keeps the loop below short and its result finite.
     out_of_range = ~(norm <= 2.0**DOUBLINGS)[..., None, None]
 
     def double_if_due(p: Phis, k: Array) -> tuple[Phis, None]:
         due = k < doublings - 2.0
-        # Skipped where no run needs it: most runs need few of the doublings.
+        # Skipped where no run needs it, because most runs need few doublings.
         p = jax.lax.cond(jnp.any(due), lambda p: jnp.where(due, _doubled(p), p), lambda p: p, p)
         return p, None
 
@@ -70,8 +70,8 @@ def _identity(z: Square) -> Float[Array, "n n"]:
 
 
 def _series(z: Square) -> Phis:
-    """phi_0 to phi_5 of a matrix of norm one at most: the last by its series, the others from
-    it."""
+    """phi_0 to phi_5 of a matrix of norm one at most: phi_5 by its series, the others by the
+    recurrence."""
     # With the axes of the runs.
     one = _identity(z) + 0.0 * z
 
@@ -102,9 +102,9 @@ def _doubled(p: Phis) -> Phis:
 
 
 def _balance(z: Square) -> Float[Array, "*runs n"]:
-    """Powers of two that bring rows and columns of a matrix to like size.
+    """Powers of two that bring rows and columns of a matrix to similar size.
 
-    Without them the units of the state would decide on the number of doublings."""
+    Without them the number of doublings would depend on the units of the state."""
     off_diagonal = jax.lax.stop_gradient(jnp.abs(z)) * (1.0 - _identity(z))
 
     def once(_: Array | int, scale: Array) -> Array:

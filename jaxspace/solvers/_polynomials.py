@@ -45,23 +45,23 @@ def stormer_weights(k: int) -> StormerWeights:
 
 
 def _without_drag(weights: list[Fraction]) -> tuple[float, ...]:
-    """The weights rounded, so that the rounding leaves the sum of j w_j as it is.
+    """The rounded weights, corrected so that the sum of j w_j is exact.
 
-    Its error e would act as a force e h da/dt along the motion, the same in every step: the energy
-    would grow with the time, by 1e-17 a step for order 12. The last two weights are the smallest,
-    and take up what the others leave."""
+    An error e of this sum would act in every step as a force e h da/dt along the motion: the energy
+    would grow with the time, by 1e-17 a step for order 12. The last two weights, the smallest, take
+    up the error of the others."""
 
     def missing(rounded: list[float]) -> Fraction:
         pairs = enumerate(zip(weights, rounded, strict=False))
         return sum((j * (w - Fraction(x)) for j, (w, x) in pairs), Fraction(0))
 
     *others, before, _ = map(float, weights)
-    found = []
+    result = []
     for n in range(-8, 9):
         kept = [*others, before + n * math.ulp(before)]
         last = float(weights[-1] + missing(kept) / len(kept))
-        found.append((*kept, last))
-    return min(found, key=lambda rounded: abs(missing(list(rounded))))
+        result.append((*kept, last))
+    return min(result, key=lambda rounded: abs(missing(list(rounded))))
 
 
 def _fitted(k: int, moment: Callable[[int], Fraction]) -> list[Fraction]:
@@ -78,7 +78,7 @@ def _lagrange(nodes: list[Fraction]) -> list[list[Fraction]]:
         p = [Fraction(1)]
         for other in nodes:
             if other != x:
-                # p times (X - other) / (x - other): shifted up by one power, less `other` times p.
+                # p times (X - other) / (x - other): p shifted by one power, minus `other` times p.
                 shifted = zip([Fraction(0), *p], [*p, Fraction(0)], strict=True)
                 p = [(up - other * here) / (x - other) for up, here in shifted]
         basis.append(p)
@@ -92,7 +92,7 @@ def integrals_of(k: int) -> Float[np.ndarray, "2 powers k"]:
     last. Both integrals are zero at the middle of the nodes.
     """
     table = np.zeros((2, k + 2, k))
-    # About the middle, where the powers are smallest and lose least.
+    # About the middle, where the powers are smallest and lose the fewest digits.
     for i, p in enumerate(_lagrange([Fraction(2 * j - k + 1, 2) for j in range(k)])):
         for m, c in enumerate(p):
             table[0, m + 1, i] = c / (m + 1)

@@ -1,14 +1,13 @@
-"""Equal steps in a fictitious time in which the motion is smooth, landing on given times: for
+"""Equal steps in a fictitious time in which the motion is smooth, with landings on given times: for
 eccentric orbits and close passes.
 
     dz/d(sigma) = f(t, z)             z: regularised variables; the last one is the time
     h = sigma(t1 - t, z) / n          step, with n steps left; predicted again now and then
 
-The steps are those of DOP853 (order 8). The fictitious time that the system predicts for a
-duration, sigma(t1 - t, z), is exact for the unperturbed motion; with a perturbation a little time
-is left when the steps are done. Three further blocks of a few short steps land, each on what the
-last one has left. Derivatives take the steps as they are and the landing to be exact:
-sigma' = (t1' - t') / (dt/d(sigma)).
+The steps are those of DOP853 (order 8). The predicted fictitious time of a duration, sigma(t1 - t,
+z), is exact for the unperturbed motion; with a perturbation a short time remains after the steps.
+Three further blocks of a few short steps land, each over the remaining time. Derivatives hold the
+steps fixed and take the landing to be exact: sigma' = (t1' - t') / (dt/d(sigma)).
 
     symbol  meaning
     sigma   fictitious time
@@ -38,11 +37,11 @@ from .second_order import estimate_by_coarsening
 from .vector_field import ScaledField, StepField
 
 STAGES = len(tableau.DOP853_A)
-# Blocks of steps that land. Each leaves of the time what the perturbation changes within its few
-# short steps: after three of them nothing but rounding is left.
+# Blocks of steps that land. The remaining time after each is the effect of the perturbation within
+# its few short steps: after three blocks it is rounding.
 LANDINGS = 3
-# Half the step of order 8 would reduce the error by 2^8. Also where the steps do not yet resolve a
-# perturbation, the error is smaller than the difference by this.
+# Half the step of order 8 would reduce the error by 2^8. Even where the steps do not yet resolve a
+# perturbation, the error is smaller than the difference by this factor.
 ERROR_REDUCTION = 2.0**4
 
 
@@ -52,15 +51,15 @@ class Regularised(AbstractFieldSolver, AbstractFixedStep):
     segment.
 
     For systems that offer such variables, as a scene of `PointGravity` and any accelerations does.
-    Some 30 steps a revolution serve every eccentricity where the perturbations are smooth along the
-    orbit; one that is felt only close to the centre requires more. Steps land on every save time,
-    so that a segment lasts from one to the next.
+    About 30 steps a revolution are enough for every eccentricity if the perturbations are smooth
+    along the orbit; one that acts only close to the centre requires more. Steps land on every save
+    time, so that a segment lasts from one to the next.
 
     **Arguments**
 
-    - `steps`: in each segment, rounded up to whole blocks of some steps; at least 4.
-    - `estimate`: whether the error of each segment is estimated, cautiously, by half as many steps,
-      which costs half as much again. Without it no status reports too few steps.
+    - `steps`: in each segment, rounded up to whole blocks of steps; at least 4.
+    - `estimate`: whether an upper bound of the error of each segment is estimated, by a second
+      solution with half as many steps. Without it no status reports too few steps.
 
     **Raises** `InputError` for fewer than 4 steps.
     """
@@ -116,14 +115,15 @@ class Regularised(AbstractFieldSolver, AbstractFixedStep):
 def _blocks(steps: int) -> tuple[int, int]:
     """Number of blocks, and number of steps in each.
 
-    The latter is a power of two, about a quarter of the square root of all steps: long enough that
-    reverse mode stores few states, and short enough that landing costs little."""
+    The latter is a power of two, about a quarter of the square root of all steps: so large that
+    reverse mode stores few states, and so small that a landing costs little."""
     length = 2 ** max(1, (steps.bit_length() - 1) // 2 - 2)
     return -(-steps // length), length
 
 
 def _schedule(steps: int) -> tuple[np.ndarray, np.ndarray]:
-    """Number of blocks left, itself included, and whether the step is predicted, for each block.
+    """For each block the number of remaining blocks, itself included, and whether the step is
+    predicted.
 
     The blocks that land have the numbers 0, -1, -2."""
     blocks, _ = _blocks(steps)
@@ -143,17 +143,18 @@ def _evaluations(steps: int) -> int:
 def _integrate(form: PyTree, t: Scalar, duration: Scalar, z0: Regular, steps: int) -> Regular:
     """The regularised variables a `duration` after the time `t`.
 
-    In blocks of steps: reverse mode keeps the variables at the start of each block and repeats its
-    steps. The step is predicted before a block with which 1, 4, 16, ... are left, and before each
-    of those that land."""
+    In blocks of steps: reverse mode stores the variables at the start of each block and repeats its
+    steps. The step is predicted before the blocks with 1, 4, 16, ... remaining ones, and before
+    each of those that land."""
 
     def derivative(z: Regular) -> Regular:
         return derivative_in(form, t, duration, z)
 
     def predicted_step(z: Regular, blocks_left: Int[Array, ""]) -> Float[Array, "*runs"]:
         left = duration - z[-1]
-        # The prediction has no derivatives but those of a Newton step in time, which make the
-        # landing exact in them. Only the blocks that land have them: they would cancel in others.
+        # The prediction has only the derivatives of a Newton step in time, by which the landing is
+        # exact in the derivatives. Only the blocks that land have them; in others they would
+        # cancel.
         newton = jnp.where(blocks_left <= 0, left / derivative(z)[-1], 0.0)
         sigma = jax.lax.stop_gradient(form.fictitious_time(left, z) - newton) + newton
         return sigma / (length * jnp.maximum(blocks_left, 1)).astype(z.dtype)

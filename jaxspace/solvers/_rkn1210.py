@@ -54,7 +54,7 @@ VELOCITY_ERROR = _difference(tableau.RKN1210_VELOCITY, tableau.RKN1210_VELOCITY_
 
 def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
     """H_ik at x, without H_00 and H_01."""
-    found = []
+    result = []
     for i, node in enumerate(NODES):
         others = [other for other in NODES if other != node]
         d = x - node
@@ -68,8 +68,8 @@ def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
         a = -3.0 * s1
         b = 4.5 * s1 * s1 + 1.5 * s2
         basis = (1.0 + d * (a + b * d), d * (1.0 + a * d), 0.5 * d * d)
-        found += [lagrange * lagrange * lagrange * f for f in (basis if i else basis[2:])]
-    return jnp.stack(found)
+        result += [lagrange * lagrange * lagrange * f for f in (basis if i else basis[2:])]
+    return jnp.stack(result)
 
 
 class _HermiteOutput(AbstractDenseOutput):
@@ -96,18 +96,18 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     embedded error of order 10.
 
     For states of a position and a velocity whose acceleration does not depend on the velocity; a
-    run in which it does ends at once with a status that says that it is not finite. Seventeen
-    evaluations a step, and 37 more in a step within which states are saved. These states are as
-    accurate as the steps.
+    run in which it does ends at once with the status of a run that is not finite. A step takes
+    seventeen evaluations, and 37 more if states are saved within it. These states are as accurate
+    as the steps.
 
     **Arguments**
 
-    - `save_ts`: the times at which states are saved, where they are known beforehand. `simulate`
-      fills them in; without them every step pays for the dense output.
+    - `save_ts`: the times at which states are saved, if they are known beforehand. `simulate` sets
+      them; without them every step computes the dense output.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
-      slower. Derivatives of single runs fill it in.
+      slower. Set for derivatives of single runs.
     - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
-      `simulate` fills it in.
+      `simulate` sets it.
 
     **Raises** `InputError` in its first step for a state with further parts.
     """
@@ -158,7 +158,8 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
         h = t1 - t0
         step = nystrom_step(system, RKN12, t0, h, system.r, system.v, self.in_loop)
-        # The velocity matters: the method would converge to the motion of another system.
+        # Where the acceleration depends on the velocity, the method would converge to the motion of
+        # another system.
         y1 = system.state(step.r, jnp.where(carried, jnp.nan, step.v))
         h = h.astype(step.r.dtype)
         position_error = h * system.position_rate(h * weighted(POSITION_ERROR, step.ks))
@@ -181,7 +182,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             return fitted()
         if self.save_ts.shape[0] == 0:
             return zeros()
-        # A condition, because the compiler cannot see that nothing reads the dense output.
+        # A conditional, because the compiler cannot see that nothing reads the dense output.
         return jax.lax.cond(jnp.any((self.save_ts >= t0) & (self.save_ts <= t1)), fitted, zeros)
 
 

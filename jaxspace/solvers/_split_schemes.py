@@ -1,10 +1,10 @@
-"""Schemes of splitting: the order of drifts and kicks, and their parts of a step.
+"""Schemes of splitting: the sequence of drifts and kicks, and their fractions of a step.
 
     K(o_0 h) D(i_1 h) K(o_1 h) ... D(i_m h) K(o_m h)      the drifts inside, or with D and K
                                                           interchanged: the kicks inside
     o_k = o_(m-k),   i_k = i_(m+1-k),   sum o = sum i = 1
 
-Of a kick of the size eps beside the drift the error is of the size
+For a kick of the size eps relative to the drift, the error is of the size
 
     2, 4, 6        eps h^2, eps h^4, eps h^6                   compositions of Strang's step
     (8, 2)         eps h^8 + eps^2 h^2                         four kicks, at Gauss's places
@@ -23,7 +23,7 @@ import numpy as np
 
 
 class Scheme(NamedTuple):
-    """The parts of a step: one more of the map `outside` than of the other.
+    """The parts of a step: there is one more part of the map `outside` than of the other.
 
     - `outside`, `inside`: o_k and i_k.
     - `kicks_inside`: whether the drift is outside."""
@@ -34,7 +34,7 @@ class Scheme(NamedTuple):
 
     @property
     def kicks(self) -> int:
-        """Number of kicks per step, where two that meet between steps count as one."""
+        """Number of kicks per step; the last of a step and the first of the next count as one."""
         return len(self.inside)
 
     def rows(self) -> np.ndarray:
@@ -51,15 +51,15 @@ class Scheme(NamedTuple):
 
 
 def _strang(*parts: float) -> Scheme:
-    """Strang's steps of these parts in turn, half kicks that follow one another joined."""
+    """A composition of Strang's steps of these lengths, with successive half kicks joined."""
     g = np.array([0.0, *parts, 0.0])
     return Scheme(tuple(0.5 * (g[1:] + g[:-1])), parts)
 
 
 def _kicks_inside(drifts: tuple[float, ...], kicks: tuple[float, ...]) -> Scheme:
-    """Build a symmetric scheme from the first halves of its drifts and its kicks. The middle one
-    belongs to that half where their number is odd."""
-    # There is one drift more than there are kicks: one of both numbers is odd.
+    """A symmetric scheme from the first halves of its drifts and its kicks; the middle part belongs
+    to the half of the map with an odd number of parts."""
+    # There is one drift more than kicks, so that one of both numbers is odd.
     odd = len(drifts) > len(kicks)
     return Scheme(
         (*drifts, *reversed(drifts[:-1] if odd else drifts)),

@@ -1,9 +1,10 @@
-"""Splitting: exact drift and exact kick in turns, for motion that is nearly the drift alone.
+"""Splitting: alternating exact drifts and exact kicks, for motion that is nearly the drift alone.
 
     S(h) = K(h/2) D(h) K(h/2)            order 2 (Strang); others in `_split_schemes.py`
 
-The error is of the size of the kick times h^p: long steps pass over a small perturbation. The maps
-keep the volume and the symplectic form, so that the energy oscillates and does not drift away.
+The error is of the size of the kick times h^p, so that steps are long where the perturbation is
+small. The maps conserve the volume and the symplectic form, so that the energy oscillates without a
+secular drift.
 
     symbol  meaning                                          unit
     D, K    flow of the drift and of the kick
@@ -32,8 +33,8 @@ from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTra
 from .second_order import estimate_by_coarsening
 from .vector_field import ScaledField, StepField, just_before
 
-# Where the steps do not resolve the motion, no order holds: the error is taken to be four times the
-# difference that is seen.
+# Where the steps do not resolve the motion, no order holds: the error estimate is four times the
+# difference.
 UNRESOLVED_FACTOR = 0.25
 
 
@@ -46,18 +47,18 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
     depend on position and attitude; or a `Top`. Steps land on every save time, so that a segment
     lasts from one to the next.
 
-    The error of each segment is estimated by 0.62 as many steps, which costs as much again as
-    these. Steps longer than a radian of the orbit or two of the rotation meet the kicks at
-    effectively random places: there no order holds, and the estimate is four times the difference.
+    The error of each segment is estimated by a second solution with 0.62 times as many steps. Steps
+    longer than a radian of the orbit, or two of the rotation, have their kicks at effectively
+    random places: there no order holds, and the estimate is four times the difference.
 
     Order 6 steps back and forth beyond the ends of a segment. A kick that depends on the time is
-    there taken as at the end.
+    there that of the end.
 
     **Arguments**
 
     - `order`: 2, 4 or 6; or (8, 2), whose error is the kick times h^8 and its square times h^2, or
-      (8, 6, 4), in which its square has h^6 and its cube h^4. Of a step they take 1, 5, 7, 4 and
-      7 kicks. The estimate counts on the least of the orders.
+      (8, 6, 4), in which its square has h^6 and its cube h^4. A step takes 1, 5, 7, 4 and 7 kicks.
+      The estimate assumes the lowest of the orders.
     - `steps`: in each segment; even, and at least 2.
     - `estimate`: whether the error is estimated. Without it no status reports too few steps.
 
@@ -86,11 +87,11 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
     @property
     def traits(self) -> SolverTraits:
         scheme = SCHEMES[self.p]
-        # With the kicks outside, the first step of all has one more before it.
+        # With the kicks outside, the first step has one more.
         first = 0 if scheme.kicks_inside else 1
         evaluations = scheme.kicks * self.steps + first
         if self.estimate:
-            # The rate at which the state turns takes one more.
+            # One more for the angular rate of the state.
             evaluations += scheme.kicks * _fewer(self.steps) + first + 1
         return SolverTraits(
             lands_on_save_times=True,
@@ -128,14 +129,14 @@ class Splitting(AbstractFieldSolver, AbstractFixedStep):
 def _fewer(steps: int) -> int:
     """The golden section of the steps.
 
-    Of all ratios it is the one that shares least with whole turns: where the steps meet the drift
-    always in one place, those that they are compared with do not."""
+    This ratio is the farthest from all simple ones: where the steps are in resonance with the
+    drift, the steps of the second solution are not."""
     return max(1, round(0.5 * (math.sqrt(5.0) - 1.0) * steps))
 
 
 def _angular_rate(field: ScaledField, s: Float[Array, ""], y: State) -> Float[Array, "*runs"]:
-    """How fast the state turns in each run, in radians of normalised time: the rate of its fastest
-    vector over the length of this vector."""
+    """Angular rate of the state of each run, in radians of normalised time: the largest rate of a
+    vector over its length."""
     y = jax.lax.stop_gradient(y)
 
     def length(x: Array) -> Array:
@@ -177,7 +178,7 @@ def _integrate(
         return barrier(split.kick(field.time(s), field.duration(s, ds), y))
 
     def at(steps_done: Array) -> Array:
-        # Within the segment, beyond which a composition with negative parts reaches.
+        # Clipped to the segment, because a composition with negative parts passes its ends.
         return jnp.clip(t0 + steps_done * h, t0, end)
 
     inside, outside = (kick, drift) if scheme.kicks_inside else (drift, kick)
@@ -185,7 +186,7 @@ def _integrate(
     def part(n: Array, y: State, row: Float[Array, "5"]) -> tuple[State, None]:
         weight, passed, next_weight, after, joined = row
         y = inside(at(n + passed), weight * h, y)
-        # What follows the last step of all has nothing to be joined with.
+        # The last part of the last step has no successor to join.
         next_weight = next_weight + jnp.where(n == steps - 1, 0.0, joined)
         return outside(at(n + after), next_weight * h, y), None
 
@@ -194,5 +195,5 @@ def _integrate(
         return jax.lax.scan(lambda y, row: part(n, y, row), y, rows)
 
     y = outside(t0, scheme.outside[0] * h, y0)
-    # Reverse mode keeps the state before each step, and repeats what lies within the step.
+    # Reverse mode stores the state before each step, and repeats the operations within the step.
     return jax.lax.scan(jax.checkpoint(step), y, jnp.arange(steps, dtype=h.dtype))[0]

@@ -6,10 +6,10 @@
 
 for every polynomial p of a degree below the order k; j runs from 0 to k - 1. Positions and
 velocities are sums of small terms (the summed form), so that rounding errors grow slowly, and the
-rounded weights push nothing along the motion: over 3e5 steps of circular orbits the energy strays
-as a random walk does, by 5e-14 of itself. The first k - 1 steps are those of DOP853 as a
-Runge-Kutta-Nystrom method: for steps as short as these, a higher order there changes nothing. The
-local error is estimated now and then by the difference to the same step of order k - 1.
+rounded weights cause no secular force along the motion: over 3e5 steps of circular orbits the
+relative energy error grows as a random walk, to 5e-14. The first k - 1 steps are those of DOP853 as
+a Runge-Kutta-Nystrom method; at such short steps a higher order would change nothing. The local
+error is estimated at some of the steps, by the difference to the same step of order k - 1.
 
     symbol  meaning                       unit
     h       step                          s
@@ -19,9 +19,9 @@ Dense output integrates the polynomial through the accelerations at the k neares
 
 Sources: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, III.10; Berry, Healy
 (2004), Implementation of Gauss-Jackson integration for orbit propagation, Journal of the
-Astronautical Sciences 52, 331 (summed form). Order 12 requires some 60 steps a revolution to be
-stable, and 90 for nine digits over a day of a low orbit. Higher orders are stable only for steps so
-short that order 12 is accurate to rounding, too.
+Astronautical Sciences 52, 331 (summed form). Order 12 requires about 60 steps a revolution to be
+stable, and 90 for nine digits over a day of a low orbit. Higher orders are stable only with steps
+so short that order 12 is accurate to rounding as well.
 """
 
 from typing import ClassVar, final
@@ -61,12 +61,12 @@ class _InterpolatedAccelerations(AbstractDenseOutput):
         h = (self.t1 - self.t0) / steps
         x = steps * self.fraction(t)
         j = jnp.clip(jnp.floor(x).astype(int), 0, steps - 1)
-        # The k steps about this one, as far as there are any before and after it.
+        # The k steps around this one, shifted at both ends of the segment.
         first = jnp.clip(j - (k - 1) // 2, 0, steps + 1 - k)
         near = jax.lax.dynamic_slice_in_dim(self.record.a, first, k)
         h = h.astype(near.dtype)
         x = (x - j.astype(x.dtype)).astype(near.dtype)
-        # Start of the step, its end and the state asked for, counted from the middle of the nodes.
+        # Start and end of the step, and the requested time, from the middle of the nodes.
         within = jnp.stack([jnp.zeros_like(x), jnp.ones_like(x), x])
         places = within + (j - first).astype(near.dtype) - 0.5 * (k - 1)
         powers = jnp.vander(places, k + 2, increasing=True)
@@ -86,15 +86,16 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     For states of a position and a velocity whose acceleration does not depend on the velocity;
     where it does, the status reports that the tolerance was missed. Several times as fast as DOP853
-    on nearly circular orbits; on eccentric ones (above about 0.2) equal steps are a waste. It has
-    dense output, so that a segment lasts as long as the run, unless the vector field jumps.
+    on nearly circular orbits, and slower above an eccentricity of about 0.2, where equal steps are
+    inefficient. It has dense output, so that a segment lasts as long as the run, unless the vector
+    field jumps.
 
     **Arguments**
 
     - `order`: from 5 to 12.
     - `steps`: in each segment; at least twice the order.
     - `run_axes`: how many trailing axes of the state carry runs; by default all but the first.
-      `simulate` fills it in.
+      `simulate` sets it.
 
     **Raises** `InputError` for an order or a number of steps out of range, and in its first step
     for a state with further parts.
@@ -119,8 +120,8 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     @property
     def traits(self) -> SolverTraits:
-        # Each of the k - 1 steps of DOP853 at the start takes eleven evaluations more. One more is
-        # at the step that both methods share, and one at the end.
+        # Each of the k - 1 steps of DOP853 at the start takes eleven further evaluations. Two more
+        # are at the step that both methods share, and at the end.
         return SolverTraits(
             fixed_step=True,
             evaluations=self.steps + 11 * (self.k - 1) + 2,
@@ -155,7 +156,7 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
         y1, a1 = steps.final(state)
         v_error = jnp.where(system.velocity_matters(self.run_axes), jnp.inf, v_error)
         error = system.state(steps.h * system.position_rate(v_error), v_error)
-        # The acceleration at the end closes the record: there is one more of them than of steps.
+        # With the acceleration at the end, the record has one more acceleration than steps.
         last = StepRecord(state.r[None][:0], state.w[None][:0], a1[None])
         record = jax.tree.map(lambda *x: jnp.concatenate(x), first, *others, last)
         dense = dict(

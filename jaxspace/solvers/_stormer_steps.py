@@ -50,8 +50,8 @@ def _weighted(row: Float[Array, " k"], ring: Ring) -> Array:
 
 @functools.partial(_weighted.defjvp, symbolic_zeros=True)
 def _weighted_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Any]) -> tuple[Array, Array]:
-    # As a sum over the axis, because reverse mode then spreads the result over the ring at once,
-    # not slot by slot. The row is one of a table of constants and has no tangent.
+    # A sum over the axis, because reverse mode then distributes the result over the ring at once,
+    # and not slot by slot. The row is one of a table of constants and has no tangent.
     row, ring = primals
     _, d_ring = tangents
     weights = row.reshape(row.shape + (1,) * (ring.ndim - 1))
@@ -90,7 +90,7 @@ class StormerSteps(NamedTuple):
     ) -> Vectors:
         """h times the weighted sum of the accelerations up to that at the step `n`; the newest has
         the first weight."""
-        # One row for each slot in which the newest may lie: the weights turn, the ring does not.
+        # One row for each slot of the newest: the weights are rotated in place of the ring.
         slots = range(self.k)
         table = np.array([[weights[(i - slot) % self.k] for slot in slots] for i in slots])
         row = jax.lax.dynamic_index_in_dim(
@@ -102,8 +102,8 @@ class StormerSteps(NamedTuple):
         """The state at the step k - 1, and the record of the steps before it."""
 
         def step(y: tuple[Array, Array], n: Array) -> tuple[tuple[Array, Array], StepRecord]:
-            found = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
-            return (found.r, found.v), StepRecord(y[0], found.mean_velocity, found.ks[0])
+            result = nystrom_step(self.system, DOP853_NYSTROM, self.s0 + n * self.h, self.h, *y)
+            return (result.r, result.v), StepRecord(y[0], result.mean_velocity, result.ks[0])
 
         start = (self.system.r, self.system.v)
         m = self.k - 1
@@ -124,7 +124,7 @@ class StormerSteps(NamedTuple):
         """The state at the last step, the largest local error of the velocity, and the records of
         the steps in between.
 
-        In chunks: reverse mode keeps the state at the start of each chunk and repeats its steps.
+        In chunks: reverse mode stores the state at the start of each chunk and repeats its steps.
         The local error is estimated at the end of each chunk."""
         m = self.k - 1
         length = math.isqrt(self.steps - m)
@@ -139,7 +139,7 @@ class StormerSteps(NamedTuple):
             error = jnp.abs(self.velocity_change(difference, first + count - 1, state.ring))
             return (state, jnp.maximum(largest, jax.lax.stop_gradient(error))), record
 
-        # The first one takes what does not fill a chunk.
+        # The first chunk takes the remainder.
         carry, first = chunk((state, jnp.zeros_like(state.w)), jnp.asarray(m), rest + 1)
         whole = jax.checkpoint(lambda carry, first: chunk(carry, first, length))
         starts = m + rest + 1 + length * jnp.arange(chunks)

@@ -1,4 +1,4 @@
-"""States within a step, from what the step leaves behind."""
+"""Dense output: states within a step."""
 
 from abc import abstractmethod
 
@@ -19,7 +19,7 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
 
     @abstractmethod
     def state(self, t: Float[Array, "*#runs"]) -> State:
-        """The state at the time `t` within the step; of each run at a time of its own."""
+        """The state at the time `t` within the step; `t` may differ between runs."""
 
     def evaluate(
         self,
@@ -36,5 +36,5 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
     def fraction(self, t: Float[Array, "*#runs"]) -> Float[Array, "*#runs"]:
         """Fraction of the step that lies before `t`."""
         h = self.t1 - self.t0
-        # Evaluated for a step of no length too, although nothing reads the result.
+        # Also evaluated for a step of no length, although nothing reads the result.
         return (t - self.t0) / jnp.where(h == 0.0, 1.0, h)

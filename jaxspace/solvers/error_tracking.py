@@ -1,4 +1,4 @@
-"""A solver that keeps account of the error that each run has made."""
+"""A solver that tracks the largest local error of each run."""
 
 from typing import ClassVar, final
 
@@ -15,10 +15,10 @@ from .tolerances import Tolerance
 
 @final
 class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappedSolver):
-    """A solver that keeps the largest local error of the steps taken, for each run and in units of
-    the tolerance.
+    """A solver that tracks the largest local error of the accepted steps, for each run and in units
+    of the tolerance.
 
-    Its state is that of the `solver`, and this `max_local_error`."""
+    Its state is that of the `solver` and the `max_local_error`."""
 
     solver: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -52,7 +52,7 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         args: PyTree,
     ) -> tuple[PyTree, Float[Array, "*runs"]]:
         inner = self.solver.init(terms, t0, t1, y0, args)
-        # A run that starts outside of the finite numbers has no accuracy at all.
+        # A run that starts with numbers that are not finite has no accuracy.
         max_local_error = jnp.where(self.tolerance.alive(y0), 0.0, jnp.inf)
         return inner, max_local_error.astype(jax.tree.leaves(y0)[0].dtype)
 

@@ -1,8 +1,8 @@
 """Interface between the integration loop and a solver.
 
-A solver of this package is an `AbstractDeclaredSolver`: it declares its traits and says how it is
-bound to a run. For the solvers of diffrax both follow from their classes. So the runner names no
-concrete solver, and a new one needs no change outside of its own file.
+A solver of this package is an `AbstractDeclaredSolver`: it declares its traits and how it is bound
+to a run. For the solvers of diffrax both follow from their classes. The loop thus names no concrete
+solver, and a new one needs no change outside of its file.
 """
 
 __all__ = [
@@ -79,7 +79,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         run_axes: int,
         searched: bool = False,
     ) -> diffrax.AbstractSolver:
-        """The solver with what it has to know of the run; arguments as of the function `bind`."""
+        """The solver bound to a run; arguments as of the function `bind`."""
         del tolerance, save_ts, run_axes, searched
         return self
 
@@ -90,7 +90,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
     def func(
         self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
     ) -> State:
-        """The vector field, with which diffrax's step control chooses the first step."""
+        """The vector field, from which diffrax's step control chooses the first step."""
         return evaluate(terms, t0, y0, args)
 
     def init(
@@ -114,8 +114,8 @@ class Advance(NamedTuple):
     """Result of a step.
 
     - `y1`, `error`: the state after it, and the estimate of its error.
-    - `dense`: what the dense output needs.
-    - `carried`: what serves the next step.
+    - `dense`: the coefficients of the dense output.
+    - `carried`: values that the next step uses.
     - `projected`: whether `y1` is on its groups and constraints already."""
 
     y1: State
@@ -133,7 +133,7 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
     def advance(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: PyTree
     ) -> Advance:
-        """The step from the state `y0` at `t0` to `t1`, with what the step before has `carried`."""
+        """The step from the state `y0` at `t0` to `t1`; `carried`: from the step before."""
 
     def step(
         self,
@@ -152,10 +152,10 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
 
 
 class AbstractFixedStep(AbstractDeclaredSolver):
-    """A method that passes each segment of normalised time in `steps` equal steps.
+    """A method that takes `steps` equal steps in each segment of normalised time.
 
-    To diffrax all of them are one step, from one state to one state. So nothing is carried over a
-    place where the vector field jumps, and a segment can be repeated for derivatives."""
+    For diffrax all of them are one step, from one state to one state. Nothing is thus carried over
+    a place where the vector field jumps, and a segment can be repeated for derivatives."""
 
     steps: AbstractVar[int]
 
@@ -164,7 +164,7 @@ class AbstractFixedStep(AbstractDeclaredSolver):
         """The method with `factor` times as many steps."""
 
 
-# Steps of a segment: more of them take hours, and no memory holds them.
+# Most steps of a segment: more take hours, and exceed every memory.
 MAX_STEPS = 10**8
 
 
@@ -185,16 +185,16 @@ def check_steps(name: str, steps: object, least: int, allowed: str) -> None:
 
 def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
     """Properties of a method that the integration loop uses, of this package or of diffrax."""
-    # Asked first, because a wrapper of diffrax passes for an instance of what it wraps.
+    # First of all, because a wrapper of diffrax is an instance of the class that it wraps.
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         inner = solver_traits(solver.solver)
-        # One step and two halves of it. No other wrapper of diffrax takes more than one.
+        # A step and its two halves. No other wrapper of diffrax takes more than one step.
         calls = 3 if type(solver) is diffrax.HalfSolver else 1
         return inner._replace(evaluations=calls * inner.evaluations)
     if isinstance(solver, AbstractDeclaredSolver):
         return solver.traits
-    # What a Runge-Kutta method of diffrax carries along is the derivative at the end of the step,
-    # which `init` evaluates again. Of other solvers nothing is known.
+    # A Runge-Kutta method of diffrax carries the derivative at the end of the step, which `init`
+    # can evaluate again. What other solvers carry is unknown.
     return SolverTraits(
         replayable=isinstance(solver, diffrax.AbstractRungeKutta),
         evaluations=_evaluations(solver),
@@ -202,7 +202,7 @@ def solver_traits(solver: diffrax.AbstractSolver) -> SolverTraits:
 
 
 def _evaluations(solver: diffrax.AbstractSolver) -> int:
-    """Stages of a Runge-Kutta method of diffrax; one for other methods, which do not say.
+    """Stages of a Runge-Kutta method of diffrax; one for other methods, where they are unknown.
 
     An implicit stage counts once, however many iterations its root takes."""
     tableau = getattr(solver, "tableau", None)
@@ -220,15 +220,15 @@ def bind(
     run_axes: int,
     searched: bool = False,
 ) -> diffrax.AbstractSolver:
-    """The solver with what it has to know of the run.
+    """The solver bound to a run.
 
     **Arguments**
 
     - `solver`: one of this package or one of diffrax's.
-    - `tolerance`: for the root finder of an implicit solver of diffrax that has none of its own.
+    - `tolerance`: for the root finder of an implicit solver of diffrax, unless that has one.
     - `save_ts`: the normalised times at which states are saved; `None` if only the last state is.
     - `run_axes`: how many trailing axes of each block of the state carry runs.
-    - `searched`: whether states within every step are asked for, as a search for events does.
+    - `searched`: whether states within every step are needed, as by a search for events.
 
     **Returns** a solver of the same class.
     """
@@ -267,7 +267,12 @@ def field_of_step(
 
 
 def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:
-    """The solver with `factor` times as many steps if it is a fixed-step method, else itself."""
+    """The solver with more steps, by this factor, if it is a fixed-step method, else itself.
+
+    **Arguments**
+
+    - `solver`: of this package or of diffrax.
+    - `factor`: a whole number."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, refine(solver.solver, factor))
     return solver.refined(factor) if isinstance(solver, AbstractFixedStep) else solver
@@ -283,7 +288,7 @@ def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 def _wrapping(
     solver: diffrax.AbstractWrappedSolver, inner: diffrax.AbstractSolver
 ) -> diffrax.AbstractSolver:
-    """The wrapper around another solver than its own."""
+    """The wrapper around another solver."""
     return eqx.tree_at(lambda s: s.solver, solver, inner)
 
 

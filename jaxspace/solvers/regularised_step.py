@@ -1,4 +1,4 @@
-"""One step in regularised variables, and the series that lands at the end of a segment.
+"""One step in regularised variables, and the series for the landing at the end of a segment.
 
     dz/d(sigma) = f(t, z)                     z: regularised variables; the last one is the time
     z(t1) = z + d z' + d^2 z'' / 2            d = x - (r'/r) x^2 / 2,  x = (t1 - t)/r,  r = t'
@@ -27,8 +27,8 @@ from .vector_field import ScaledField
 
 Regular = Float[Array, "variables *runs"]
 
-# Remaining time to the landing, in units of the motion, at which two terms of the series suffice,
-# because the third one is below rounding.
+# Largest remaining time of a landing, in units of the motion, for which two terms of the series
+# suffice: the third one is below rounding.
 CLOSE = 1e-5
 # Length of the first step, in units of the motion (`unit`).
 FIRST_STEP = 0.1
@@ -46,8 +46,8 @@ class Attempt(NamedTuple):
 def derivative_in(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
     """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
-    # The steps may pass the end of the segment before they land on it. Beyond it the perturbation
-    # is that of the end, just inside, because the vector field may jump there.
+    # Steps may pass the end of the segment before they land on it. Beyond the end the perturbation
+    # is that just inside of it, because the vector field may jump there.
     inside = duration * (1.0 - 4.0 * jnp.finfo(z.dtype).eps)
     elapsed = jnp.clip(z[-1], jnp.minimum(inside, 0.0), jnp.maximum(inside, 0.0))
     perturbation = barrier(form.perturbation(t + elapsed, z))
@@ -61,12 +61,12 @@ def regularised_start(field: ScaledField, y0: State) -> tuple[AbstractRegularise
 
 
 def form_of(field: ScaledField, z: Array | jax.ShapeDtypeStruct) -> AbstractRegularised:
-    """The variables of second order where the motion has such, for runs of the shape of `z`."""
+    """The second-order form of the variables if there is one, for runs of the shape of `z`."""
     return form_in(field.regularised(), z)
 
 
 def form_in(form: AbstractRegularised, z: Array | jax.ShapeDtypeStruct) -> AbstractRegularised:
-    """The variables of second order that `form` offers, or itself."""
+    """The second-order form of `form` if there is one, else itself."""
     second = form.second_order(jax.ShapeDtypeStruct(z.shape, z.dtype))
     return form if second is None else second
 
@@ -77,7 +77,7 @@ def evaluations_of(form: AbstractRegularised) -> int:
 
 
 def order_of(form: AbstractRegularised) -> float:
-    """The power of the step with which its error estimate goes to zero."""
+    """Order of the error estimate in the length of the step."""
     return 12.0 if isinstance(form, AbstractSecondOrderForm) else 8.0
 
 
@@ -115,8 +115,8 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
     n = (z.shape[0] - 2) // 2
     q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
     ks: list[Array] = []
-    # The part of the time that does not follow from q and p is integrated as a velocity is: its
-    # rate depends on q alone, and nothing depends on it.
+    # The part of the time that is no function of q and p is integrated as a velocity: its rate
+    # depends on q alone, and no rate depends on it.
     rates: list[Array] = []
     for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
         mean = node * p + h * weighted(row, ks) if row else node * p
@@ -129,7 +129,7 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
     of_q = (h * h) * weighted(POSITION_ERROR, ks)
     of_p = h * weighted(VELOCITY_ERROR, ks)
     q1, p1, rest, of_q, of_p = barrier((q1, p1, rest, of_q, of_p))
-    # The two known times are subtracted first, because they are large against their difference.
+    # The two known times are subtracted first, because their difference is much smaller.
     elapsed = form.known_time(q1, p1, held) - form.known_time(q, p, held) + rest
     t1 = barrier(z[-1] + elapsed)
     zero = jnp.zeros_like(z[2 * n :])
@@ -139,7 +139,7 @@ def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) 
 
 
 def landed(form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular) -> Regular:
-    """The variables at the end of the segment, from some so close that two terms reach it."""
+    """The variables at the end of the segment, by two terms of the series."""
 
     def rate(z: Regular) -> Regular:
         return derivative_in(form, t, duration, z)

@@ -2,13 +2,13 @@
 
     k_i = f(t + c_i h, y + h sum_j a_ij k_j)            y_1 = y + h sum_i b_i k_i
 
-Two measured facts shape the code. The compiler for CPUs evaluates the vector field once for each of
-its outputs unless a barrier holds every stage together (1.8 times faster with it); on other devices
-the barrier is left out. And a method that is written out stage by stage as a diffrax solver costs
-no more than a loop written by hand.
+Two measurements determine the code. The compiler for CPUs evaluates the vector field once for each
+of its outputs unless each stage ends in a barrier (1.8 times faster with it); other devices need no
+barrier. And a method with unrolled stages as a diffrax solver costs no more than a hand-written
+loop.
 
-The stages see a step from inside: the last one is evaluated just before the end of the step, so
-that a vector field that jumps there is evaluated on the side of the step.
+Stages are evaluated inside of the step: the last one just before its end, so that a vector field
+that jumps there has the value of this step.
 """
 
 import functools
@@ -34,8 +34,8 @@ Weights: TypeAlias = tuple[tuple[int, float], ...]
 """A row of a tableau: stages and their weights, without those of weight zero."""
 
 
-# Numbers in a state up to which sums over the stages are products and a sum. A product of matrices
-# calls a library, and a loop with such a call is compiled kernel by kernel, and not as one.
+# Up to this number of components, sums over the stages are products and a sum. A product of
+# matrices would call a library, and a loop with such a call is not compiled as one kernel.
 NARROW = 64
 
 
@@ -53,14 +53,15 @@ def weighted(weights: Weights, ks: Sequence[Array] | Array) -> Array:
     if isinstance(ks, jax.Array):
         (row,) = dense_rows((weights,), ks.shape[0])
         return jnp.tensordot(row.astype(ks.dtype), ks, 1)
-    # By the operations of `lax`: a step holds hundreds of them, and those of `jax.numpy` take four
-    # times as long to trace.
+    # With operations of `lax`, because a step has hundreds of them, and those of `jax.numpy` take
+    # four times as long to trace.
     terms = [jax.lax.mul(ks[i], ks[i].dtype.type(w)) for i, w in weights]
     return functools.reduce(jax.lax.add, terms)
 
 
 def weighted_rows(weights: Float[Array, "rows *#runs"], rows: Array) -> Array:
-    """sum_k w_k a_k over the first axis of an array, with weights of all runs or of each."""
+    """sum_k w_k a_k over the first axis of an array, with weights shared by the runs or of each
+    run."""
     if weights.ndim == 1 and rows[0].size > NARROW:
         return jnp.tensordot(weights, rows, 1)
     missing = (1,) * (rows.ndim - weights.ndim)
@@ -102,7 +103,7 @@ def stages(
     **Returns** `ks`, followed by one derivative for each row of `a`; of a loop one tree, with the
     stages on the first axis of its leaves.
     """
-    # Not before the start: a step may be as short as a rounding.
+    # Not before the start, because a step may be as short as a rounding.
     end = jnp.maximum(t0, t0 + h - 4.0 * jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + h))
 
     def derivative(ci: Scalar, change: State | None) -> State:
@@ -127,9 +128,9 @@ def stage_loop(
 ) -> State:
     """k_i = derivative(c_i, sum_j a_ij k_j) for each row of `a`, by a loop, as one tree.
 
-    The vector field stands once in the program and not once a stage. It compiles several times
-    sooner, derivatives most of all. Simple fields run slower by a part: each stage reads all
-    derivatives, those of weight zero among them. `like` has the structure of the derivatives."""
+    The program holds the vector field once, and not once for each stage. It compiles several times
+    sooner, derivatives most of all. Simple fields run somewhat slower, because each stage reads all
+    derivatives, also those of weight zero. `like` has the structure of the derivatives."""
 
     # Evaluated once more backwards: to keep what it computes at every stage takes more time. The
     # sum stays outside: it is linear, so that backwards nothing of it is needed.
@@ -162,14 +163,15 @@ class _NestedProducts(AbstractDenseOutput):
 
         def nested(y0: Array, *fs: Array) -> Array:
             total = jnp.zeros_like(y0)
-            # In turns: all terms but the first, the change, vanish at both ends of the step.
+            # Factors x and 1 - x alternate: all terms but the first, the change, vanish at both
+            # ends.
             for i, f in enumerate(reversed(fs)):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
 
         if isinstance(self.coefficients, list):
             return jax.tree.map(nested, self.y0, *self.coefficients)
-        # The same products as weights, for a small program: one sum for each leaf.
+        # The same products as weights: one sum for each leaf, for a small program.
         weights = [x]
         for i in range(6):
             weights.append(weights[-1] * ((1.0 - x) if i % 2 == 0 else x))
@@ -209,13 +211,13 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
-    Twelve evaluations a step; four more where states within the step are saved.
+    A step takes twelve evaluations, and four more if states are saved within it.
 
     **Arguments**
 
-    - `dense`: whether states within a step can be asked for. `simulate` fills it in.
+    - `dense`: whether states within a step can be computed. `simulate` sets it.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
-      slower. Derivatives of single runs fill it in."""
+      slower. Set for derivatives of single runs."""
 
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
@@ -250,22 +252,22 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         h = t1 - t0
         c, a = tableau.DOP853_C, tableau.DOP853_A
         if self.dense and self.in_loop:
-            # The stages of the dense output are in the loop: the first of them is at the end.
+            # The loop includes the stages of the dense output, the first of which is at the end.
             c = (*c, 1.0, *tableau.DOP853_DENSE_C)
             a = (*a, tableau.DOP853_B, *tableau.DOP853_DENSE_A)
         ks = stages(f, t0, h, y0, c, a, [], self.in_loop)
-        # Held, because the dense output and the error read it too.
+        # Behind a barrier, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
             blend,
             combine(None, h, tableau.DOP853_ERROR_5, ks),
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
-        # Not left to the compiler to drop: it would be traced and lowered in each first call.
+        # Not left to the compiler to remove: it would be traced and lowered in each first call.
         within = None
         if self.dense:
             if isinstance(ks, list):
-                # Four evaluations; where the run saves at few times, in every step all the same.
+                # Four evaluations in every step, also if few states are saved.
                 last = stages(f, t0, h, y1, (1.0,), ((),), [])
                 rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
                 ks = stages(f, t0, h, y0, *rest, [*ks, *last])
@@ -277,7 +279,7 @@ def blend(e5: Array, e3: Array) -> Array:
     """The error estimate e5^2 / sqrt(e5^2 + e3^2 / 100) (Hairer, Norsett, Wanner II.10), by
     component."""
     bottom = e5 * e5 + 0.01 * e3 * e3
-    # Zero over zero in a component that does not move; a safe value keeps its derivatives finite.
+    # A component that does not change has zero over zero; a safe value keeps derivatives finite.
     positive = bottom > 0.0
     return jnp.where(positive, e5 * e5 / jnp.sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
@@ -310,13 +312,13 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
     order 4.
 
-    Six evaluations a step: the last stage of a step is the first one of the next, unless the vector
-    field jumps between them.
+    A step takes six evaluations: its last stage is the first one of the next step, unless the
+    vector field jumps between them.
 
     **Arguments**
 
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
-      slower: seven evaluations a step. Large vector fields fill it in."""
+      slower, with seven evaluations a step. Set for large vector fields."""
 
     in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
@@ -347,11 +349,11 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     ) -> Advance:
         h = t1 - t0
         if self.in_loop:
-            # The last row leads to the end of the step: its stage is the slope there.
+            # The last row is the end of the step, and its stage the derivative there.
             ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
             return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), dict(y0=y0, ks=ks))
-        # Beyond a jump the last stage of the step before belongs to another vector field.
+        # After a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
         # Projected before the last stage, which is the first one of the next step: a repetition of

@@ -1,11 +1,11 @@
-"""Second-order systems as the solvers here see them, in normalised time s.
+"""Second-order systems in normalised time s, as the solvers of this package take them.
 
     dr/ds = dt/ds v        dv/ds = dt/ds a(s, r)        dt/ds: duration of the segment, any unit
 
-Runge-Kutta-Nystrom and Stormer methods sum accelerations into velocities, and learn from the
-vector field how the position moves with a velocity. So they need not know dt/ds, and no state
-holds anything but positions and velocities: a `BodyState`, a module or a named tuple with these two
-fields, or a dictionary with these two keys.
+Runge-Kutta-Nystrom and Stormer methods sum accelerations into velocities, and take the rate of the
+position from the vector field, so that they do not need dt/ds. A state holds nothing but a position
+and a velocity: a `BodyState`, a module or a named tuple with these two fields, or a dictionary with
+these two keys.
 """
 
 from collections.abc import Callable
@@ -28,7 +28,7 @@ PARTS = ("position", "velocity")
 
 
 def _names(y: PyTree) -> list[str | None]:
-    """Name of the field or key whose whole value each array of a state is; else `None`."""
+    """For each array of a state the name of the field or key whose value it is, or `None`."""
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(y)[0]]
     # A key of a dictionary, or a field of a module or of a named tuple.
     return [
@@ -38,7 +38,7 @@ def _names(y: PyTree) -> list[str | None]:
 
 
 def parts_of(y: PyTree) -> tuple[Any, Any] | None:
-    """Position and velocity of a state, or of its shapes; `None` where it lacks one, or holds
+    """Position and velocity of a state, or of its shapes; `None` if one is absent, or if it holds
     anything else."""
     named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))
     if len(jax.tree.leaves(y)) != 2 or set(named) != set(PARTS):
@@ -47,13 +47,13 @@ def parts_of(y: PyTree) -> tuple[Any, Any] | None:
 
 
 def moved(y: State, position: Vectors, velocity: Vectors) -> State:
-    """A state like `y`, of which `parts_of` knows the parts, with other ones."""
+    """The state `y`, of the kind that `parts_of` takes, with another position and velocity."""
     given = {"position": position, "velocity": velocity}
     leaves = [given[str(name)] for name in _names(y)]
     return jax.tree.unflatten(jax.tree.structure(y), leaves)
 
 
-# Jitted, so that the stages of a step, seventeen and more, share one tracing of the vector field.
+# Under `jit`, so that the seventeen or more stages of a step share one trace of the vector field.
 @eqx.filter_jit
 def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: PyTree) -> Vectors:
     _, v = known_parts(y)
@@ -61,7 +61,7 @@ def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: Py
 
 
 def known_parts(y: State) -> tuple[Vectors, Vectors]:
-    """Position and velocity of a state, or of its rate, that is known to hold them."""
+    """Position and velocity of a state, or of its rate, which must hold them."""
     parts = parts_of(y)
     assert parts is not None
     return parts
@@ -70,9 +70,9 @@ def known_parts(y: State) -> tuple[Vectors, Vectors]:
 class SecondOrder(NamedTuple):
     """A second-order system during one step.
 
-    - `terms`, `args`: the vector field, as diffrax hands it to a step.
+    - `terms`, `args`: the vector field, as diffrax passes it to a step.
     - `y0`: the state at the start of the step.
-    - `r`, `v`: position and velocity of it.
+    - `r`, `v`: its position and velocity.
     - `end`: the normalised time just before the end of the step.
     - `dt_ds`: the rate of the position for a velocity of ones.
     """
@@ -86,7 +86,7 @@ class SecondOrder(NamedTuple):
     dt_ds: Vectors
 
     def acceleration(self, s: Float[Array, ""], r: Vectors) -> Vectors:
-        """dv/ds at the position `r`; the velocity is taken not to matter."""
+        """dv/ds at the position `r`, for the velocity at the start of the step."""
         return _acceleration(self.terms, jnp.minimum(s, self.end), r, self.y0, self.args)
 
     def position_rate(self, v: Vectors) -> Vectors:
@@ -111,17 +111,17 @@ class SecondOrder(NamedTuple):
         if not _reads_argument(a, v):
             return jnp.zeros(v.shape[components:], bool)
         axes = tuple(range(components))
-        # By its numbers, because it may be read and not matter.
+        # By its values, because the velocity may be read without an effect.
         moving = a(v)
         still = a(jnp.zeros_like(v))
-        # A thousand roundings: an acceleration may be the difference of large terms.
+        # A thousand roundings, because an acceleration may be the difference of large terms.
         rounding = 1e3 * jnp.finfo(still.dtype).eps * jnp.max(jnp.abs(still), axis=axes)
         same = jnp.abs(moving - still) <= rounding
         return jax.lax.stop_gradient(~jnp.all(same | ~jnp.isfinite(moving), axis=axes))
 
 
 def _reads_argument(function: Callable[[Array], Array], x: Array) -> bool:
-    """Whether any operation leads from the argument to what the function returns."""
+    """Whether the result of the function depends on its argument, by its trace."""
     jaxpr = jax.make_jaxpr(function)(x).jaxpr
     _, read = partial_eval.dce_jaxpr(jaxpr, [True])
     return any(read)
@@ -147,7 +147,7 @@ def second_order(
         )
     r, v = parts
     end = just_before(t0, t1)
-    # The vector field knows how the position moves in normalised time, for each run by itself.
+    # The rate of the position in normalised time, of each run, is that of the vector field.
     dt_ds, _ = known_parts(terms.vf(end, moved(y0, r, jnp.ones_like(v)), args))
     return SecondOrder(terms, args, y0, r, v, end, dt_ds)
 
@@ -163,10 +163,10 @@ def estimate_by_coarsening(
 
     **Arguments**
 
-    - `integrate`: the state at the end of so many steps.
-    - `steps`, `fewer`: the two numbers of steps that are compared.
-    - `error_reduction`: by how much smaller than the difference of the two the error is.
-    - `estimate`: whether the error is wanted; without it, it is zero and costs nothing.
+    - `integrate`: returns the state at the end for a number of steps.
+    - `steps`, `fewer`: the two numbers of steps.
+    - `error_reduction`: the difference of the two solutions over the error.
+    - `estimate`: whether to estimate the error, which is zero otherwise.
 
     **Returns** the state after `steps` steps, and its error, which has no derivatives.
     """

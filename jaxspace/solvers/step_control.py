@@ -1,11 +1,11 @@
 """Step control for one run or many that share their steps.
 
 The error of a step is measured for each run in units of the tolerance (`tolerances.py`). A shared
-step is right if it is right for the worst run. A run that is no longer finite does not count: its
-status reports it, and other runs do not suffer.
+step is accepted if the error of the worst run is. A run that is no longer finite does not count:
+its status reports it, and other runs are not affected.
 
 Normalised time runs from 0 to the number of segments. A step never crosses a whole number, so that
-what happens there (a burnout, a kink of a table) is never stepped over.
+no event there (a burnout, a kink of a table) is inside of a step.
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.4 (starting step,
 control).
@@ -25,11 +25,11 @@ from .tolerances import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
-# Fraction of a segment. A step this short is accepted with any error: the status reports it, where
-# still shorter steps would only use up their number.
+# Fraction of a segment. So short a step is accepted with any error, which the status reports: still
+# shorter steps would only use up their number.
 SMALLEST_STEP = 1e-10
-# Fraction of a segment. A first step that is too long costs a rejection or two; one that is too
-# short costs many steps of growth.
+# Fraction of a segment. A first step that is too long costs one or two rejections; one that is too
+# short costs many steps until it has grown.
 FIRST_STEP = 1e-2
 
 VectorField = Callable[..., State]
@@ -45,7 +45,7 @@ Decision = tuple[
 whether the vector field may jump between them, the state of the controller, and the result."""
 
 
-# Fraction of the worst error: a run with more than this limits the step of the others.
+# Fraction of the worst error: a run with a larger error limits the step of the others.
 LIMITING = 0.5
 
 
@@ -53,7 +53,7 @@ class StepControl(NamedTuple):
     """State of the control of shared steps.
 
     - `proposal`: the length of the next step, in normalised time.
-    - `limiting`: how many of the accepted steps each run has kept as short as they were."""
+    - `limiting`: number of the accepted steps that were limited by each run."""
 
     proposal: Float[Array, ""]
     limiting: Int[Array, "*runs"]
@@ -61,14 +61,14 @@ class StepControl(NamedTuple):
 
 @final
 class BatchStepController(diffrax.AbstractStepSizeController):
-    """Steps as long as the worst of the runs allows, landing on every whole number.
+    """Steps as long as the worst of the runs allows, which end on every whole number.
 
-    - `tolerance`: what error is allowed in a step.
+    - `tolerance`: the allowed error of a step.
     - `lengths`: the relative lengths of the segments, so that a step keeps its length in time from
       one to the next.
     - `longest`: the longest step that is allowed in each segment, in normalised time.
-    - `estimated`: whether the first step is estimated; otherwise `FIRST_STEP` is tried, which costs
-      a few rejections, and saves a program in which the vector field stands once more.
+    - `estimated`: whether the first step is estimated; otherwise it is `FIRST_STEP`, which costs a
+      few rejections, and saves another copy of the vector field in the program.
     """
 
     tolerance: Tolerance
@@ -117,26 +117,26 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         before, limiting = controller_state
         ds = t1 - t0
         errors = self.tolerance.error(y0, y1_candidate, y_error)
-        # Without derivatives: they follow the steps as they were taken.
+        # Without derivatives, because these hold the accepted steps fixed.
         errors = jax.lax.stop_gradient(jnp.where(self.tolerance.alive(y0), errors, 0.0))
         worst = jnp.max(errors)
-        # In single precision, or after many segments, roundings of the time are the limit.
+        # In single precision, or after many segments, the rounding of the time is the limit.
         resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)
         smallest = jnp.maximum(SMALLEST_STEP, resolved).astype(t0.dtype)
         accept = (worst <= 1.0) | (ds <= 1.5 * smallest)
         factor = SAFETY * jnp.clip(worst, 1e-12, 1e12) ** (-1.0 / error_order)
-        # A rejected step must become shorter, whatever the estimate says.
+        # A rejected step must become shorter, whatever its error estimate.
         most = jnp.where(accept, GROW, SAFETY)
         factor = jnp.clip(factor, SHRINK, most).astype(ds.dtype)
         proposal = ds * factor
-        # A step that was cut to land says nothing against the length that had been proposed.
+        # A step that was shortened to land does not reduce the proposed length.
         was_cut = accept & (ds < before)
         proposal = jnp.where(was_cut, jnp.maximum(before, proposal), proposal)
         limiting = limiting + (accept & (errors >= LIMITING * worst)).astype(limiting.dtype)
         start = jnp.where(accept, t1, t0)
         landed = accept & (t1 == jnp.round(t1))
-        # The same length in time in the next segment. Not shorter than a first step: what made the
-        # steps short may have ended here.
+        # The same length in time in the next segment, but not shorter than a first step, because
+        # the cause of short steps may have ended here.
         rescaled = proposal * self._of_segment(self.lengths, t0)
         rescaled = rescaled / self._of_segment(self.lengths, start)
         next_segment = jnp.maximum(rescaled, FIRST_STEP)
@@ -153,7 +153,7 @@ class BatchStepController(diffrax.AbstractStepSizeController):
             # Equal steps up to the node, none longer than allowed.
             count = jnp.ceil(left / self._of_segment(self.longest, s) - 1e-6)
             ds = jnp.minimum(ds, left / jnp.maximum(count, 1.0))
-        # Two equal steps to the node are better than a long one and a sliver.
+        # Two equal steps to the node are better than a long one and a very short one.
         short_of_node = s + jnp.where(ds > 0.5 * left, 0.5 * left, ds)
         return jnp.where(ds >= 0.999 * left, node, short_of_node)
 
@@ -180,14 +180,14 @@ class BatchStepController(diffrax.AbstractStepSizeController):
             rate = f(s + h, jax.tree.map(lambda y, k: y + h.astype(y.dtype) * k, y0, k))
             return jnp.where(i == 0, trial_length(rate), h), k, rate
 
-        # A loop, so that the vector field stands once in the program: at the start, then after a
-        # step of Euler's method.
+        # A loop, so that the program holds the vector field once: for the start, and for the end of
+        # a step of Euler's method.
         still = jax.tree.map(jnp.zeros_like, y0)
         h0, f0, f1 = jax.lax.fori_loop(0, 2, evaluate, (jnp.zeros_like(s), still, still))
         d1 = tol.largest(f0, scale)
         d2 = tol.largest(jax.tree.map(jnp.subtract, f1, f0), scale) / h0
         d = jnp.maximum(d1, d2)
-        # The root of the worst run only: one for each run would cost as much as a stage.
+        # The root of the worst run only, because one for each run would cost as much as a stage.
         worst = jnp.max(jnp.where(jnp.isfinite(d) & alive, d, 0.0))
         h1 = jnp.where(
             worst <= 1e-15,

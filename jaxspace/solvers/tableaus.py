@@ -2,12 +2,13 @@
 """Coefficients of explicit Runge-Kutta methods, as published.
 
 A row lists its non-zero entries as (stage, weight). Two weights differ from the published ones in
-the last places: the first of DOP853 and the last of the position of RKN 12(10) take up what
-rounding leaves of
+the last places: the first of DOP853 and the last of the position of RKN 12(10) take up the rounding
+errors of
 
     sum_i b_i (1 - sum_j a_ij) = 1/2            sum_i b'_i (1 - c_i) = sum_i b_i        (RKN)
 
-which would push along a circular motion in every step, so that its energy grows with the time.
+which would act as a force along a circular motion in every step, so that its energy grows with the
+time.
 
 Sources: DOP853, order 8(5,3): Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I,
 2nd ed., Springer 1993, section II.5 and the appendix's code (dense output of order 7 with three

@@ -4,9 +4,9 @@ For each run
 
     e = max over the blocks of  |error| / (atol + rtol max(|y0|, |y1|))          | |: length
 
-A block of the state is a vector (a position, a quaternion) or a scalar (a mass), and its length is
-taken. So the error does not depend on the axes, and a component that passes through zero requires
-no digits of its own.
+A block of the state is a vector (a position, a quaternion) or a scalar (a mass), measured by its
+length. The error thus does not depend on the axes, and a component that passes through zero does
+not need small steps.
 """
 
 import functools
@@ -24,11 +24,11 @@ from ..core import Scalar, State
 
 @final
 class Tolerance(eqx.Module):
-    """What error is allowed in a step: `rtol` of the length of each block of the state plus `atol`.
+    """The allowed error of a step: `rtol` times the length of each block of the state, plus `atol`.
 
     - `run_axes`: how many trailing axes carry runs.
-    - `blocks`: of a state that is one vector the sizes of the blocks that lie in it; none where
-      each array of the state is a block."""
+    - `blocks`: for a state packed into one vector, the sizes of its blocks; empty where each array
+      of the state is a block."""
 
     rtol: Scalar
     atol: Scalar
@@ -38,12 +38,12 @@ class Tolerance(eqx.Module):
     def length(self, block: Float[Array, "..."]) -> Float[Array, "*of_blocks_and_runs"]:
         """The length of a block for each run, (*runs); of blocks in a vector, (blocks, *runs).
 
-        It has no derivative: no result depends on it."""
+        It has no derivative, because no result depends on it."""
         return self._larger(block)
 
     def _larger(self, *blocks: Float[Array, "..."]) -> Float[Array, "*runs"]:
         """The largest of the lengths of some blocks for each run."""
-        # At zero the root would have no slope, either.
+        # At zero the root has no derivative.
         blocks = jax.lax.stop_gradient(blocks)
         if self.blocks:
             return jnp.sqrt(functools.reduce(jnp.maximum, map(self._squares, blocks)))
@@ -54,7 +54,8 @@ class Tolerance(eqx.Module):
 
     def _squares(self, vector: Float[Array, "components *#runs"]) -> Float[Array, "blocks *#runs"]:
         """The squares of the lengths of the blocks in a vector."""
-        # A number that is not finite spoils all blocks of a product, and so its run, as it should.
+        # A number that is not finite makes all blocks of the product so, and the run fails, as it
+        # should.
         members = np.repeat(np.eye(len(self.blocks)), self.blocks, axis=1)
         return jnp.tensordot(members.astype(vector.dtype), vector * vector, 1)
 
@@ -65,8 +66,8 @@ class Tolerance(eqx.Module):
         block: Array,
     ) -> Array:
         """A reduction over all axes but those of the runs."""
-        # The compiler for CPUs takes one run after the other in a reduction. Component by component
-        # it takes many at once, for the few components of a vector.
+        # The compiler for CPUs treats one run after the other in a reduction. Component by
+        # component it treats many at once, which pays off for the few components of a vector.
         if self.run_axes and block.ndim - self.run_axes == 1 and 0 < block.shape[0] <= 4:
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
@@ -96,7 +97,7 @@ class Tolerance(eqx.Module):
         return jnp.where(jnp.isfinite(e), e, jnp.inf)
 
     def alive(self, y: State) -> Bool[Array, "*runs"]:
-        """Which runs have nothing but finite numbers in their state."""
+        """Whether all numbers in the state of each run are finite."""
         leaves = jax.tree.leaves(y)
         flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
         return functools.reduce(jnp.logical_and, flags)

@@ -1,7 +1,7 @@
-"""The vector field as a step sees it, in normalised time.
+"""The vector field of a step, in normalised time.
 
-Normalised time s counts segments. The vector field is smooth within a segment and may jump from
-one to the next, so that a step looks at it from inside.
+Normalised time s counts segments. The vector field is smooth within a segment and may jump from one
+to the next, so that a step evaluates it only inside of the segment.
 """
 
 from typing import NamedTuple, Protocol, final, runtime_checkable
@@ -18,10 +18,10 @@ from ..core.groups import project
 
 @runtime_checkable
 class ScaledField(Protocol):
-    """The `args` of a step: the vector field in normalised time, and what it is made of.
+    """The `args` of a step: the vector field in normalised time, and the parts of it.
 
-    Most methods only evaluate it. Those that integrate by a capability of the system ask for the
-    capability, and for times and durations in seconds, which the capability takes."""
+    Most methods only evaluate it. Those that integrate by a capability of the system use the
+    capability, which takes times and durations in seconds."""
 
     def __call__(self, s: Scalar, y: State) -> State:
         """dy/ds at the normalised time `s`."""
@@ -52,18 +52,18 @@ class ScaledField(Protocol):
 def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> State:
     """The vector field at one stage.
 
-    All stages of a step share one tracing of it."""
-    # The first barrier keeps the sum of the stages from being repeated in every output of the
-    # vector field, the second one the vector field from being repeated in every reader.
+    All stages of a step share one trace of it."""
+    # Without the first barrier the compiler would repeat the sum of the stages in every output of
+    # the vector field, without the second one the vector field in every reader.
     return barrier(terms.vf(t, barrier(y), args))
 
 
 @final
 class StepField(NamedTuple):
-    """The vector field dy/dt = f(t, y) during one step, as diffrax hands it to a solver.
+    """The vector field dy/dt = f(t, y) during one step, as diffrax passes it to a solver.
 
-    - `made_jump`: whether it may have jumped at the start of the step, so that what was evaluated
-      before belongs to another vector field."""
+    - `made_jump`: whether it may have jumped at the start of the step, so that earlier evaluations
+      belong to another vector field."""
 
     terms: diffrax.AbstractTerm
     args: PyTree
@@ -73,9 +73,9 @@ class StepField(NamedTuple):
         return evaluate(self.terms, t, y, self.args)
 
     def projected(self, t: Scalar, y: State) -> State:
-        """The state at the end `t` of a step, on its groups and constraints, so that neither
-        drifts, however long the run."""
-        # Other arguments are those of a user of diffrax, or local coordinates.
+        """The state at the end `t` of a step, projected on its groups and constraints, so that it
+        does not drift from them in a long run."""
+        # Other arguments come from a user of diffrax, or from local coordinates.
         return self.args.projected(t, y) if isinstance(self.args, ScaledField) else project(y)
 
 

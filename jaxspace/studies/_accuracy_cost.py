@@ -1,4 +1,4 @@
-"""What accuracy costs in time, measured on the run in question.
+"""Cost of accuracy in time, measured on the run in question.
 
 The true error of every setting is taken against the closed form where the system has one.
 Otherwise the reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 times the
@@ -41,7 +41,7 @@ def accuracy_cost(
     repeats: int = REPEATS,
     max_steps: int = MAX_STEPS,
 ) -> AccuracyCost:
-    """What accuracy costs in time for this system, scene or mission.
+    """Cost of accuracy in time for a system, scene or mission.
 
     **Arguments**
 

@@ -15,8 +15,7 @@ from .cost_table import MAX_STEPS, Method
 
 
 class Case(NamedTuple):
-    """What runs, in one precision: its arrays, what is left of it without them, and how many steps
-    a run may take."""
+    """A run in one precision: its arrays, the rest of it, and the limit of its steps."""
 
     arrays: PyTree[Array]
     static: PyTree

@@ -21,7 +21,7 @@ TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
 def _methods_of_phases(mission: Mission, y0: State, rtol: float) -> list[Method]:
-    """What "auto" stands for in each phase of a mission."""
+    """The methods for "auto" in each phase of a mission."""
     return [config.method for config in resolve_phases(mission, y0, accuracy_of("auto", rtol))]
 
 
@@ -48,7 +48,7 @@ def methods_by_name(
 
     **Raises** `InputError` for what is no method, and for a closed form that there is not."""
     exact = all(s.closed_form() is not None for s in systems_of(system))
-    found: list[Method] = []
+    result: list[Method] = []
     for method in methods:
         if method == "auto" and not isinstance(system, Mission):
             method = select_method(system, y0, rtol, ts)
@@ -63,10 +63,10 @@ def methods_by_name(
                 f"fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
             )
         # "auto" may stand for a method that is named as well.
-        if method not in found:
-            found.append(method)
-    names = numbered([method_name(method) for method in found])
-    return dict(zip(names, found, strict=True))
+        if method not in result:
+            result.append(method)
+    names = numbered([method_name(method) for method in result])
+    return dict(zip(names, result, strict=True))
 
 
 def _has_error_estimate(method: Method) -> bool:

@@ -1,4 +1,4 @@
-"""What the errors of a study are measured against: a closed form, or the tightest good run."""
+"""Reference of the errors of a study: a closed form, or the most accurate good run."""
 
 import itertools
 import math
@@ -34,7 +34,7 @@ PREFERRED = type(HIGH_ORDER) | type(STIFF)
 
 
 class Reference(NamedTuple):
-    """What errors are measured against.
+    """Reference of the errors.
 
     - `name`: in words; empty where no run ends well.
     - `final`, `gradient`: the exact final state and gradient, as far as they are known.

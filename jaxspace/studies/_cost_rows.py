@@ -63,8 +63,8 @@ def cost_rows(
             failure="" if status.good else status.sentence,
         )
         if programs.gradient is not None and reference.gradient is not None:
-            found, seconds = timed(programs.gradient, repeats, case.arrays, rtol)
-            error = _gradient_error(found, reference.gradient, case)
+            result, seconds = timed(programs.gradient, repeats, case.arrays, rtol)
+            error = _gradient_error(result, reference.gradient, case)
             row = row._replace(gradient_error=error, gradient_seconds=seconds)
         rows.append(row)
     return rows

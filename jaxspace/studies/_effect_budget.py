@@ -1,4 +1,4 @@
-"""Which effects matter for an output of a run, and which of them may be left out.
+"""Influence of the effects on an output of a run, and a choice of those that may be left out.
 
     q(s):   the output when the load of effect k is multiplied by s_k
     -dq/ds_k at s = 1       what leaving out effect k changes, to first order
@@ -42,7 +42,7 @@ def effect_budget(
     accuracy: Accuracy | Scalar | None = None,
     repeats: int = REPEATS,
 ) -> EffectBudget:
-    """What each effect of a scene, or of the scenes of a mission, does to an output of a run.
+    """Influence of each effect of a scene, or of the scenes of a mission, on an output of a run.
 
     **Arguments**
 

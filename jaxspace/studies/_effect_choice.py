@@ -1,4 +1,5 @@
-"""Which effects may be left out together: proposed by scaled runs, confirmed by a plain one."""
+"""Choice of effects that may be left out together: proposed by scaled runs, confirmed by a full
+one."""
 
 import dataclasses
 from collections.abc import Callable

@@ -39,19 +39,19 @@ def influence_of(
         change = tuple(predicted.ravel().tolist())
         failure = without.status.sentence
         return Influence(name, phases, linear, linear, None, False, change, share, failure)
-    found = runs.change(without.value, nominal)
-    left_out = float(np.linalg.norm(found))
-    off = float(np.linalg.norm(found - predicted))
+    result = runs.change(without.value, nominal)
+    left_out = float(np.linalg.norm(result))
+    off = float(np.linalg.norm(result - predicted))
     # A difference that the error of the integration explains is no sign of nonlinearity.
     nonlinear = off > NONLINEAR * left_out and not off <= 10.0 * noise
-    change = tuple((found if nonlinear else predicted).ravel().tolist())
+    change = tuple((result if nonlinear else predicted).ravel().tolist())
     influence = left_out if nonlinear else linear
     return Influence(name, phases, influence, linear, left_out, nonlinear, change, share)
 
 
 def shares_of(system: Runnable, nominal: ScaledOutcome) -> dict[str, float]:
-    """What the run saves, of its arithmetic, when an effect is left out: operations of one
-    evaluation times evaluations."""
+    """Share of the arithmetic that a run saves without an effect: operations of one evaluation
+    times evaluations."""
     saved: dict[str, float] = {}
     total = 0.0
     for k, _, scene in scenes(system):

@@ -22,7 +22,7 @@ Output = str | Callable[[Any], Array]
 
 
 class Blocks(NamedTuple):
-    """How the components of a state lie in one vector (n, *runs)."""
+    """Layout of the components of a state in one vector (n, *runs)."""
 
     blocks: tuple[PyTree, ...]
     structure: jax.tree_util.PyTreeDef
@@ -70,7 +70,8 @@ class Blocks(NamedTuple):
 
     def moved(self, x: Array) -> State:
         """The state at the local coordinates `x`, (n, *runs)."""
-        found, at = [], 0
+        result = []
+        at = 0
         for block, shape in zip(self.blocks, self.shapes, strict=True):
             count = int(np.prod(shape, dtype=int))
             local = x[at : at + count].reshape(*shape, *self.runs)
@@ -83,16 +84,17 @@ class Blocks(NamedTuple):
                     ),
                     block,
                 )
-                found.append(wide.moved(local))
+                result.append(wide.moved(local))
             else:
                 block = jnp.reshape(block, block.shape + (1,) * (local.ndim - block.ndim))
-                found.append(block + local)
-        return jax.tree.unflatten(self.structure, found)
+                result.append(block + local)
+        return jax.tree.unflatten(self.structure, result)
 
     def rate(self, x: Array, moved: State, rate: State) -> Array:
         """The rates of the local coordinates, (n, *runs), at `x`, from the state there and its
         rate."""
-        found, at = [], 0
+        result = []
+        at = 0
         states = jax.tree.leaves(moved, is_leaf=on_group)
         rates = jax.tree.leaves(rate, is_leaf=on_group)
         for block, shape, k in zip(states, self.shapes, rates, strict=True):
@@ -100,10 +102,10 @@ class Blocks(NamedTuple):
             local = x[at : at + count]
             at += count
             if on_group(block):
-                found.append(block.coordinate_rate(local, k))
+                result.append(block.coordinate_rate(local, k))
             else:
-                found.append(jnp.broadcast_to(k, (*shape, *self.runs)).reshape(count, *self.runs))
-        return jnp.concatenate(found)
+                result.append(jnp.broadcast_to(k, (*shape, *self.runs)).reshape(count, *self.runs))
+        return jnp.concatenate(result)
 
 
 def _first_leaf(tree: PyTree) -> PyTree:
@@ -143,26 +145,26 @@ def forced(
             parts.append((given, 1, ()))
 
     def of(u: Array) -> AbstractSystem:
-        found: Any = system
+        result: Any = system
         at = 0
         for given, count, shape in parts:
             part = u[at : at + count].reshape(*shape, *runs)
             at += count
             if isinstance(given, str):
-                value = jnp.asarray(getattr(found, given), u.dtype)
+                value = jnp.asarray(getattr(result, given), u.dtype)
                 value = value.reshape(value.shape + (1,) * (part.ndim - value.ndim))
                 # Added to what the system has, because u is a small change about it.
-                found = eqx.tree_at(lambda s, n=given: getattr(s, n), found, value + part)
+                result = eqx.tree_at(lambda s, n=given: getattr(s, n), result, value + part)
             else:
-                found = given(found, part)
-        return found
+                result = given(result, part)
+        return result
 
     return of, tuple(labels)
 
 
 def measured(outputs: tuple[Output, ...], y: State, runs: tuple[int, ...]) -> Array:
     """The outputs of a state, (p, *runs)."""
-    found = []
+    result = []
     for given in outputs:
         if isinstance(given, str):
             value = y.get(given) if isinstance(y, dict) else getattr(y, given, None)
@@ -175,5 +177,5 @@ def measured(outputs: tuple[Output, ...], y: State, runs: tuple[int, ...]) -> Ar
             value = given(y)
         value = jnp.asarray(value)
         components = value.shape[: value.ndim - len(runs)]
-        found.append(value.reshape(int(np.prod(components, dtype=int)), *runs))
-    return jnp.concatenate(found)
+        result.append(value.reshape(int(np.prod(components, dtype=int)), *runs))
+    return jnp.concatenate(result)

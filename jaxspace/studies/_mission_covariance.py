@@ -92,7 +92,7 @@ class _Mapped(eqx.Module):
         return MeanCovariance(behind, P)
 
     def _delay(self, t: Scalar, mean: State, change: State, rate: State, started: Array) -> Array:
-        """How much later the phase ends for a change of the state and a late start."""
+        """Delay of the end of a phase for a change of the state and of its start."""
         event = self.phase.until
         if not isinstance(event, Event):
             return started

@@ -117,8 +117,8 @@ class Modes(eqx.Module):
         **Raises** `ImportError` where matplotlib is not installed."""
         from ..plots import bode_figure
 
-        found = (np.asarray(x).reshape(*x.shape[:3], -1) for x in self.bode(frequency))
-        magnitude, phase = (np.moveaxis(x, 2, -1) for x in found)
+        result = (np.asarray(x).reshape(*x.shape[:3], -1) for x in self.bode(frequency))
+        magnitude, phase = (np.moveaxis(x, 2, -1) for x in result)
         p, m, count, w = magnitude.shape
         labels = [
             f"{o} / {i}" + (f", run {k}" if count > 1 else "")
@@ -227,7 +227,8 @@ def modes(
 
     a = jacobian(lambda x: field(x, drive), zero)
     b = jacobian(lambda u: field(zero, u), drive) if input_names else a[:, :0]
-    c, output_names = a[:0], ()
+    c = a[:0]
+    output_names = ()
     if outputs:
         c = jacobian(lambda x: measured(tuple(outputs), blocks.moved(x), blocks.runs), zero)
         output_names = tuple(
@@ -269,10 +270,10 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
 
     arrays, static = eqx.partition(system, eqx.is_array)
     fixed = eqx.combine(jax.lax.stop_gradient(arrays), static)
-    found = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
+    result = jax.lax.fori_loop(0, steps, lambda _, y: newton(fixed, y), jax.lax.stop_gradient(y))
     # Two more steps, the only ones that are differentiated: about the root the first one gives the
     # derivatives of the implicit function theorem, and the second one those of second order.
-    return newton(system, jax.lax.stop_gradient(found), 2)
+    return newton(system, jax.lax.stop_gradient(result), 2)
 
 
 def _runs_first(x: Array) -> Array:

@@ -12,8 +12,8 @@ from ..integration.layout import broadcast_state
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes
 from ..simulation.either import run_either
-from ..simulation.flight import AbstractFlight
 from ..simulation.legs import check_one_line
+from ..simulation.runnable import AbstractRunnable
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
 from .coordinates import Coordinates
 from .covariance import MeanCovariance, Noise, Uncertain
@@ -111,7 +111,7 @@ def propagate_covariance(
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
     check_one_line(system, "propagate_covariance")
-    if any(isinstance(phase.system, AbstractFlight) for phase in system.phases):
+    if any(isinstance(phase.system, AbstractRunnable) for phase in system.phases):
         raise InputError(
             "A phase of the mission is a closed loop: its covariance is that of a campaign, or "
             "without noise Sensitivity.covariance."

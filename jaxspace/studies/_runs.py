@@ -13,7 +13,7 @@ from jaxtyping import Array, ArrayLike, Float, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
-from ..integration.accuracy import Accuracy, check_initial_state, state_dtype
+from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
 from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
@@ -28,7 +28,7 @@ OutputOfRun: TypeAlias = Callable[[Scalar, State], Array]
 
 
 class RunOutcome(NamedTuple):
-    """What a study keeps of a run: arrays only, so that a compiled program can return it.
+    """Result of a run for a study: arrays only, so that a compiled program can return it.
 
     - `final`: the final state.
     - `phases`: save times and states of every phase; a system is one phase.
@@ -87,7 +87,7 @@ def check_start(
     """Initial state and times as arrays.
 
     **Raises** `InputError` as `simulate` does, which cannot see them once they are traced."""
-    y0 = jax.tree.map(jnp.asarray, y0)
+    y0 = jax.tree.map(jnp.asarray, as_state(y0))
     check_initial_state(y0)
     if not isinstance(system, Mission):
         return y0, check_times(ts, y0)
@@ -159,11 +159,11 @@ class Block(NamedTuple):
 def blocks(tree: State) -> list[Block]:
     """The arrays of a state."""
     leaves, _ = jax.tree_util.tree_flatten_with_path(tree)
-    found = []
+    result = []
     for path, x in leaves:
         name = getattr(path[-1], "name", "") if path else ""
-        found.append(Block(np.asarray(x, float), name == "wxyz"))
-    return found
+        result.append(Block(np.asarray(x, float), name == "wxyz"))
+    return result
 
 
 def distance(state: State, reference: State) -> float:

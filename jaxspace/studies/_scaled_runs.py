@@ -23,7 +23,7 @@ from ._scene_effects import Runnable, scale_effects
 
 
 class ScaledOutcome(NamedTuple):
-    """What a run with scaled effects leaves.
+    """Result of a run with scaled effects.
 
     - `value`, `derivative`: the output, and its derivative along one factor.
     - `status`, `phases`, `evaluations`: as in `RunOutcome`."""
@@ -64,7 +64,7 @@ class ScaledRuns(NamedTuple):
         )
 
     def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
-        """How far an output has moved; a quaternion and its negative are one attitude."""
+        """Change of an output; a quaternion and its negative are one attitude."""
         if self.signless and np.linalg.norm(value + nominal) < np.linalg.norm(value - nominal):
             value = -value
         # The difference of two single numbers would be no array.

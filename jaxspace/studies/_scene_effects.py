@@ -19,8 +19,8 @@ def scenes(system: Runnable) -> list[tuple[int, str, Scene]]:
     if isinstance(system, Scene):
         return [(0, "scene", system)]
     legs = legs_of(system)[0] if isinstance(system, Mission) else ()
-    found = ((k, leg.name, leg.phase.system) for k, leg in enumerate(legs))
-    return [(k, name, system) for k, name, system in found if isinstance(system, Scene)]
+    result = ((k, leg.name, leg.phase.system) for k, leg in enumerate(legs))
+    return [(k, name, system) for k, name, system in result if isinstance(system, Scene)]
 
 
 def effect_names(scene: Scene) -> list[str]:
@@ -40,16 +40,16 @@ def phases_by_effect(system: Runnable) -> dict[str, tuple[str, ...]]:
     """Every effect by name, with the phases in which it acts.
 
     **Raises** `InputError` when there is none."""
-    found: dict[str, tuple[str, ...]] = {}
+    result: dict[str, tuple[str, ...]] = {}
     for _, phase, scene in scenes(system):
         for name in effect_names(scene):
-            found[name] = (*found.get(name, ()), phase)
-    if not found:
+            result[name] = (*result.get(name, ()), phase)
+    if not result:
         raise InputError(
             f"scene is a {type(system).__name__} without effects: it must be a Scene, or a Mission "
             f"of scenes, with at least one."
         )
-    return found
+    return result
 
 
 def scale_effects(system: Runnable, factors: dict[str, Scalar]) -> Runnable:

@@ -37,7 +37,7 @@ Selection = Callable[[Any, Any], PyTree]
 
 
 def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
-    """What `sensitivity` varies by default: every component of the initial state."""
+    """The default of `wrt` in `sensitivity`: every component of the initial state."""
     del system
     return y0
 
@@ -64,13 +64,13 @@ class Sensitivity(eqx.Module):
         return self.first[:, :, -1]
 
     def change(self, x: Float[ArrayLike, "columns *#runs"]) -> Float[Array, "rows times *runs"]:
-        """How the states change when what is varied changes by `x`, to the order computed."""
+        """Change of the states for a change `x` of the varied quantities, to the computed order."""
         x = jnp.asarray(x)
         lead = jnp.expand_dims(x, 1)
-        found = jnp.einsum("rct...,c...->rt...", self.first, x)
+        result = jnp.einsum("rct...,c...->rt...", self.first, x)
         if self.second is not None:
-            found += 0.5 * jnp.einsum("rcdt...,ct...,dt...->rt...", self.second, lead, lead)
-        return found
+            result += 0.5 * jnp.einsum("rcdt...,ct...,dt...->rt...", self.second, lead, lead)
+        return result
 
     def covariance(
         self, initial: Float[ArrayLike, "columns columns *#runs"]
@@ -188,8 +188,8 @@ def sensitivity(
 
 
 class _Choice(NamedTuple):
-    """What is varied: the numbers of the leaves, the structure of the tree that `wrt` made of them,
-    and whether each carries runs."""
+    """The varied quantities: the numbers of the leaves, the structure of the tree that `wrt` made
+    of them, and whether each carries runs."""
 
     numbers: tuple[int, ...]
     structure: jax.tree_util.PyTreeDef
@@ -265,13 +265,13 @@ def _derivatives(
 
         tangents, seconds, arrays = jax.vmap(column, out_axes=(None, 0, None))(units)
     run = eqx.combine(arrays, held[-1])
-    found = []
+    result = []
     for k, (states, _) in enumerate(_parts(run)):
         second = None if seconds is None else seconds[k][0]
-        found.append(_of_part(states, tangents[k], second, columns.labels, int(options["batch"])))
+        result.append(_of_part(states, tangents[k], second, columns.labels, int(options["batch"])))
     if isinstance(run, Trajectory):
-        return run, found[0]
-    return run, MissionSensitivity(tuple(found[:-1]), run.names, found[-1])
+        return run, result[0]
+    return run, MissionSensitivity(tuple(result[:-1]), run.names, result[-1])
 
 
 def _parts(run: Trajectory | MissionTrajectory) -> list[tuple[State, Array]]:

@@ -39,7 +39,7 @@ class Influence(NamedTuple):
 @final
 @dataclass(frozen=True, eq=False)
 class EffectBudget:
-    """Which effects matter for an output of a run.
+    """Influence of effects on an output of a run.
 
     - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer
       integration moves it (by a hundredth of the tolerance, or twice as many equal steps), NaN
@@ -101,7 +101,7 @@ class EffectBudget:
         )
 
     def _smallest_set(self) -> list[str]:
-        """Which effects may be left out, in words."""
+        """The effects that may be left out, in words."""
         if self.tolerance is None:
             return []
         unit = f" {self.unit}" if self.unit else ""

@@ -18,7 +18,7 @@ from ..core.groups import on_group
 
 
 class Coordinates(NamedTuple):
-    """Where the components of each block of a tree stand in one vector.
+    """Layout of the components of the blocks of a tree in one vector.
 
     - `blocks`, `structure`: the tree, cut at its blocks on groups.
     - `shapes`, `trailing`: of each block, the axes of its components and those behind them.
@@ -65,7 +65,7 @@ class Coordinates(NamedTuple):
 
     @property
     def count(self) -> int:
-        """How many components there are."""
+        """Number of components."""
         return len(self.labels)
 
     @property
@@ -84,7 +84,8 @@ class Coordinates(NamedTuple):
 
     def moved(self, x: Array) -> PyTree:
         """The tree at the coordinates `x`, (n,) or (n, ...) with the axes behind the blocks."""
-        found, at = [], 0
+        result = []
+        at = 0
         for block, shape, behind in zip(self.blocks, self.shapes, self.trailing, strict=True):
             size = int(np.prod(shape, dtype=int))
             part = x[at : at + size]
@@ -92,20 +93,20 @@ class Coordinates(NamedTuple):
             missing = len(shape) + len(behind) - part.ndim
             local = jnp.broadcast_to(part.reshape(part.shape + (1,) * missing), (*shape, *behind))
             at += size
-            found.append(block.moved(local) if on_group(block) else block + local)
-        return jax.tree.unflatten(self.structure, found)
+            result.append(block.moved(local) if on_group(block) else block + local)
+        return jax.tree.unflatten(self.structure, result)
 
     def components(self, tangent: PyTree) -> Array:
         """The coordinates (n, ...) of a small change of the tree; the axes behind broadcast."""
         changes = jax.tree.leaves(tangent, is_leaf=on_group)
         behind = np.broadcast_shapes(*self.trailing)
-        found = []
+        result = []
         for block, shape, change in zip(self.blocks, self.shapes, changes, strict=True):
             local = block.coordinate_rate(_zeros(block), change) if on_group(block) else change
             size = int(np.prod(shape, dtype=int))
             local = local.reshape(size, *local.shape[len(shape) :])
-            found.append(jnp.broadcast_to(local, (size, *behind)))
-        return jnp.concatenate(found)
+            result.append(jnp.broadcast_to(local, (size, *behind)))
+        return jnp.concatenate(result)
 
 
 def name_of(path: Sequence[jax.tree_util.KeyEntry]) -> str:

@@ -63,7 +63,7 @@ class Cost(NamedTuple):
 @final
 @dataclass(frozen=True, eq=False)
 class AccuracyCost:
-    """What accuracy costs in one run: a row for every setting.
+    """Cost of accuracy in one run: a row for every setting.
 
     - `rows`: in the order of precision, method and falling tolerance.
     - `reference`: what the errors are measured against, and `reference_error`, an estimate of its
@@ -126,7 +126,7 @@ class AccuracyCost:
             return Accuracy(rtol=row.tolerance, method=method, max_steps=self.max_steps)
         if isinstance(method, str):
             return Accuracy()
-        # The table has judged the fixed steps by the reference, so that their own cautious estimate
+        # The error of the fixed steps is known from the reference, so that their cautious estimate
         # must not reject them.
         return Accuracy(rtol=FIXED_STEP_RTOL, method=method)
 
@@ -158,7 +158,7 @@ FIXED_STEP_RTOL = 1.0
 
 
 def method_name(method: Method) -> str:
-    """How tables name a method; the number of its steps is part of a fixed-step one."""
+    """Name of a method in tables; the number of its steps is part of a fixed-step one."""
     if isinstance(method, str):
         return method
     # A wrapper that only counts steps is named after the method that takes them.

@@ -71,7 +71,10 @@ NAMES = {
     "cllp": ("roll_damping", 1.0),
     "rad?": ("per_radian", 1.0),
 }
-TIME, CLIMB, HEIGHT, THRUST = "time (s)", "vertical velocity", "altitude", "thrust"
+TIME = "time (s)"
+CLIMB = "vertical velocity"
+HEIGHT = "altitude"
+THRUST = "thrust"
 # Of the Mach numbers of a flight: what lies closer is one point.
 APART = 0.01
 
@@ -127,45 +130,45 @@ def _column(
     gaps: bool = False,
 ) -> np.ndarray:
     """The numbers of one column; with `gaps`, NaN where the file says so."""
-    found = np.empty(len(rows))
+    result = np.empty(len(rows))
     for i, row in enumerate(rows):
         text = row[k] if k < len(row) else ""
         if gaps and text.lower() == "nan":
-            found[i] = np.nan
+            result[i] = np.nan
             continue
         try:
-            found[i] = float(text)
+            result[i] = float(text)
         except ValueError:
-            found[i] = np.inf
-        if not np.isfinite(found[i]):
+            result[i] = np.inf
+        if not np.isfinite(result[i]):
             where = f"{path}, line {numbers[i]}: {heads[k]}"
             raise InputError(f"{where} is {text[:40]!r}: it must be a finite number.")
-    return found
+    return result
 
 
 def _of_table(
     path: str, heads: list[str], rows: list[list[str]], numbers: list[int]
 ) -> dict[str, np.ndarray]:
     """The columns of a table by Mach number and angle."""
-    found: dict[str, np.ndarray] = {}
+    result: dict[str, np.ndarray] = {}
     for k, head in enumerate(heads):
         key, unit = NAMES.get(head, ("", 1.0))
-        if key and key not in found:
-            found[key] = unit * _column(path, heads, rows, numbers, k)
-    if np.any(found.pop("sideslip", np.zeros(1)) != 0.0):
+        if key and key not in result:
+            result[key] = unit * _column(path, heads, rows, numbers, k)
+    if np.any(result.pop("sideslip", np.zeros(1)) != 0.0):
         raise InputError(f"{path} has angles of sideslip: it must have alpha and phi alone.")
-    if "centre_ahead" in found:
-        ahead = found.pop("centre_ahead")
-        at_zero = found.get("angle", np.zeros(1)) == 0.0
-        found["centre"] = np.where(at_zero, ahead, found.get("centre", ahead))
-    per_radian = found.pop("per_radian", np.ones(1))
-    if "lag_damping" in found:
-        lag = found.pop("lag_damping")
-        found["pitch_damping"] = found.get("pitch_damping", 0.0) + lag
+    if "centre_ahead" in result:
+        ahead = result.pop("centre_ahead")
+        at_zero = result.get("angle", np.zeros(1)) == 0.0
+        result["centre"] = np.where(at_zero, ahead, result.get("centre", ahead))
+    per_radian = result.pop("per_radian", np.ones(1))
+    if "lag_damping" in result:
+        lag = result.pop("lag_damping")
+        result["pitch_damping"] = result.get("pitch_damping", 0.0) + lag
     for key in ("pitch_damping", "roll_damping"):
-        if key in found:
-            found[key] = found[key] / np.where(per_radian == 0.0, DEGREE, 1.0)
-    return found
+        if key in result:
+            result[key] = result[key] / np.where(per_radian == 0.0, DEGREE, 1.0)
+    return result
 
 
 def _of_flight(
@@ -182,7 +185,9 @@ def _of_flight(
 
     mach = column("mach number")
     coefficient = column("axial drag coefficient", "drag coefficient")
-    thrust, climb, height = column(THRUST), column(CLIMB), column(HEIGHT)
+    thrust = column(THRUST)
+    climb = column(CLIMB)
+    height = column(HEIGHT)
     if mach is None or coefficient is None or thrust is None or (climb is None and height is None):
         raise InputError(
             f"{path} is a flight of OpenRocket without one of its columns: it must have Mach "
@@ -199,17 +204,17 @@ def _of_flight(
     if not np.any(coasting):
         raise InputError(f"{path} has no ascent after the burnout: it must have one.")
     nodes, off = _thinned(mach[coasting], coefficient[coasting])
-    found = {"mach": nodes, "axial": off}
+    result = {"mach": nodes, "axial": off}
     if np.any(burning):
         points, on = _thinned(mach[burning], coefficient[burning])
         both = np.unique(np.concatenate([nodes, points]))
         both = both[np.append(True, np.diff(both) > 0.5 * APART)]
-        found = {
+        result = {
             "mach": both,
             "axial": np.interp(both, nodes, off),
             "axial_burning": np.interp(both, points, on),
         }
-    return found
+    return result
 
 
 def _thinned(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -41,7 +41,8 @@ def moments_of_slope(
     """S_0, m^2, S_1, m^3, and S_2, m^4, of parts about the `station`, m, at a Mach number."""
     zeroth = first = second = jnp.zeros_like(mach)
     for surface in surfaces:
-        slope, arm = surface.slope(mach), surface.centre() - station
+        slope = surface.slope(mach)
+        arm = surface.centre() - station
         zeroth, first = zeroth + slope, first + slope * arm
         second = second + slope * arm * arm
     return zeroth, first, second

@@ -1,4 +1,4 @@
-"""From the columns of a table to a full grid with its slopes: what `AerodynamicTable` stores.
+"""Full grid with slopes for an `AerodynamicTable`, from the columns of a table.
 
 Rows may come in any order. What acts across the axis becomes a quotient by sin(alpha), whose limit
 ahead and from behind is that of the even parabola through the next two angles. The slopes along the
@@ -53,7 +53,8 @@ def _grid(
     check(columns["mach"] >= 0.0, f"{name}: mach", columns["mach"], "zero or positive")
     columns, given = _folded(columns, name)
     axes = {key: np.zeros(1) for key in AXES}
-    place, shape = np.zeros(columns["mach"].size, int), []
+    place = np.zeros(columns["mach"].size, int)
+    shape = []
     for key in AXES:
         if key in given:
             axes[key], number = np.unique(columns[key], return_inverse=True)
@@ -122,63 +123,64 @@ def _stored(
         grid["axial"] = grid["axial_burning"]
     if "axial_burning" not in grid and "base" in grid:
         grid["axial_burning"] = grid["axial"] - grid["base"]
-    found = {key: grid[key] for key in AXIAL if key in grid}
+    result = {key: grid[key] for key in AXIAL if key in grid}
     slope = grid.get("normal_slope")
     if "normal" in grid and (angle.size > 1 or slope is not None):
         normal = _over_sine(angle, grid["normal"], None if slope is None else slope)
     else:
         normal = slope
     if normal is not None:
-        found["normal"] = normal
+        result["normal"] = normal
         if "pitch" in grid:
-            found["pitch"] = _over_sine(angle, grid["pitch"])
+            result["pitch"] = _over_sine(angle, grid["pitch"])
         elif "centre" in grid:
-            found["lever"] = -normal * grid["centre"]
+            result["lever"] = -normal * grid["centre"]
         else:
             raise InputError(
                 f"{name} has a normal force and neither its centre nor a moment: it must have one."
             )
     for key in ("side", "yaw"):
         if key in grid:
-            found[key] = _over_sine(angle, grid[key])
-    found |= {
+            result[key] = _over_sine(angle, grid[key])
+    result |= {
         key: grid[key] for key in ("roll_moment", "pitch_damping", "roll_damping") if key in grid
     }
     for k in (0, -1):
         if angle.size == 1 or 0.0 < angle[k] < np.pi:
             continue
         # Ahead and from behind no roll is defined: what is left of it there would be no function.
-        for key, x in found.items():
-            found[key] = x.copy()
+        for key, x in result.items():
+            result[key] = x.copy()
             # The last roll is the first one again.
             turn = x[:, k, : max(x.shape[2] - 1, 1)]
-            found[key][:, k] = turn.mean(axis=1, keepdims=True)
-    return tuple(found), np.stack(list(found.values()), axis=-1)
+            result[key][:, k] = turn.mean(axis=1, keepdims=True)
+    return tuple(result), np.stack(list(result.values()), axis=-1)
 
 
 def _over_sine(angle: np.ndarray, x: np.ndarray, ahead: np.ndarray | None = None) -> np.ndarray:
-    """What acts across the axis, over sin(alpha): at 0 and pi its limit, by the even parabola
+    """Coefficient across the axis over sin(alpha): at 0 and pi its limit, by the even parabola
     through the two next angles, or from the slope `ahead`, 1/rad."""
     singular = (angle == 0.0) | (angle == np.pi)
-    found = x / np.where(singular, 1.0, np.sin(angle))[:, None, None]
+    result = x / np.where(singular, 1.0, np.sin(angle))[:, None, None]
     for k, step in ((0, 1), (-1, -1)):
         if not singular[k]:
             continue
         if k == 0 and ahead is not None:
-            found[:, 0] = ahead[:, 0]
+            result[:, 0] = ahead[:, 0]
         elif angle.size < 3:
-            found[:, k] = found[:, k + step]
+            result[:, k] = result[:, k + step]
         else:
             near, far = ((angle[k + j * step] - angle[k]) ** 2 for j in (1, 2))
-            one, two = found[:, k + step], found[:, k + 2 * step]
-            found[:, k] = one - (two - one) * near / (far - near)
-    return found
+            one, two = result[:, k + step], result[:, k + 2 * step]
+            result[:, k] = one - (two - one) * near / (far - near)
+    return result
 
 
 def _slopes(axes: dict[str, np.ndarray], key: str, values: np.ndarray, name: str) -> np.ndarray:
     """The slopes of all numbers along one axis."""
     along = AXES.index(key)
-    x, y = axes[key], np.moveaxis(values, along, 0)
+    x = axes[key]
+    y = np.moveaxis(values, along, 0)
     if key == "reynolds":
         x = np.log(x)
     low = high = 0
@@ -191,10 +193,16 @@ def _slopes(axes: dict[str, np.ndarray], key: str, values: np.ndarray, name: str
             "a period behind the first one, with the same coefficients",
         )
         x = np.concatenate([[x[-2] - period], x, [x[1] + period]])
-        y, low, high = np.concatenate([y[-2:-1], y, y[1:2]]), 1, 1
+        y = np.concatenate([y[-2:-1], y, y[1:2]])
+        low = 1
+        high = 1
     if key == "angle" and x[0] == 0.0:
-        x, y, low = np.concatenate([[-x[1]], x]), np.concatenate([y[1:2], y]), 1
+        x = np.concatenate([[-x[1]], x])
+        y = np.concatenate([y[1:2], y])
+        low = 1
     if key == "angle" and x[-1] == np.pi:
-        x, y, high = np.append(x, 2.0 * np.pi - x[-2]), np.concatenate([y, y[-2:-1]]), 1
+        x = np.append(x, 2.0 * np.pi - x[-2])
+        y = np.concatenate([y, y[-2:-1]])
+        high = 1
     d = np.asarray(monotone_slopes(x, y))
     return np.moveaxis(d[low : d.shape[0] - high], 0, along)

@@ -58,7 +58,9 @@ from ._hermite import cubic, stacked
 from ._random_paths import longitudinal, normal_numbers, transverse
 
 FOOT = 0.3048
-LOWEST, LOW, HIGH = 10.0 * FOOT, 1000.0 * FOOT, 2000.0 * FOOT
+LOWEST = 10.0 * FOOT
+LOW = 1000.0 * FOOT
+HIGH = 2000.0 * FOOT
 LENGTH_ALOFT = 1750.0 * FOOT
 # Figure 7 of MIL-F-8785C: root mean square, ft/s, by the height, ft, of a turbulence that is
 # exceeded with the probability 1e-2, 1e-3 and 1e-5.
@@ -112,7 +114,7 @@ def dryden_intensities(
 
 
 def _share(height: np.ndarray) -> np.ndarray:
-    """How far from the low to the high model, 0 to 1."""
+    """Weight of the model at high altitude beside that at low altitude, 0 to 1."""
     return np.clip((height - LOW) / (HIGH - LOW), 0.0, 1.0)
 
 

@@ -64,7 +64,7 @@ class FlexibleStage(AbstractEffect):
 
     def body(self, roll_moment: Scalar) -> RigidBody:
         """The rigid body of a scene with this stage; `roll_moment`: about the axis, kg m^2."""
-        across = self.loop.missile.inertia()
+        across = self.loop.missile.inertia
         moments = jnp.stack(jnp.broadcast_arrays(across, across, jnp.asarray(roll_moment)))
         return RigidBody(self.loop.missile.mass, moments)
 
@@ -81,7 +81,8 @@ class FlexibleStage(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        part, rank = y.part(self.part), y.omega.ndim - 1
+        part = y.part(self.part)
+        rank = y.omega.ndim - 1
         spin = y.omega[2]
         # Rates in the body, which rolls.
         rates = {
@@ -94,7 +95,7 @@ class FlexibleStage(AbstractEffect):
             self.loop.missile.command + with_rank(self.command, rank),
         )
         missile = loop.missile
-        turn = missile.engine()["turn"]
+        turn = missile.engine["turn"]
         leaning, leaning_rate = self._inclination(y)
         # Both planes pass through the loop as two runs: of the bending the modes come first there.
         state = MissileLoopState(
@@ -109,13 +110,13 @@ class FlexibleStage(AbstractEffect):
             part["slosh"],
             rates["slosh"],
         )
-        found = loop.vector_field(t, state)
+        result = loop.vector_field(t, state)
         change = {
-            "engine": found.missile.engine_rate,
-            "bending": jnp.swapaxes(found.missile.bending_rate, 0, 1),
-            "slosh": found.slosh_rate,
+            "engine": result.missile.engine_rate,
+            "bending": jnp.swapaxes(result.missile.bending_rate, 0, 1),
+            "slosh": result.slosh_rate,
         }
-        turning = missile.inertia() * loop.mean_turn(state)
+        turning = missile.inertia * loop.mean_turn(state)
         across = missile.mass * loop.sideways(state)
         along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
         still = jnp.zeros_like(across[:1])
@@ -145,7 +146,7 @@ class FlexibleStage(AbstractEffect):
         pairs = {"mass": (mass, missile.mass, "kg")}
         if mass is not None and body.has_inertia():
             moment = body.inertia(mass).matrix()[0, 0]
-            pairs["moment of inertia across its axis"] = (moment, missile.inertia(), "kg m^2")
+            pairs["moment of inertia across its axis"] = (moment, missile.inertia, "kg m^2")
         for name, (given, own, kg) in pairs.items():
             if given is None or not (is_concrete(given) and is_concrete(own)):
                 continue

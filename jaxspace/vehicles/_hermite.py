@@ -89,7 +89,7 @@ def of_all_runs(nodes: Float[Array, "nodes *#runs"]) -> Array:
 
 
 def weights(h: Scalar, x: Scalar) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
-    """What multiplies the value and the slope at the lower and at the upper end of an interval of
+    """Weights of the value and the slope at the lower and at the upper end of an interval of
     the length `h`, a distance `x` above its lower end."""
     s = x / h
     r = 1.0 - s

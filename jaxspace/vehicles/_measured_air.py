@@ -99,7 +99,9 @@ class MeasuredWind(AbstractWind):
     north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
 
     def __init__(self, heights: Any, east: Any, north: Any):
-        self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)
+        self.heights = as_float(heights)
+        self.east = as_float(east)
+        self.north = as_float(north)
         check_nodes("MeasuredWind.heights", self.heights, east=self.east, north=self.north)
         self.data = stacked(self.heights, self.east, self.north)
 

@@ -97,7 +97,8 @@ class MovableFins(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t
-        fins, angles = self.fins, y.part(self.PART)
+        fins = self.fins
+        angles = y.part(self.PART)
         air, moving = air_about(self.air).at(y.position)
         w = y.attitude.rotate_back(y.velocity - moving)
         speed = norm(w)
@@ -115,7 +116,8 @@ class MovableFins(AbstractEffect):
         slope = 2.0 / angles.shape[0] * fins.slope(mach)
         force = push * slope * (w[2] * sine - across * cosine)
         side = force * cosine
-        force_x, force_y = -jnp.sum(side * z_cross_x, axis=0), jnp.sum(side * x, axis=0)
+        force_x = -jnp.sum(side * z_cross_x, axis=0)
+        force_y = jnp.sum(side * x, axis=0)
         roll = w[2] * fins.roll_slope(mach) * jnp.mean(sine, axis=0) - fins.roll_damping(mach) * r
         aim = self.mixed(with_rank(self.command, rank))
         limit = self.angle_limit

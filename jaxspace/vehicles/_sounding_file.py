@@ -64,7 +64,7 @@ ALLOWED = {
 
 
 class SoundingFile(NamedTuple):
-    """What a file says of a sounding: the fields of `Sounding`, which this module does not know,
+    """Content of a file of a sounding: the fields of `Sounding`, which this module does not know,
     because the atmosphere and the wind read files, too."""
 
     heights: np.ndarray
@@ -102,7 +102,7 @@ class Levels(NamedTuple):
 
 
 def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
-    """What the file says; see `read_sounding`."""
+    """The content of the file; see `read_sounding`."""
     text = read_text(path)
     lines = text.splitlines()
     head = next((k for k, line in enumerate(lines) if line.split()[:2] == ["PRES", "HGHT"]), None)
@@ -170,7 +170,7 @@ def _csv(path: str, lines: list[str]) -> Levels:
 
 
 def _meaning(head: str) -> tuple[str, str, str]:
-    """What a column is, its name, and its unit as written; empty where it is none of ours."""
+    """Meaning of a column, its name, and its unit as written; empty for an unknown column."""
     match = re.match(r"\s*([^(_]*?)\s*(?:[(_]\s*([^)]*?)\s*\)?)?\s*$", head)
     name, unit = (part or "" for part in match.groups()) if match else ("", "")
     name = name.lower()

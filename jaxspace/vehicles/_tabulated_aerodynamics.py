@@ -127,7 +127,8 @@ class TabulatedAerodynamics(AbstractEffect):
         area, length = self.table.area, self.table.length
         s0, s1, s2 = moments_of_slope(parts, mach, station)
         # The flow that the turning makes at the parts.
-        damping, lag = -s2, s1
+        damping = -s2
+        lag = s1
         if "pitch_damping" in c:
             damping, lag = 0.5 * area * length * length * c["pitch_damping"], 0.0 * s1
         arm = self.table.station - station
@@ -157,7 +158,8 @@ class TabulatedAerodynamics(AbstractEffect):
         area, length = self.table.area, self.table.length
         forcing = damping = None
         if self.fins is not None:
-            forcing, damping = self.fins.roll_forcing(mach), -self.fins.roll_damping(mach)
+            forcing = self.fins.roll_forcing(mach)
+            damping = -self.fins.roll_damping(mach)
         if "roll_moment" in c:
             forcing = area * length * c["roll_moment"]
         if "roll_damping" in c:

@@ -63,7 +63,9 @@ class UncertainWind(AbstractWind):
         east_numbers: Any,
         north_numbers: Any,
     ):
-        self.heights, self.east, self.north = as_float(heights), as_float(east), as_float(north)
+        self.heights = as_float(heights)
+        self.east = as_float(east)
+        self.north = as_float(north)
         self.deviation, self.correlation_length = as_float(deviation), as_float(correlation_length)
         self.east_numbers, self.north_numbers = as_float(east_numbers), as_float(north_numbers)
         given = {"east": self.east, "north": self.north, "deviation": self.deviation}

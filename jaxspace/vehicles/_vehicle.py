@@ -274,12 +274,14 @@ class Vehicle(AbstractParameters):
                 effects = (*effects, damping)
         return (*effects, control) if isinstance(control, AttitudeControl) else effects
 
+    @property
     def ceiling(self) -> Scalar:
         """A height above the start, m, that no flight from rest on the Earth exceeds: that of a
         climb with the greatest speed for the burn time, and of a throw with it, without air.
 
         Source: Thomson 8.1."""
-        loaded, dry = self.body.loaded_mass(), self.body.least_mass()
+        loaded = self.body.loaded_mass()
+        dry = self.body.least_mass()
         assert loaded is not None and dry is not None
         speed = self.motor.exhaust_velocity * jnp.log(loaded / dry)
         thrown = speed**2 / (2.0 * STANDARD_GRAVITY)
@@ -294,7 +296,8 @@ class Vehicle(AbstractParameters):
             factor = self.axial_factor
             return TabulatedAerodynamics(self.table, air, burnout, **parts, axial_factor=factor)
         coasting, burnout = self._coasting(powered)
-        area, drag = self._drag_area(), self._drag(powered)
+        area = self._drag_area()
+        drag = self._drag(powered)
         return Aerodynamics(area, drag, air=air, coasting=coasting, burnout=burnout, **parts)
 
     def _drag_area(self) -> Scalar:
@@ -333,7 +336,8 @@ def _check_room(
 ) -> None:
     """Raise `InputError` for a motor or a grain that has no room where it belongs, as far as the
     lengths are known."""
-    length, width = motor.length or 0.0, 0.5 * (motor.diameter or 0.0)
+    length = motor.length or 0.0
+    width = 0.5 * (motor.diameter or 0.0)
     if tube_length is not None and is_concrete(tube_length):
         words = f"at least {length:g} m, the length of the motor {motor.name}"
         check(tube_length >= length, "Vehicle.tube_length", tube_length, words)

@@ -49,6 +49,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.types import as_float
 from ._aerodynamic_file import read_columns
 from ._coefficient_grid import AXES, AXIAL, on_grid
 from ._hermite import of_all_runs, product
@@ -64,11 +65,11 @@ class AerodynamicTable(AbstractParameters):
 
     The nodes of an axis with one point say that nothing depends on it."""
 
-    mach: Float[Array, "machs *#runs"]
-    angle: Float[Array, "angles *#runs"]
-    roll: Float[Array, "rolls *#runs"]
-    reynolds: Float[Array, "reynolds *#runs"]
-    data: Float[Array, "points numbers *#runs"]
+    mach: Float[Array, "machs *#runs"] = eqx.field(converter=as_float)
+    angle: Float[Array, "angles *#runs"] = eqx.field(converter=as_float)
+    roll: Float[Array, "rolls *#runs"] = eqx.field(converter=as_float)
+    reynolds: Float[Array, "reynolds *#runs"] = eqx.field(converter=as_float)
+    data: Float[Array, "points numbers *#runs"] = eqx.field(converter=as_float)
     names: tuple[str, ...] = eqx.field(static=True)
     area: NumberField = quantity("m^2", positive=True, doc="A, the reference area")
     length: NumberField = quantity("m", positive=True, doc="L, the reference length")
@@ -142,11 +143,12 @@ class AerodynamicTable(AbstractParameters):
             least = jnp.exp(nodes["reynolds"][0])
             point["reynolds"] = jnp.log(jnp.where(reynolds > least, reynolds, least))
         if "roll" in active:
-            first, period = nodes["roll"][0], nodes["roll"][-1] - nodes["roll"][0]
+            first = nodes["roll"][0]
+            period = nodes["roll"][-1] - nodes["roll"][0]
             point["roll"] = roll - period * jnp.floor((roll - first) / period)
         place = [point[key] for key in active]
-        found = product([nodes[key] for key in active], self.data, place)
-        numbers = {name: found[k] for k, name in enumerate(self.names)}
+        result = product([nodes[key] for key in active], self.data, place)
+        numbers = {name: result[k] for k, name in enumerate(self.names)}
         for name in AXIAL:
             if name in numbers:
                 numbers[name] = numbers[name] * self._turned(angle)
@@ -165,7 +167,7 @@ class AerodynamicTable(AbstractParameters):
         return MachTable(self.mach, numbers[key])
 
     def _turned(self, angle: Scalar) -> Scalar:
-        """What multiplies the axial coefficients beyond the greatest angle: the flow along the axis
+        """Factor of the axial coefficients beyond the greatest angle: the flow along the axis
         turns about, and so does its force."""
         greatest = of_all_runs(self.angle)[-1]
         last = jnp.cos(greatest)

@@ -189,7 +189,10 @@ class FinSet(AbstractSurface):
 
     def roll_damping(self, mach: Scalar) -> Scalar:
         """Moment against the roll over rho |w| omega_z/2, m^4."""
-        s, r, root, tip = self.span, self.radius, self.root_chord, self.tip_chord
+        s = self.span
+        r = self.radius
+        root = self.root_chord
+        tip = self.tip_chord
         strips = (root + 3.0 * tip) * s**3 + 4.0 * (root + 2.0 * tip) * r * s**2
         strips = (strips + 6.0 * (root + tip) * s * r**2) / 12.0
         return self.count * self._damping_share() * 2.0 * np.pi / prandtl_factor(mach) * strips

@@ -54,7 +54,7 @@ SAMPLES = 32
 
 @final
 class LaunchSite(AbstractParameters):
-    """Where and how a sounding rocket is launched."""
+    """Launch site of a sounding rocket, with rail and wind."""
 
     rail_length: NumberField = quantity("m", positive=True, doc="travel on the rail")
     inclination: NumberField = quantity(
@@ -80,6 +80,7 @@ class LaunchSite(AbstractParameters):
         default=None, metadata={"doc": "turbulence beside the wind; none by default"}
     )
 
+    @property
     def air(self) -> LocalAir:
         """The air over the site: its atmosphere, wind and gusts."""
         return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
@@ -88,9 +89,10 @@ class LaunchSite(AbstractParameters):
         """The wind to the east and to the north, m/s, each (count, *runs), at heights that are
         evenly spaced from the ground to `top`, m."""
         height = jnp.linspace(0.0, as_float(top), count)
-        east, north, _ = self.air().velocity(jnp.stack([0.0 * height, 0.0 * height, height]))
+        east, north, _ = self.air.velocity(jnp.stack([0.0 * height, 0.0 * height, height]))
         return east, north
 
+    @property
     def environment(self) -> tuple[AbstractEffect, ...]:
         """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
         known."""
@@ -102,12 +104,12 @@ class LaunchSite(AbstractParameters):
 
     @output("m")
     def east(self, position: Vector) -> Scalar:
-        """How far east of the rail, m."""
+        """Distance to the east of the rail, m."""
         return position[0]
 
     @output("m")
     def north(self, position: Vector) -> Scalar:
-        """How far north of the rail, m."""
+        """Distance to the north of the rail, m."""
         return position[1]
 
     @output("m")
@@ -120,12 +122,14 @@ class LaunchSite(AbstractParameters):
         """Way over the ground from the start of the phase to its end, straight, m."""
         return norm(_level(position - began.position))
 
+    @property
     def direction(self) -> Vector:
         """The unit vector of the rail, (3, *runs)."""
         c = jnp.cos(self.inclination)
         east, north = c * jnp.sin(self.heading), c * jnp.cos(self.heading)
         return jnp.stack(jnp.broadcast_arrays(east, north, jnp.sin(self.inclination)))
 
+    @property
     def attitude(self) -> Quaternion:
         """The attitude of a rocket on the rail: turned about z by the heading, then off the
         vertical."""
@@ -137,7 +141,7 @@ class LaunchSite(AbstractParameters):
 
 
 def _level(way: Vector) -> Vector:
-    """What a way, m, is over the ground."""
+    """Horizontal part of a distance, m."""
     return way * jnp.reshape(jnp.array([1.0, 1.0, 0.0], way.dtype), (3,) + (1,) * (way.ndim - 1))
 
 
@@ -173,7 +177,12 @@ class _Above(eqx.Module):
 
 @event("m/s", direction=-1, needs=("velocity",))
 def apogee(t: Scalar, y: BodyState) -> Scalar:
-    """v_z, m/s: it falls through zero at the apogee over flat ground."""
+    """v_z, m/s: it falls through zero at the apogee over flat ground.
+
+    **Arguments**
+
+    - `t`: time, s, which has no influence.
+    - `y`: the state, with a velocity."""
     del t
     return y.velocity[2]
 
@@ -221,12 +230,12 @@ def sounding_flight(
 
     **Raises** `InputError` for a parachute after the first one without a height.
     """
-    air, environment = site.air(), site.environment()
+    air, environment = site.air, site.environment
 
     def scene(*effects: AbstractEffect, carry: tuple[str, ...] = ()) -> Scene:
         return Scene((*environment, *effects), vehicle.body, carry)
 
-    rail = Rail(site.direction(), site.rail_length)
+    rail = Rail(site.direction, site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
     leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     for number, chute in enumerate(recovery[1:], 2):
@@ -248,7 +257,8 @@ def sounding_flight(
             name=next(names),
         ),
     ]
-    flying, last = scene(*gliding, carry=("mass",)), len(recovery) - 1
+    flying = scene(*gliding, carry=("mass",))
+    last = len(recovery) - 1
     for number, chute in enumerate(recovery):
         drag = Parachute(chute.drag_area, air=air)
         hanging = scene(drag, carry=("mass",))
@@ -275,7 +285,8 @@ def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
 
 def _at_rest(vehicle: Vehicle, site: LaunchSite) -> BodyState:
     """The state on the rail, with the runs of the vehicle and the site."""
-    mass, attitude = vehicle.body.loaded_mass(), site.attitude()
+    mass = vehicle.body.loaded_mass()
+    attitude = site.attitude
     assert mass is not None
     wxyz = attitude.wxyz
     runs = jnp.broadcast_shapes(jnp.shape(mass), wxyz.shape[1:])

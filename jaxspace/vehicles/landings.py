@@ -1,4 +1,4 @@
-"""Where a rocket lands: its place on the Earth, and the numbers of interest of a campaign.
+"""Landings of rockets: places on the Earth, and outputs of a campaign.
 
 A point of the axes of the site lies beside its foot along east, north and up of the ellipsoid
 there; its latitude is that of the normal through it.
@@ -41,8 +41,11 @@ def landing_latitude(
 def landing_longitude(
     position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
 ) -> Scalar:
-    """Longitude below a position in the axes of a site, rad, from -pi to pi; arguments as of
-    `landing_latitude`."""
+    """Longitude below a position in the axes of a site, rad, from -pi to pi.
+
+    **Arguments**
+
+    - `position`, `latitude`, `longitude`, `elevation`: as in `landing_latitude`."""
     return _place(position, latitude, longitude, elevation).longitude
 
 

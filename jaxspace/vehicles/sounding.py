@@ -10,7 +10,7 @@ from ._sounding_file import SoundingFile, read_sounding_file
 
 
 class Sounding(SoundingFile):
-    """What a sounding has measured, by the geometric height above sea level.
+    """Measurements of a sounding, by the geometric height above sea level.
 
     - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
     - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.

@@ -25,8 +25,8 @@ def free_flight(x: Array) -> Array:
 
 
 def polhode_period(x: Array) -> Array:
-    """From moments and rate."""
-    return Polhode.of(x[:3], x[3:6]).period()[None]
+    """The period of the polhode, from moments and rate."""
+    return Polhode.of(x[:3], x[3:6]).period[None]
 
 
 def cones(x: Array) -> Array:
@@ -39,13 +39,13 @@ def nutation(x: Array) -> Array:
     psi' and n."""
     y = Top.state(jnp.stack([0.0 * x[3], x[3], 0.0 * x[3]]), jnp.stack([x[5], x[4], x[6]]))
     motion = Top(x[0], x[1], x[2]).nutation(y)
-    return jnp.stack([*motion.turning_points(), motion.period(), motion.precession()])
+    return jnp.stack([*motion.turning_points, motion.period, motion.precession])
 
 
 def cubic_period(x: Array) -> Array:
     """The period from N, beta, alpha - beta and gamma - N."""
     n, beta, up, gamma = x
-    return Nutation(n, beta, up, up + 2.0 * beta, gamma, gamma + 2.0 * n).period()[None]
+    return Nutation(n, beta, up, up + 2.0 * beta, gamma, gamma + 2.0 * n).period[None]
 
 
 def steady_rates(x: Array) -> Array:
@@ -54,17 +54,17 @@ def steady_rates(x: Array) -> Array:
 
 
 def least_spin(x: Array) -> Array:
-    """From A, C, W l and the angle."""
+    """The least spin, from A, C, W l and the angle."""
     return Top(x[0], x[1], x[2]).least_spin(x[3])[None]
 
 
 def pendulum_period(x: Array) -> Array:
-    """From length, gravity and amplitude."""
+    """The period of a swing, from length, gravity and amplitude."""
     return SphericalPendulum(x[0], x[1]).plane_period(x[2])[None]
 
 
 def libration_period(x: Array) -> Array:
-    """From amplitude, three moments and mean motion."""
+    """The period of the libration, from amplitude, three moments and mean motion."""
     return pitch_libration_period(x[0], x[1:4], x[4])[None]
 
 
@@ -74,7 +74,7 @@ def tide(x: Array) -> Array:
 
 
 def cord(x: Array) -> Array:
-    """From both spins, I, R and m."""
+    """The length of the cord, from both spins, I, R and m."""
     return cord_length(*x)[None]
 
 
@@ -87,7 +87,7 @@ def unwound(x: Array) -> Array:
 def gimbal_walk(x: Array) -> Array:
     """Period and drift from theta, its rate, H, J, I_1 and I_2."""
     walk = GimbalWalk(*x)
-    return jnp.stack([walk.period(), walk.drift()])
+    return jnp.stack([walk.period, walk.drift])
 
 
 # Three moments well apart: about the middle axis the body flips.
@@ -101,6 +101,7 @@ CUBIC = "the root of a cubic, and elliptic integrals of it"
 ENDLESS = ((0.0,) * 6,)
 
 CASES = (
+    # Moments that agree, or no rate: the axes of the closed form are then arbitrary.
     Case("bodies: at rest", free_flight, (*BODY, 0.0, 0.0, 0.0, 2.0), FLIP),
     Case("bodies: sphere", free_flight, (2.0, 2.0, 2.0, 0.3, -0.4, 0.5, 3.0), FLIP),
     Case("bodies: disc", free_flight, (1.0, 1.0, 2.0, 0.3, -0.4, 0.5, 3.0), FLIP),
@@ -113,6 +114,7 @@ CASES = (
         1e3,
         single=LOST,
     ),
+    # Beside the separatrix the time of a flip grows as a logarithm, and amplifies roundings.
     Case(
         "bodies: about the middle axis exactly",
         free_flight,
@@ -153,6 +155,7 @@ CASES = (
         64.0,
         1024.0,
     ),
+    # The modulus is one on the separatrix, where the period is infinite.
     Case(
         "bodies: polhode in its plane",
         polhode_period,
@@ -184,6 +187,7 @@ CASES = (
         value=(math.inf,),
         slopes=ENDLESS,
     ),
+    # The angles are zero, where an arc cosine has lost half of the digits.
     Case(
         "attitude: cones of a pure spin",
         cones,
@@ -193,6 +197,7 @@ CASES = (
         slopes=((0.0,) * 5,) * 2,
     ),
     Case("attitude: cones of 1e-12 rad", cones, (1e-12, 2e-12, 2.0, 1.0, 0.5)),
+    # Two of three roots of the cubic coincide for fast tops, and on the separatrix.
     Case("attitude: top let go", nutation, (*TOP, 0.5, 0.0, 0.0, 8.0), CUBIC, 16.0, 64.0),
     Case(
         "attitude: fast top",
@@ -239,6 +244,7 @@ CASES = (
         value=(math.inf,),
         slopes=((0.0,) * 4,),
     ),
+    # The slow root is a difference of two large numbers, unless it is taken from their product.
     Case(
         "attitude: steady precession of a fast top",
         steady_rates,
@@ -252,6 +258,7 @@ CASES = (
         slope_roundings=256.0,
         single=LOST,
     ),
+    # A square root that ends: a hanging top needs no spin.
     Case("attitude: least spin upright", least_spin, (*TOP, 0.0)),
     Case(
         "attitude: least spin, hanging",
@@ -261,6 +268,7 @@ CASES = (
         value=(0.0,),
         slopes=((0.0,) * 4,),
     ),
+    # The period is infinite at the top; its modulus there is a difference from one.
     Case("attitude: pendulum of no amplitude", pendulum_period, (1.2, 9.8, 0.0)),
     Case(
         "attitude: pendulum 1e-7 rad from the top",
@@ -282,12 +290,14 @@ CASES = (
         value=(math.inf,),
         slopes=((0.0,) * 5,),
     ),
+    # A torque that is zero by symmetry, though each of its terms is large.
     Case(
         "attitude: gravity along an axis",
         tide,
         (7e6, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 3.0, 2.0, 1.0, 3.986e14),
         single="",
     ),
+    # A square root that ends, with an infinite slope.
     Case(
         "attitude: no cord for no change",
         cord,
@@ -302,6 +312,7 @@ CASES = (
         unwound,
         (2.0, 0.5, 0.1, 4.5, 9.0553851381374173, 5.0),
     ),
+    # The drift is of second order: a difference of averages that nearly cancel.
     Case(
         "gyros: walk of a small nutation",
         gimbal_walk,

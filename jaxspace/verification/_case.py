@@ -21,7 +21,7 @@ TRUTHS = Path(__file__).parent / "truths.json"
 class Case:
     """One place at which a formula is easily wrong.
 
-    - `name`: "room: what is hard".
+    - `name`: "package: what is hard".
     - `function`: from the inputs, (inputs,), to the outputs, (outputs,). Cases of one function
       share one compiled program.
     - `inputs`: numbers that double precision holds exactly as they are meant.
@@ -54,7 +54,7 @@ class Case:
         )
 
     def conditioning(self) -> float:
-        """What one rounding of every input and output changes, in roundings of one: the largest of
+        """Change by one rounding of every input and output, in roundings of one: the largest of
         |f_i| + sum_j |df_i/dx_j x_j|."""
         value, slopes = self.truth()
         sizes = []

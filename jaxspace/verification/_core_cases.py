@@ -90,6 +90,7 @@ TWICE = tuple(tuple(2.0 * float(j == i + 1) for j in range(4)) for i in range(3)
 LOST = "the input rounds onto the singular place"
 
 CASES = (
+    # The conventions at ends of ranges (`core.safe`): zero, or an infinite slope of a known sign.
     Case("core: root at zero", root, (0.0,), "exact", value=(0.0,), slopes=((0.0,),)),
     Case(
         *("core: end of a range", end_root, (0.75, 0.75), "exact"),
@@ -111,6 +112,7 @@ CASES = (
         value=(math.pi,),
         slopes=((-1.0, 0.0),),
     ),
+    # Both sides of each branch between a closed form and its series.
     Case("core: (e^x - 1)/x at zero", exponential_quotient, (0.0,), value=(1.0,), slopes=((0.5,),)),
     Case(
         *("core: (e^x - 1)/x at its branch", exponential_quotient, (0.5,)),
@@ -132,6 +134,7 @@ CASES = (
     Case("core: Stumpff functions at half a turn", stumpff_functions, (9.869,)),
     Case("core: Stumpff functions at their branch", stumpff_functions, (-9.87,)),
     Case("core: Stumpff functions far out", stumpff_functions, (-400.0,)),
+    # Infinite at one end; arguments of very different size.
     Case(
         *("core: K at modulus one", elliptic_k, (0.0,), "exact"),
         value=(math.inf,),
@@ -147,6 +150,7 @@ CASES = (
     ),
     Case("core: R_J, arguments far apart", elliptic_third, (1.0, 1e-6, 1e-8), roundings=16.0),
     Case("core: R_J, equal arguments", elliptic_third, (2.0, 1.0, 1.0)),
+    # A vector of zeros has no direction, and its length a corner.
     Case(
         "core: length of no vector",
         length,
@@ -164,6 +168,7 @@ CASES = (
         value=(0.0, 0.0, 0.0),
         slopes=NONE3,
     ),
+    # The axis of no turn is arbitrary; that of half a turn has two directions.
     Case(
         "rotations: no turn", rotation_exp, (0.0, 0.0, 0.0), value=(1.0, 0.0, 0.0, 0.0), slopes=HALF
     ),
@@ -189,6 +194,7 @@ CASES = (
         *("rotations: angle beside half a turn", rotation_log, (1e-12, 0.6, 0.8, 0.0)),
         single="",
     ),
+    # Two of the three angles turn about the same axis at the pole.
     Case(
         *("rotations: pitch 1e-6 rad below the pole", euler_angles),
         (0.7071069579, 0.0, 0.7071066044, 0.0),

@@ -57,7 +57,7 @@ class Law:
 @final
 @dataclass(frozen=True)
 class LawReport:
-    """What `verify` found: the name of the `system`, and a row for each of the `laws`."""
+    """Result of `verify`: the name of the `system`, and a row for each of the `laws`."""
 
     system: str
     laws: tuple[Law, ...]
@@ -127,7 +127,7 @@ def verify(
 
 @final
 class _Check(eqx.Module):
-    """What the laws are checked on."""
+    """The system and the run on which the laws are checked."""
 
     system: AbstractSystem
     y0: State

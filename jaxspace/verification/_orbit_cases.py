@@ -27,9 +27,9 @@ def kepler(x: Array) -> Array:
 
 def elements(x: Array) -> Array:
     """p, e, i, node, argument and anomaly from position, velocity and mu."""
-    found = elements_from_state(x[:3], x[3:6], x[6])
-    angles = (found.inclination, found.node, found.argument_of_periapsis, found.true_anomaly)
-    return jnp.stack([found.semi_latus_rectum, found.eccentricity, *angles])
+    result = elements_from_state(x[:3], x[3:6], x[6])
+    angles = (result.inclination, result.node, result.argument_of_periapsis, result.true_anomaly)
+    return jnp.stack([result.semi_latus_rectum, result.eccentricity, *angles])
 
 
 def state(x: Array) -> Array:
@@ -93,6 +93,7 @@ LOST = "the inputs round onto the singular place"
 FAR = "the terms leave the digits of float32"
 
 CASES = (
+    # Every conic, close to the parabola from both sides; long and short times.
     Case("orbits: zero time", kepler, (*on_conic(0.3, 1.0, 0.2), 0.0, 1.0)),
     Case("orbits: circle, a quarter turn", kepler, (*CIRCLE, 1.5707963267948966, 1.0)),
     Case("orbits: circle, half a turn", kepler, (*CIRCLE, 3.1415926535897931, 1.0)),
@@ -144,6 +145,7 @@ CASES = (
         single=FAR,
     ),
     Case("orbits: a short time", kepler, (*on_conic(0.7, 2.0, 0.4), 1e-7, 1.0)),
+    # At the circle and over the equator angles lose their meaning.
     Case(
         "orbits: elements of an inclined ellipse",
         elements,
@@ -187,6 +189,7 @@ CASES = (
         8.0,
         64.0,
     ),
+    # From elements there is no singular place but the asymptote, where the distance is infinite.
     Case(
         "orbits: state on the circle over the equator", state, (1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0)
     ),
@@ -207,6 +210,7 @@ CASES = (
         8.0,
         512.0,
     ),
+    # 1/a vanishes on the parabola, and |e| has a corner on the circle.
     Case("orbits: periapsis of a parabola", radii, (2.0, 0.0, 0.0, 0.6, 0.8, 0.0, 1.0)),
     Case(
         "orbits: periapsis of a circle",
@@ -222,6 +226,7 @@ CASES = (
         slopes=((0.0,) * 7,) * 2,
         single="0.6 and 0.8 are no parabola in float32",
     ),
+    # The arc cosine has lost half of the digits at both ends.
     Case("orbits: inclination of 1e-12", tilt, on_conic(0.4, 1.2, 1e-12)),
     Case(
         "orbits: inclination beside half a turn",
@@ -229,6 +234,7 @@ CASES = (
         on_conic(0.4, 1.2, math.pi - 1e-7),
         single=LOST,
     ),
+    # The plane is undefined at no turn and at half a turn; the conic is a root to find.
     Case(
         "orbits: transfer over 1e-6 rad",
         transfer,
@@ -287,6 +293,7 @@ CASES = (
         16.0,
         128.0,
     ),
+    # No longitude over the pole; units in which the terms differ by many powers of ten.
     Case("orbits: J2 over the pole", bulge, (0.0, 0.0, 1.1, 1.0, 1e-3, 1.0)),
     Case(
         "orbits: J2 in metres",

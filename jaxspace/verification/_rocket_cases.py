@@ -71,9 +71,11 @@ def quickest(x: Array) -> Array:
     return jnp.stack([best.initial_angle, best.duration])
 
 
+# Tolerances of what is computed by iteration: its last step decides on the digits.
 ROOT = "the root of one equation"
 
 CASES = (
+    # ln(mu) near one: an absolute error of the ratio would be the whole result.
     Case("rockets: nothing burns", gain, (2850.0, 1.0), value=(0.0,), slopes=((0.0, 2850.0),)),
     Case(
         "rockets: gain of a grain",
@@ -82,6 +84,7 @@ CASES = (
         single="the mass ratio rounds to 1",
     ),
     Case("rockets: no gain", ratio_for, (2850.0, 0.0), value=(1.0,), slopes=((0.0, 1.0 / 2850.0),)),
+    # 1 - ln(mu)/(mu - 1) is zero over zero where nothing burns; its series takes over nearby.
     Case(
         "rockets: height, nothing burns",
         burnout_height,
@@ -102,6 +105,7 @@ CASES = (
         "1 - ln(mu)/(mu - 1) is a difference",
         slope_roundings=64.0,
     ),
+    # The height is infinite from the escape speed on, and its slope grows without bound before.
     Case(
         "rockets: coast of no speed",
         coast,
@@ -124,6 +128,7 @@ CASES = (
         value=(math.inf,),
         slopes=((0.0,) * 4,),
     ),
+    # A power of the mass ratio: zero to a power where everything burns.
     Case(
         "rockets: spin, nothing burns",
         spun_angle,
@@ -140,6 +145,7 @@ CASES = (
         "the mass left is a difference: 2e-6 of the first",
         slope_roundings=1e6,
     ),
+    # The exponent vanishes at l = k, and the base at the last grain.
     Case(
         "rockets: damping, everything burns",
         damping,
@@ -153,6 +159,7 @@ CASES = (
     ),
     Case("rockets: damping, l = k", damping, (0.3, 1.0)),
     Case("rockets: spin of a ring", spin_left, (1e-12, 0.9), slope_roundings=64.0),
+    # Far below the normal numbers of single precision.
     Case(
         "rockets: air a hundred scales up",
         density,
@@ -162,6 +169,7 @@ CASES = (
         512.0,
         single="e^-100 is below the normal numbers of float32",
     ),
+    # The multiplier is the root of one equation; a useless stage makes it a branch.
     Case(
         "optimization: equal stages",
         two_stages,
@@ -186,6 +194,7 @@ CASES = (
         64.0,
         1e6,
     ),
+    # A climb of nothing makes the angle zero, where its equation is flat.
     Case("optimization: quickest, level", quickest, (20.0, 0.0, 7000.0), ROOT, 16.0, 64.0),
     Case(
         "optimization: quickest, hardly a climb", quickest, (20.0, 1e-3, 7000.0), ROOT, 16.0, 64.0

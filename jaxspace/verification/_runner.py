@@ -87,9 +87,9 @@ def _run_group(
         inputs = np.asarray([case.inputs for case in with_slopes], precision)
         program = _program(function).lower(jax.device_put(inputs, device)).compile()
         # In one piece: a case of a loop that does not end would otherwise look like any other.
-        found = jax.tree.map(np.asarray, program(jax.device_put(inputs, device)))
+        result = jax.tree.map(np.asarray, program(jax.device_put(inputs, device)))
         for number, case in enumerate(with_slopes):
-            value, forward, reverse = (x[number] for x in found)
+            value, forward, reverse = (x[number] for x in result)
             results.append(_judge(case, value, forward, reverse, precision))
     for case in cases:
         if case not in with_slopes:
@@ -129,9 +129,9 @@ def _judge(
         true_value = true_value + np.where(np.isfinite(true_slopes), true_slopes, 0.0) @ shift
     error = difference(value, true_value, case.conditioning())
     slopes = [
-        _slope_error(found, true_slopes, np.asarray(case.inputs))
-        for found in (forward, reverse)
-        if found is not None
+        _slope_error(result, true_slopes, np.asarray(case.inputs))
+        for result in (forward, reverse)
+        if result is not None
     ]
     good = error <= case.roundings * eps
     good = good and all(s <= case.slope_roundings * eps for s in slopes)

@@ -109,7 +109,9 @@ def beside_a_failure(x: Array) -> Array:
 
 def tails(x: Array) -> Array:
     """The shares of three distributions beyond the limit."""
-    zero, one, limit = 0.0 * x[0], jnp.ones_like(x[0]), x[0]
+    zero = 0.0 * x[0]
+    one = jnp.ones_like(x[0])
+    limit = x[0]
     laws = (
         Normal(zero, one),
         TruncatedNormal(zero, one, -12.0 * one, 12.0 * one),

@@ -1,4 +1,4 @@
-"""What a verification says: rows, a table, JSON, and a table for the manual."""
+"""Result of a verification: rows, a table, JSON, and a table for the manual."""
 
 __all__ = ["CaseResult", "Verification"]
 

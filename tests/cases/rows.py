@@ -235,7 +235,7 @@ VEHICLES = (
     Row("7.3", "Complex angle of attack", "T7.3", "attitude.torque_free.symmetric_flow"),
     Row(
         *("7.4", "Nearly symmetric body", "T7.4-P5 T7.4-P9"),
-        "attitude.spinning_missile.principal_tilt attitude.spinning_missile.angle_of_attack",
+        "attitude.spinning_missile.principal_tilt rotations.tilt.tilt_of_axis",
     ),
     Row("7.4 P6 to P10", "Thrust misalignment in inertial axes", "T7.4-P6"),
     Row("7.4 P11, P12", "Angles 3-2-1", "T7.4-P11", "rotations.from_euler_angles"),
@@ -462,7 +462,7 @@ VARIABLE_MASS = (
     ),
     Row(
         *("7.10", "Angle of attack of that rocket, small angles and full attitude", "T7.10-P8"),
-        "rockets.SpinningRocket.angle_of_attack rockets.angle_of_attack.complex_angle_of_attack "
+        "rockets.SpinningRocket.complex_tilt rotations.tilt.complex_tilt "
         "rockets.angle_of_attack.angle_of_attack",
     ),
     Row(

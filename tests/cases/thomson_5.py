@@ -44,7 +44,7 @@ def skewed_plate(m, a, b, alpha, omega, l):
     """Bearing force of a plate whose sides stand askew to the shaft."""
     plate = box(m, vec(a, b, 0.0))
     shaft = vec(jnp.cos(alpha), jnp.sin(alpha), 0.0)
-    held = bearing_reactions(plate.inertia(), m, plate.centre, shaft, (0.0, l), omega)
+    held = bearing_reactions(plate.inertia, m, plate.centre, shaft, (0.0, l), omega)
     return (norm(held.first),)
 
 

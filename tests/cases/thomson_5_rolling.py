@@ -28,9 +28,9 @@ def shaft(m, r, a, g):
     """A disk on a stem that is pinned to a turning shaft."""
     axial = m * r**2 / 2.0
     body = axial / 2.0 + m * a**2, axial, m * g * a
-    critical = ShaftPendulum(*body).critical_rate()
+    critical = ShaftPendulum(*body).critical_rate
     fast, slow = ShaftPendulum(*body, 1.5 * critical), ShaftPendulum(*body, 0.5 * critical)
-    return critical, fast.equilibrium(), slow.frequency(0.0)
+    return critical, fast.equilibrium, slow.frequency(0.0)
 
 
 def crusher(R, l, b, rate, g):
@@ -72,10 +72,10 @@ def standing(m, R, g, coin, ratio):
     """Least spins of a disk and a hoop on their rim, and of a half dollar that also rolls."""
     disk, hoop = RollingDisk.uniform(m, R, g), RollingDisk.hoop(m, R, g)
     dollar = RollingDisk.uniform(m, coin, g)
-    least = disk.least_standing_spin()
+    least = disk.least_standing_spin
     return (
-        *(d.least_standing_spin() for d in (disk, hoop, dollar)),
-        coin * dollar.least_rolling_spin(),
+        *(d.least_standing_spin for d in (disk, hoop, dollar)),
+        coin * dollar.least_rolling_spin,
         jnp.sqrt(disk.tilt_stiffness(UPRIGHT, ratio * least, 0.0)),
     )
 
@@ -88,7 +88,7 @@ def flat(m, R, g, theta):
 
 def falls(m, R, g, ratio):
     disk = RollingDisk.uniform(m, R, g)
-    return (disk.growth_rate(UPRIGHT, 0.0, ratio * disk.least_rolling_spin()),)
+    return (disk.growth_rate(UPRIGHT, 0.0, ratio * disk.least_rolling_spin),)
 
 
 CASES = [

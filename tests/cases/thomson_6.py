@@ -27,15 +27,15 @@ def damped(we, **given):
     # The rest of the linear equations, after fifty times of decay.
     tilt, azimuth = found.slow_motion(2e5, 0.0, 0.0)
     return (
-        *(azimuth, found.damping_ratio(), found.slow_frequency()),
-        *(found.damping_ratio() * found.slow_frequency(), tilt),
+        *(azimuth, found.damping_ratio, found.slow_frequency),
+        *(found.damping_ratio * found.slow_frequency, tilt),
     )
 
 
 def at_rest(we, **given):
     """Tilt without damping; tilt and azimuth with it."""
     found = compass(we=we, **given)
-    return compass(**given).rest_tilt(), found.rest_tilt(), found.rest_azimuth()
+    return compass(**given).rest_tilt, found.rest_tilt, found.rest_azimuth
 
 
 def nutating(azimuth, **given):
@@ -53,21 +53,21 @@ def heading(speed, course, latitude):
         1.0, 1.0, 1.0, 1.0, latitude, speed=speed * jnp.cos(course), earth_rate=OMEGA, radius=RADIUS
     )
     # The book's angle is small, and its tangent.
-    return jnp.tan(found.rest_azimuth()), jnp.tan(slow.rest_azimuth()), found.heading_error()
+    return jnp.tan(found.rest_azimuth), jnp.tan(slow.rest_azimuth), found.heading_error
 
 
 def tuned(R, g):
     """H / Wl, and the period of the precession, of a gyropendulum whose inertia is small."""
     pendulum = Gyropendulum(1.0, 1e-12, 0.01, gravity=g).tuned(R)
-    slow, _ = pendulum.frequencies()
+    slow, _ = pendulum.frequencies
     return pendulum.spin_momentum / pendulum.weight_moment, 2.0 * jnp.pi / slow / 60.0
 
 
 def rate_gyro(A, c, K, H, rate, t):
     gyro = RateGyro(A, c, H, spring=K, input_rate=rate)
     return (
-        *(gyro.steady_angle(), gyro.natural_frequency(), gyro.damping_ratio()),
-        *(gyro.step_response(t), gyro.overshoot()),
+        *(gyro.steady_angle, gyro.natural_frequency, gyro.damping_ratio),
+        *(gyro.step_response(t), gyro.overshoot),
     )
 
 
@@ -78,8 +78,8 @@ def integrating_gyro(A, c, H, rate, t):
 
 def platform(J, I, h, T, t):
     axis = PlatformAxis(J, I, h, T)
-    end = axis.closed_form().flow(t, axis.at_rest())
-    return axis.nutation_frequency(), end.gyro_angle, end.platform_angle, axis.first_angle(t)
+    end = axis.closed_form().flow(t, axis.at_rest)
+    return axis.nutation_frequency, end.gyro_angle, end.platform_angle, axis.first_angle(t)
 
 
 def fast_vehicle(r, R, g, v):
@@ -109,7 +109,7 @@ def at_orbital_speed(dz):
 
 def duffing(m, k, b, F, p):
     oscillator = DuffingOscillator(m, k, b, F, p)
-    return *oscillator.first_order(), oscillator.harmonic_balance()
+    return *oscillator.first_order, oscillator.harmonic_balance()
 
 
 CASES = [
@@ -130,7 +130,7 @@ CASES = [
         "Gyrocompass with the tilt clamped",
         (Gyrocompass.clamped_frequency,),
         COMPASS,
-        lambda **given: (compass(**given).clamped_frequency(),),
+        lambda **given: (compass(**given).clamped_frequency,),
         {"frequency (rad/s)": 0.29275204590427945},
     ),
     Case(

@@ -127,7 +127,7 @@ def misaligned(A, C, n, M1, t):
     """theta e^(i psi) under a body-fixed moment: in closed form, to first order, exact; and the
     circles of the axis."""
     missile, still = SpinningMissile(A, C, n), vec(0, 0)
-    closed = missile.attack_angle(t, still, still, vec(M1, 0))
+    closed = missile.complex_tilt(t, still, still, vec(M1, 0))
     centre, slow, fast = missile.circles(vec(M1, 0))
     ts = t * vec(0.0, 0.5, 1.0)
 
@@ -154,7 +154,7 @@ def near_symmetric(ratio, beta, n, start, t):
 
     zero = jnp.zeros(())
     missile = SpinningMissile(1.0, ratio, n)
-    closed = missile.attack_angle(t, vec(0, 0), vec(start * n, 0), vec(0, 0), tilt=vec(beta, 0))
+    closed = missile.complex_tilt(t, vec(0, 0), vec(start * n, 0), vec(0, 0), tilt=vec(beta, 0))
     return closed, *jax.jvp(tip, (zero,), (jnp.ones(()),))[1]
 
 
@@ -169,7 +169,7 @@ def near_symmetric_exact(I1, I3, beta, n, start, t):
 def rolling(A, C, n, moment, t):
     """Pitch and yaw of a missile that rolls about x under a body-fixed yawing moment: in closed
     form with y and z as the transverse axes, to first order, exact."""
-    closed = SpinningMissile(A, C, n).attack_angle(t, vec(0, 0), vec(0, 0), vec(0, moment))
+    closed = SpinningMissile(A, C, n).complex_tilt(t, vec(0, 0), vec(0, 0), vec(0, moment))
     ts = t * vec(0.0, 0.5, 1.0)
 
     def tilt(moment):
@@ -235,7 +235,7 @@ def spiral(ratio, t, rate=0.02, tau=125.0, spin=10.0):
     return angle, jnp.hypot(*rocket.transverse_rate(t, start))
 
 
-spiral_angle = jax.jit(lambda rocket, t, start: rocket.angle_of_attack(t, start))
+spiral_angle = jax.jit(lambda rocket, t, start: rocket.complex_tilt(t, start))
 
 
 def gyrostat(A, C, rotor, acceleration, n, t):
@@ -316,8 +316,8 @@ def misaligned_rates(A, C, n, M1, start, t):
     missile = SpinningMissile(A, C, n)
     rate = missile.transverse_rate(t, vec(*start), vec(M1, 0))
     # From rest w_12 is a circle through the origin.
-    half = missile.transverse_rate(jnp.pi / missile.nutation_rate(), vec(0, 0), vec(M1, 0))
-    return rate, missile.nutation_rate(), jnp.hypot(*half)
+    half = missile.transverse_rate(jnp.pi / missile.nutation_rate, vec(0, 0), vec(M1, 0))
+    return rate, missile.nutation_rate, jnp.hypot(*half)
 
 
 def angles_321(angles, rates):
@@ -346,7 +346,7 @@ def pioneer(w0, last):
     cord = cord_length(w0, last, I, R, m)
     yoyo = YoYo(I, R, m, cord)
     return (
-        *(yoyo.inertia_ratio(), cord, zero_spin_cord_length(I, R, m)),
+        *(yoyo.inertia_ratio, cord, zero_spin_cord_length(I, R, m)),
         *(yoyo.unwinding_time(w0), cord / R),
     )
 
@@ -364,7 +364,7 @@ def unwinding(w0, phi, t):
     flow, start = cords.closed_form().flow, cords.state(w0)
     y = flow(phi / w0, start)
     end = flow(t, y)
-    most = jnp.sqrt(cords.inertia_ratio() / 3.0)
+    most = jnp.sqrt(cords.inertia_ratio / 3.0)
     return y.spin, end.angle, end.spin, end.angle_rate, cords.tension(flow(most / w0, start)), most
 
 

@@ -129,7 +129,7 @@ def elastic(t):
     system = ElasticPendulum(1.0, 100.0, 0.8, G)
     y0 = system.state(0.9480665, 0.3)
     q, _ = after(system, y0, t)
-    return *system.frequencies(), q[0], q[1], system.energy(0.0, y0)
+    return *system.frequencies, q[0], q[1], system.energy(0.0, y0)
 
 
 def centrifugal(t):
@@ -147,8 +147,7 @@ def hoop(t):
     y0 = system.state(0.3)
     q, v = after(system, y0, t)
     end = GeneralisedState(q, v)
-    # With zero height at the bottom.
-    jacobi = system.energy(0.0, y0) + G * 0.5
+    jacobi = system.energy(0.0, y0)
     bottom = linear(system, system.state(0.0)).frequencies[0]
     return (
         *(q[0], v[0], jacobi),
@@ -211,20 +210,20 @@ def framed(t):
 
 def arm(w):
     pendulum = ArmPendulum(3.0, 0.02, w, 0.4)
-    s, light = pendulum.poles(), pendulum.light_poles()
+    s, light = pendulum.poles, pendulum.light_poles
     return (
         *(s[0].real, s[0].imag, s[1].real, s[1].imag),
         *(light[0].real, light[0].imag, light[1].real, light[1].imag),
-        pendulum.rest(),
+        pendulum.rest,
     )
 
 
 def arm_motion(t):
     """By the exponential of the linearised system."""
     pendulum = ArmPendulum(3.0, 0.02, 2.0, 0.4)
-    rest = ArmState(vec(pendulum.rest(), 0.0), vec(0.0, 0.0))
+    rest = ArmState(vec(pendulum.rest, 0.0), vec(0.0, 0.0))
     a = linear(pendulum, rest).matrix
-    away = jax.scipy.linalg.expm(a * t) @ vec(0.42 - pendulum.rest(), 0.0, 0.0, 0.0)
+    away = jax.scipy.linalg.expm(a * t) @ vec(0.42 - pendulum.rest, 0.0, 0.0, 0.0)
     return rest.position[0] + away[0], away[1]
 
 
@@ -232,7 +231,7 @@ def trailer(c):
     system = Trailer(800.0, 1.0, 2.5, c, 20000.0, 20.0)
     found = linear(system, TrailerState(*(jnp.zeros(()) for _ in range(3))))
     roots = found.eigenvalues
-    return found.growth, system.stability_margin(), roots[0].real, roots[1].imag
+    return found.growth, system.stability_margin, roots[0].real, roots[1].imag
 
 
 def unwinding(m, r):
@@ -265,18 +264,18 @@ def missile(modes=3, thrust=0.0):
 
 def missile_modes():
     found = missile()
-    shapes, slopes, s = found.hinge()
-    engine = found.engine()
-    tips = [beam_shape("free-free", b, 0.0) for b in found.roots()]
+    shapes, slopes, s = found.hinge
+    engine = found.engine
+    tips = [beam_shape("free-free", b, 0.0) for b in found.roots]
     return (
-        *(jnp.asarray(found.roots()), found.frequencies(), jnp.stack(tips), shapes, slopes, s),
-        *(engine["mass"], engine["centre"], engine["moment"], found.inertia()),
+        *(jnp.asarray(found.roots), found.frequencies, jnp.stack(tips), shapes, slopes, s),
+        *(engine["mass"], engine["centre"], engine["moment"], found.inertia),
         *(engine["shift"], engine["turn"], engine["free_moment"]),
     )
 
 
 def sprung_hinge(modes):
-    return (np.sqrt(missile(modes).coupled_frequencies_squared().real)[:4],)
+    return (np.sqrt(missile(modes).coupled_frequencies_squared.real)[:4],)
 
 
 def exact_hinge():
@@ -319,8 +318,8 @@ def exact_hinge():
 def pushed(thrust):
     # The factor (1 - C_2) of the missile is taken from these rows: they are no independent check.
     found = missile(3, thrust)
-    m, k = found.matrices()
-    return np.sqrt(found.coupled_frequencies_squared().real), -k[0, 0] / m[0, 0]
+    m, k = found.matrices
+    return np.sqrt(found.coupled_frequencies_squared.real), -k[0, 0] / m[0, 0]
 
 
 def lumped_mass(m, x, x0, y0, turn, y, y_rate, zeta, zeta_rate):

@@ -81,7 +81,7 @@ def tidal_energy(x):
 def release(x):
     """Of a yo-yo, from I, R, m, cord, angle and first spin."""
     yoyo = YoYo(x[0], x[1], x[2], x[3])
-    lengths = zero_spin_cord_length(x[0], x[1], x[2]), yoyo.inertia_ratio()
+    lengths = zero_spin_cord_length(x[0], x[1], x[2]), yoyo.inertia_ratio
     return tuple(
         f[None] for f in (*lengths, yoyo.mass_speed(x[4], x[5]), yoyo.unwinding_time(x[5]))
     )
@@ -91,7 +91,7 @@ def herpolhode(x):
     """Radii, plane and rate from moments and omega."""
     found = Polhode.of(x[:3], x[3:6])
     return (
-        *(r[None] for r in found.herpolhode_radii()),
+        *(r[None] for r in found.herpolhode_radii),
         found.plane_distance[None],
         *found.vertices,
     )
@@ -150,20 +150,20 @@ def small_nutation(x):
 def large_nutation(x):
     """Third root, mean precession and turning points from N, alpha, beta and gamma."""
     found = Nutation.of(*x)
-    numbers = found.third_root(), found.mean_precession_rate(), *found.turning_points()
+    numbers = found.third_root, found.mean_precession_rate, *found.turning_points
     return tuple(f[None] for f in numbers)
 
 
 def second_order(x):
     """Drift, offset and limits of the walk from theta, its rate, H, J, I_1 and I_2."""
     walk = GimbalWalk(*x)
-    found = walk.drift_to_second_order(), walk.offset_to_second_order(), walk.frequency()
-    found = *found, *walk.second_harmonic(), walk.greatest_rate(), walk.outer_inertia(x[0])
+    found = walk.drift_to_second_order, walk.offset_to_second_order, walk.frequency
+    found = *found, *walk.second_harmonic, walk.greatest_rate, walk.outer_inertia(x[0])
     return tuple(f[None] for f in found)
 
 
 def walk_offset(x):
-    return GimbalWalk(*x).offset()[None]
+    return GimbalWalk(*x).offset[None]
 
 
 def gyro_rates(x):
@@ -171,8 +171,8 @@ def gyro_rates(x):
     gyro = TwoGimbalGyro(x[0], x[1], x[2], 0.0, x[3], x[4], x[5])
     y = gyro.state(x[6], 0.0 * x[6], x[7], x[8])
     found = gyro.outer_rate(y), gyro.nutation_frequency(x[6]), gyro.outer_inertia(x[6])
-    drift = gyro.walk(x[6], x[7]).drift_to_second_order()
-    numbers = (*found, gyro.inner_inertia(), gyro.spin_momentum(), drift)
+    drift = gyro.walk(x[6], x[7]).drift_to_second_order
+    numbers = (*found, gyro.inner_inertia, gyro.spin_momentum(), drift)
     return tuple(f[None] for f in (*numbers, y.angular_momentum))
 
 

@@ -60,7 +60,7 @@ def streams(x):
 def attack_angles(x):
     """The angle of attack of a spinning rocket: spin, burn, three lengths, time and rate."""
     rocket = k.SpinningRocket.of_lengths(x[0], x[1], x[2], x[3], x[4])
-    return (rocket.angle_of_attack(x[5], x[6:8]),)
+    return (rocket.complex_tilt(x[5], x[6:8]),)
 
 
 def surfaces(x):
@@ -91,7 +91,7 @@ def airs_at(x):
     )
     rates = v.air_drag.descent_rate(*x[8:11], 9.8 + 0.0 * x[0])
     site = v.LaunchSite(5.0, 1.4, 0.3 + x[6], x[6])
-    placed = site.direction(), site.attitude().wxyz
+    placed = site.direction, site.attitude.wxyz
     force = v.air_drag.drag_force(x[3:6], x[10], x[9])
     dry, left = dry_air(280.0 + x[9], 9e4 + x[8]), isothermal_ratio(x[2], 280.0 + x[9])
     rest = numbers(*figures, *ground, rates, *air.wind.at(x[2]), *dry, left)
@@ -150,7 +150,7 @@ FORMS = (
     ),
     Form(
         attack_angles,
-        of("rockets.SpinningRocket", "angle_of_attack", "of_lengths"),
+        of("rockets.SpinningRocket", "complex_tilt", "of_lengths"),
         [(10.0, 8e-3, 1.0, 0.5, 2.0, 20.0, 0.1, 0.02), (10.0, 8e-3, 1.0, 0.5, 2.0, 0.0, 0.1, 0.02)],
     ),
     Form(

@@ -66,7 +66,7 @@ def turned_vectors(x):
 def quaternion_products(x):
     """Of two quaternions."""
     q, p = Quaternion(x[:4]), Quaternion(x[4:])
-    ones = q.norm_squared()[None], q.normalised().wxyz, q.inverse().wxyz
+    ones = q.norm_squared[None], q.normalised().wxyz, q.inverse().wxyz
     return q.then(p).wxyz, q.matrix().reshape(-1), *ones
 
 

@@ -14,7 +14,7 @@ def forced_oscillator(x):
     """First order, balance and resonance of an oscillator: mass, stiffness, softening, force,
     frequency, damping and amplitude."""
     one = g.duffing.DuffingOscillator(*x[:6])
-    found = one.first_order(), one.resonance_frequencies(x[6])
+    found = one.first_order, one.resonance_frequencies(x[6])
     return numbers(*found[0], one.harmonic_balance(), *found[1])
 
 
@@ -25,7 +25,7 @@ def compass(x):
     y = one.state(*x[8:12])
     small = one.small_motion(x[12], y)
     slow = one.slow_motion(x[12], x[8], x[9])
-    frame = jnp.stack(jnp.broadcast_arrays(*one.frame_rate()))
+    frame = jnp.stack(jnp.broadcast_arrays(*one.frame_rate))
     turning = (
         jnp.stack([small.tilt, small.azimuth]),
         jnp.stack([small.tilt_rate, small.azimuth_rate]),
@@ -39,16 +39,16 @@ def gyropendulum_motion(x):
     one = g.Gyropendulum(*x[:7])
     later = one.closed_form().flow(x[12], g.GyropendulumState(*x[8:12]))
     angles = jnp.stack([later.theta, later.phi]), jnp.stack([later.theta_rate, later.phi_rate])
-    return *numbers(*one.frequencies(), one.tuned(x[7]).spin_momentum), *angles
+    return *numbers(*one.frequencies, one.tuned(x[7]).spin_momentum), *angles
 
 
 def platform(x):
     """First angle, nutation and motion of an axis: 8 numbers and time."""
     one = g.PlatformAxis(*x[:8])
-    later = one.closed_form().flow(x[8], one.at_rest())
+    later = one.closed_form().flow(x[8], one.at_rest)
     found = later.gyro_angle, later.platform_angle, later.gyro_rate, later.platform_rate
     # Some of them grow with the cube of a short time, the fastest with the time.
-    return jnp.stack(found), *numbers(one.first_angle(x[8]), one.nutation_frequency())
+    return jnp.stack(found), *numbers(one.first_angle(x[8]), one.nutation_frequency)
 
 
 def rate_gyro_figures(x):
@@ -56,8 +56,8 @@ def rate_gyro_figures(x):
     one = g.RateGyro(*x[:13])
     answer = one.frequency_response(x[13])
     parts = jnp.stack([answer.real, answer.imag])
-    error = one.error_torque(), one.drift_rate()
-    return parts, *numbers(one.damping_ratio(), one.natural_frequency(), *error)
+    error = one.error_torque, one.drift_rate
+    return parts, *numbers(one.damping_ratio, one.natural_frequency, *error)
 
 
 def rate_gyro_response(x):
@@ -70,7 +70,7 @@ def rate_gyro_response(x):
 def turned_place(x):
     """Attitude and body rate at a place, from its 6 numbers and their rates."""
     place = g.Place(*x[:6])
-    return place.attitude().wxyz, place.body_rate(g.Place(*x[6:]))
+    return place.attitude.wxyz, place.body_rate(g.Place(*x[6:]))
 
 
 def navigator(x):
@@ -79,7 +79,7 @@ def navigator(x):
     one = g.InertialNavigator(*x[:7], roll_amplitude=0.1, roll_frequency=0.05)
     felt = one.felt(x[16])
     y = one.state(x[7:10], x[10:13], x[13:16])
-    earth = one.earth().curvature_radii(x[0])
+    earth = one.earth.curvature_radii(x[0])
     held = felt.velocity, felt.specific_force, felt.level_rate, felt.attitude.wxyz
     return *held, y.velocity, y.attitude.wxyz, *numbers(*earth)
 

@@ -105,7 +105,7 @@ def swing_rates(x):
     (amplitude), a hoop (rate), a trailer (two lengths)."""
     elastic = m.ElasticPendulum(*x[:4])
     rim = m.CentrifugalPendulum(*x[4:8])
-    return numbers(*elastic.frequencies(), *rim.frequencies(x[8]))
+    return numbers(*elastic.frequencies, *rim.frequencies(x[8]))
 
 
 def hung_bars(x):
@@ -113,7 +113,7 @@ def hung_bars(x):
     gravity and string."""
     spring = m.BarOnSpring(*x[:5])
     string = m.BarOnString(x[0], x[5], x[3], x[4])
-    return numbers(*spring.frequencies(), *string.frequencies(), spring.rest_length())
+    return numbers(*spring.frequencies, *string.frequencies, spring.rest_length)
 
 
 def work_of_a_force(x):
@@ -141,7 +141,7 @@ def pendulum_swing(x):
 def hoop(x):
     """Rest angle and energy of a bead: radius, rate, gravity, angle and its rate."""
     one = m.RotatingHoop(1.0, *x[:3])
-    return numbers(one.rest_angle(), one.mechanical_energy(m.RotatingHoop.state(x[3], x[4])))
+    return numbers(one.rest_angle, one.mechanical_energy(m.RotatingHoop.state(x[3], x[4])))
 
 
 def wheels(x):
@@ -149,14 +149,14 @@ def wheels(x):
     trailer = m.Trailer(1.0, x[3], x[4], x[5], 1.0, 1.0)
     y = m.GeneralisedState(x[6:10], x[10:14])
     moving = m.SliderCarrier.body_velocity(y)
-    return numbers(*m.rolling.rolling_loop(*x[:3]), trailer.stability_margin(), *moving)
+    return numbers(*m.rolling.rolling_loop(*x[:3]), trailer.stability_margin, *moving)
 
 
 def arm(x):
     """Poles, as parts, and the place of rest: frequency, damping, rate and arm."""
     one = m.ArmPendulum(*x)
-    poles, light = one.poles(), one.light_poles()
-    return poles.real, poles.imag, light.real, light.imag, *numbers(one.rest())
+    poles, light = one.poles, one.light_poles
+    return poles.real, poles.imag, light.real, light.imag, *numbers(one.rest)
 
 
 def shapes(x):
@@ -180,10 +180,10 @@ def missile(x):
     zero = jnp.zeros(2) + 0.0 * x[0]
     y = m.MissileState(x[8], x[9:11], x[11], x[12], zero, x[13])
     found = one.accelerations(y, x[14], 0.1 * x[14], x[7])
-    engine = numbers(*one.engine().values(), one.lever(), one.inertia(), found[1])
-    masses, stiffnesses = one.matrices()
-    arrays = (one.frequencies(), *one.hinge(), one.across(x[7]), one.slopes(x[7]), found[0])
-    dog = numbers(one.tail_wags_dog_frequency())
+    engine = numbers(*one.engine.values(), one.lever, one.inertia, found[1])
+    masses, stiffnesses = one.matrices
+    arrays = (one.frequencies, *one.hinge, one.across(x[7]), one.slopes(x[7]), found[0])
+    dog = numbers(one.tail_wags_dog_frequency)
     return *engine, *arrays, *dog, masses.reshape(-1), stiffnesses.reshape(-1)
 
 

@@ -36,7 +36,7 @@ def steady_disk(x):
     """Steady circles of a disk: 5 numbers, tilt, precession and spin."""
     one = a.RollingDisk(*x[:5])
     steady = *one.steady_precession_rates(x[5], x[7]), one.steady_spin(x[5], x[6])
-    bounds = one.least_rolling_spin(), one.least_standing_spin()
+    bounds = one.least_rolling_spin, one.least_standing_spin
     small = one.tilt_acceleration(*x[5:8]), one.tilt_stiffness(*x[5:8])
     return numbers(*steady, *bounds, *small)
 
@@ -49,7 +49,7 @@ def settling(x):
     rough = a.RollingDisk(x[0], x[1], A, C, x[2], contour_friction=x[6])
     wet = a.RollingDisk(x[0], x[1], A, C, x[2], contour_damping=x[6])
     times = rough.settling_time(x[3]), wet.settling_time(x[3])
-    return numbers(*times, hoop.least_rolling_spin(), one.growth_rate(*x[3:6]))
+    return numbers(*times, hoop.least_rolling_spin, one.growth_rate(*x[3:6]))
 
 
 def cords(x):
@@ -59,7 +59,7 @@ def cords(x):
     swung = a.swinging.SwingingCords(*x[:3], x[6])
     at = a.swinging.SwingingCords.state(x[4], x[7])
     start = a.unwinding.UnwindingCords.state(x[4])
-    pulls = firm.tension(y), soft.tension(y), swung.tension(at), firm.inertia_ratio()
+    pulls = firm.tension(y), soft.tension(y), swung.tension(at), firm.inertia_ratio
     return numbers(*pulls, start.angle_rate, y.stretch_rate)
 
 
@@ -75,9 +75,9 @@ def spinning_missile(x):
     """Rates and angle of a spinning missile: A, C, n, time, angle, rate, moment and tilt."""
     one = a.SpinningMissile(*x[:3])
     rate = one.transverse_rate(x[3], x[6:8], x[8:10])
-    turned = one.attack_angle(x[3], x[4:6], x[6:8], x[8:10], tilt=x[10:12])
+    turned = one.complex_tilt(x[3], x[4:6], x[6:8], x[8:10], tilt=x[10:12])
     centre, slow, fast = one.circles(x[8:10])
-    figures = one.nutation_rate(), one.precession_rate(), slow, fast
+    figures = one.nutation_rate, one.precession_rate, slow, fast
     return rate, turned, centre, *numbers(*figures)
 
 
@@ -177,7 +177,7 @@ def relatives(x):
 
 def turning_circles(x):
     """Rates of a top at its turning circles, from N, alpha, beta and gamma."""
-    return numbers(*a.nutation.Nutation.of(*x).circle_rates())
+    return numbers(*a.nutation.Nutation.of(*x).circle_rates)
 
 
 def cosines(x):
@@ -276,7 +276,7 @@ FORMS = (
         of(
             "SpinningMissile",
             "transverse_rate",
-            "attack_angle",
+            "complex_tilt",
             "circles",
             "nutation_rate",
             "precession_rate",

@@ -41,7 +41,7 @@ def put_together(x):
     turned = other.turned(Quaternion.from_rotation_vector(x[11:14])).moved(x[8:11])
     whole = b.mass_properties.combined(one, turned)
     moment = whole.moment_about(x[14:17], x[17:20])
-    about, moments = whole.about(x[17:20]), whole.inertia().matrix()
+    about, moments = whole.about(x[17:20]), whole.inertia.matrix()
     rest = b.mass_properties.combined(whole, turned.hole())
     return *_numbers(whole), about.reshape(-1), moment[None], moments.reshape(-1), rest.mass[None]
 

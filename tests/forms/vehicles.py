@@ -5,6 +5,7 @@ import jax.numpy as jnp
 from jaxspace import attitude as a
 from jaxspace import gyros as g
 from jaxspace import rockets as k
+from jaxspace import rotations as r
 from jaxspace.rotations import Quaternion
 
 from .form import Form
@@ -75,7 +76,7 @@ def top_relatives(x):
 def on_a_shaft(x):
     """Critical rate, equilibrium and frequency of a pendulum on a turning shaft."""
     pendulum = a.ShaftPendulum(x[0], x[1], x[2], x[3])
-    found = pendulum.critical_rate(), pendulum.equilibrium(), pendulum.frequency(x[4])
+    found = pendulum.critical_rate, pendulum.equilibrium, pendulum.frequency(x[4])
     return tuple(f[None] for f in found)
 
 
@@ -86,15 +87,12 @@ def gyrostat(x):
 
 
 def attack(x):
-    """Angles of attack of an attitude: as complex numbers, and against a velocity."""
+    """The tilt of an axis as complex numbers, and its angle with a velocity."""
     attitude = Quaternion.from_rotation_vector(x[:3])
-    inertial, body = (
-        k.angle_of_attack.complex_angle_of_attack(attitude, axes) for axes in ("inertial", "body")
-    )
+    inertial, body = (r.tilt.complex_tilt(attitude, axes) for axes in ("inertial", "body"))
     return (
         inertial,
         body,
-        a.spinning_missile.angle_of_attack(attitude),
         k.angle_of_attack.angle_of_attack(attitude, x[3:6])[None],
     )
 
@@ -128,17 +126,15 @@ def burning_and_spinning(x):
 def compass_at_rest(x):
     """Frequencies, errors and damping of a gyrocompass."""
     compass = g.Gyrocompass(*x[:6], speed=x[6], course=x[7])
-    rest = compass.rest_tilt(), compass.rest_azimuth(), compass.heading_error()
-    slow = compass.slow_frequency(), compass.damping_ratio(), compass.clamped_frequency()
-    return tuple(jnp.atleast_1d(f) for f in (*rest, *slow, *compass.frequencies()))
+    rest = compass.rest_tilt, compass.rest_azimuth, compass.heading_error
+    slow = compass.slow_frequency, compass.damping_ratio, compass.clamped_frequency
+    return tuple(jnp.atleast_1d(f) for f in (*rest, *slow, *compass.frequencies))
 
 
 def rate_gyro(x):
     """Integrated angle, steady angle and overshoot of a rate gyro."""
     gyro = g.RateGyro(*x[:5])
-    return tuple(
-        f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle(), gyro.overshoot())
-    )
+    return tuple(f[None] for f in (gyro.integrated_angle(x[5]), gyro.steady_angle, gyro.overshoot))
 
 
 def of_navigation(x):
@@ -246,7 +242,7 @@ FORMS = (
     ),
     Form(
         attack,
-        ("attitude.angle_of_attack", "rockets.angle_of_attack", "rockets.complex_angle_of_attack"),
+        ("rockets.angle_of_attack", "rotations.complex_tilt", "rotations.tilt_of_axis"),
         [
             (0.1, 0.2, 0.3, 1.0, 2.0, 3.0),
             (0.0, 0.0, 0.3, 0.0, 0.0, 1.0),

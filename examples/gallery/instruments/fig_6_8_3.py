@@ -20,7 +20,7 @@ t = jnp.linspace(0.0, 4.0, 400)
 w = jnp.logspace(-1.0, 2.0, 400)
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for axis, label in ((free, "without servo"), (held, "with servo")):
-    start = axis.at_rest()
+    start = axis.at_rest
     angle = axis.closed_form().flow(t, start).gyro_angle
     left.plot(t, jnp.degrees(angle), label=label)
     found = modes(axis, start, inputs=("torque",), outputs=("gyro_angle",))

@@ -21,8 +21,8 @@ y0 = gyro.state(theta, 0.0, rate, 0.0)
 run = simulate(gyro, y0, t, accuracy=1e-10)
 figure, axes = plt.subplots(figsize=(7.4, 4.0))
 axes.plot(1e3 * t, jnp.degrees(run.states.psi), label="ψ")
-axes.plot(1e3 * t, jnp.degrees(walk.drift() * t), label="mean drift")
-mean = walk.drift_to_second_order() * t
+axes.plot(1e3 * t, jnp.degrees(walk.drift * t), label="mean drift")
+mean = walk.drift_to_second_order * t
 axes.plot(1e3 * t, jnp.degrees(mean), "k--", lw=0.8, label="second order")
 axes.set(xlabel="time, ms", ylabel="outer gimbal, deg")
 axes.legend()

@@ -36,8 +36,8 @@ for axes, offset, title in zip(
     axes.plot(azimuth, tilt)
     axes.plot(azimuth[::100], tilt[::100], "o", color="C0", ms=3)
     rest = (
-        jnp.degrees(compass.rest_azimuth()),
-        jnp.degrees(compass.rest_tilt()),
+        jnp.degrees(compass.rest_azimuth),
+        jnp.degrees(compass.rest_tilt),
     )
     axes.plot(*rest, "P", color="C1", ms=7, label="rest")
     axes.axhline(0.0, color="0.4", lw=0.8)

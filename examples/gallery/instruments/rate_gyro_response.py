@@ -20,7 +20,7 @@ ratio = jnp.geomspace(0.1, 10.0, 400)
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for share in (0.1, 0.3, 0.65, 1.0, 2.0):
     gyro = RateGyro(A, 2.0 * share * A * natural, H, spring=K, input_rate=0.1)
-    angle = jax.vmap(gyro.step_response)(time) / gyro.steady_angle()
+    angle = jax.vmap(gyro.step_response)(time) / gyro.steady_angle
     left.plot(time * natural, angle)
     answer = jnp.abs(gyro.frequency_response(ratio * natural)) * K / H
     right.loglog(ratio, answer, label=f"{share:g}")

@@ -23,7 +23,7 @@ start = start / jnp.sqrt(jnp.sum(moments[:, None] * start**2, axis=0))
 border = jnp.array([[jnp.sqrt(0.5)], [1e-9], [jnp.sqrt(1.0 / 6.0)]])
 inertia = PrincipalInertia(moments)
 shares = jnp.linspace(0.0, 1.0, 200)[:, None]
-period = Polhode.of(moments[:, None], start).period()
+period = Polhode.of(moments[:, None], start).period
 _, path = free_turn(shares * period, inertia, start[:, None, :])
 _, edge = free_turn(24.0 * shares - 12.0, inertia, border[:, None, :])
 

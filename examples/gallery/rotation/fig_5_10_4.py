@@ -17,7 +17,7 @@ jaxspace.enable_x64()
 moments = jnp.array([1.0, 2.0, 3.0])
 omega = jnp.array([0.35, 0.1, 1.0])
 polhode = Polhode.of(moments, omega)
-t = jnp.linspace(0.0, 7.0 * polhode.period(), 2500)
+t = jnp.linspace(0.0, 7.0 * polhode.period, 2500)
 turn, rate = free_turn(
     t, PrincipalInertia(moments[:, None]), omega[:, None] + 0.0 * t
 )
@@ -30,7 +30,7 @@ x, y = east @ space, cross(up, east) @ space
 
 figure, axes = plt.subplots(figsize=(4.8, 4.6))
 circle = jnp.linspace(0.0, 2.0 * jnp.pi, 200)
-for radius in polhode.herpolhode_radii():
+for radius in polhode.herpolhode_radii:
     axes.plot(
         radius * jnp.cos(circle), radius * jnp.sin(circle), "--", color="0.6"
     )

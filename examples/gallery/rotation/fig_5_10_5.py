@@ -17,7 +17,7 @@ moments = jnp.array([1.0, 2.0, 3.0])
 angles = jnp.radians(jnp.linspace(8.0, 82.0, 9))
 start = jnp.stack([jnp.sin(angles), 0.0 * angles, jnp.cos(angles)])
 start = start / jnp.sqrt(jnp.sum(moments[:, None] * start**2, axis=0))
-period = Polhode.of(moments[:, None], start).period()
+period = Polhode.of(moments[:, None], start).period
 shares = jnp.linspace(0.0, 1.0, 200)[:, None]
 _, path = free_turn(
     shares * period, PrincipalInertia(moments), start[:, None, :]

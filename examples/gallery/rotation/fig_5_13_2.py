@@ -21,8 +21,8 @@ for k, spin in enumerate((15.0, 20.0, 25.0)):
     gamma = 0.5 * (motion.gamma_up + motion.gamma_down)
     f = (alpha - motion.beta * u) * (1 - u**2) - (gamma - motion.N * u) ** 2
     axes.plot(u, f, label=f"{spin:g} rad/s")
-    roots = [jnp.cos(x) for x in motion.turning_points()]
-    roots.append(motion.third_root() / motion.beta)
+    roots = [jnp.cos(x) for x in motion.turning_points]
+    roots.append(motion.third_root / motion.beta)
     axes.plot(roots, [0.0] * 3, "o", color=f"C{k}", ms=5)
 axes.axvspan(-1.0, 1.0, color="0.95")
 axes.axhline(0.0, color="0.4", lw=0.8)

@@ -21,7 +21,7 @@ start = top.state(
 )
 run = simulate_batch(top, start, jnp.linspace(0.0, 1.9, 2400))
 path = run.states.attitude.rotate(jnp.array([0.0, 0.0, 1.0])[:, None, None])
-circles = top.nutation(start).turning_points()
+circles = top.nutation(start).turning_points
 
 figure = plt.figure(figsize=(9.0, 3.5))
 u, v = jnp.meshgrid(

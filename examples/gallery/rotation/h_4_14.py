@@ -28,7 +28,7 @@ for k, size in enumerate((1.6, 1.72, 1.85)):
     share = 0.5 * size**2 - 1.0
     momentum = semi_axes * jnp.sqrt(jnp.array([1.0 - share, 0.0, share]))
     polhode = Polhode.of(moments, momentum / moments)
-    t = jnp.linspace(0.0, polhode.period(), 300)
+    t = jnp.linspace(0.0, polhode.period, 300)
     _, rate = free_turn(
         *(t, PrincipalInertia(moments[:, None])),
         (momentum / moments)[:, None] + 0.0 * t,

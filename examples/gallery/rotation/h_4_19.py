@@ -22,7 +22,7 @@ for k, spin in enumerate((15.0, 25.0, 40.0)):
     V = top.pseudo_potential(theta, h_Z, spin)
     axes.plot(jnp.degrees(theta), V, label=f"{spin:g} rad/s")
     motion = top.nutation(top.state([0.0, tilt, 0.0], [0.0, 0.0, spin]))
-    ends = jnp.degrees(jnp.stack(motion.turning_points()))
+    ends = jnp.degrees(jnp.stack(motion.turning_points))
     rest = top.pseudo_potential_minimum(h_Z, spin)
     least = top.pseudo_potential(rest, h_Z, spin)
     axes.plot(jnp.degrees(rest), least, "x", color=f"C{k}")

@@ -16,10 +16,10 @@ m, a, g = 1.0, 0.3, 9.80665
 figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.8))
 for k, r in enumerate((0.05, 0.2, 0.4)):
     A, C = m * (r * r / 4.0 + a * a), m * r * r / 2.0
-    critical = ShaftPendulum(A, C, m * g * a).critical_rate()
+    critical = ShaftPendulum(A, C, m * g * a).critical_rate
     ratio = jnp.linspace(0.0, 2.5, 501)
     disk = ShaftPendulum(A, C, m * g * a, ratio * critical)
-    out = disk.equilibrium()
+    out = disk.equilibrium
     own = disk.frequency(out) / jnp.sqrt(g / a)
     right.plot(ratio, own, color=f"C{k}", label=f"{r:g} m")
 # Over its own critical rate every disk has the same place of rest.

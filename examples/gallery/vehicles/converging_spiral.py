@@ -22,7 +22,7 @@ for axes, share in zip(both, (0.05, 0.2), strict=True):
     @jax.jit
     @jax.vmap
     def tip(t, rocket=rocket):
-        return rocket.angle_of_attack(t, jnp.array([start, 0.0]))
+        return rocket.complex_tilt(t, jnp.array([start, 0.0]))
 
     x, y = 1e3 * tip(time).T
     axes.plot(x, y, lw=0.9)

@@ -1,5 +1,5 @@
-"""From a loop and a state to a run: what is refused, what is known before, and the program once
-more with finer steps where they proved too few."""
+"""Runs of a closed loop: checks of the arguments, the program, and its repetition with finer
+steps."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -16,6 +16,7 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
+    as_state,
     check_initial_state,
     check_start,
     state_dtype,
@@ -48,7 +49,7 @@ class LoopOptions(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """The arguments of a flight."""
+    """The arguments of a run."""
 
     loop: Loop
     y0: State
@@ -66,7 +67,7 @@ class LoopRun(AbstractRun):
 
     - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
     - `steps`: fixed steps between two nodes.
-    - `asked`: with what the loop was flown, for `error`."""
+    - `asked`: the arguments of the run, for `error`."""
 
     trajectory: Trajectory
     steps: int = eqx.field(static=True)
@@ -74,8 +75,8 @@ class LoopRun(AbstractRun):
 
     @property
     def commands(self) -> PyTree:
-        """The commands in force behind each of the times, with the shapes of the states: components
-        lead, then times, then runs. The last is that in force at the end."""
+        """The commands in force after each of the times: components lead, then times, then runs.
+        The last one is that at the end."""
         return self._control["commands"]
 
     @property
@@ -106,6 +107,7 @@ class LoopRun(AbstractRun):
         loop, y0, ts, options, _ = self.asked
         key = as_key(loop.key if options.key is None else options.key)
         if key is not None:
+            # As the batch has split it, so that the run repeats its noise.
             key = jax.random.split(key, self.status.shape[-1])[i]
         loop = run_of(dataclasses.replace(loop, key=None), i)
         y0, start, memory = run_of((y0, options.start, options.memory), i, 1)
@@ -113,11 +115,13 @@ class LoopRun(AbstractRun):
         return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
 
     def error(self) -> State:
-        """An estimate of the error of the final state: the change by half the steps' length.
+        """Estimate of the error of the final state: its change with steps of half the length.
 
-        Of the same noise; commands in quanta may switch, and then it shows that."""
+        The noise is the same; a command that is rounded to quanta may switch, which then adds to
+        the change."""
         loop, y0, ts, options, run_axes = self.asked
-        again = fly(loop, y0, ts, options._replace(steps=2 * self.steps), run_axes, throw=False)
+        finer = options._replace(steps=2 * self.steps)
+        again = run_loop(loop, y0, ts, finer, run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
     def facts(self) -> list[tuple[str, ...]]:
@@ -126,7 +130,7 @@ class LoopRun(AbstractRun):
         return [("control", f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold")]
 
 
-def fly(
+def run_loop(
     loop: Loop,
     y0: State,
     ts: ArrayLike | Sequence[float],
@@ -136,9 +140,11 @@ def fly(
     throw: bool,
 ) -> LoopRun:
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
+    y0 = as_state(y0)
     _check(loop, y0, run_axes)
     asked = Asked(loop, y0, ts, options, run_axes)
-    times, events = known_times(ts), as_events(options.events)
+    times = known_times(ts)
+    events = as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
     config = config_of(loop, y0, accuracy, options.steps)
     start = times[0] if options.start is None else options.start
@@ -150,6 +156,7 @@ def fly(
     run = LoopRun(trajectory, steps_of(config), asked)
     if not throw:
         return run
+    # A known status raises here; a traced one when the compiled program runs.
     if is_concrete(run.status) and not is_traced(run.trajectory):
         raise_on_failure(run.status)
         return run
@@ -157,12 +164,13 @@ def fly(
 
 
 def _check(loop: Loop, y0: State, run_axes: int) -> None:
-    """Raise `InputError` for what no loop can be flown with."""
+    """Raise `InputError` for arguments with which no loop can run."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(
             f"ClosedLoop.controller is of type {type(loop.controller).__name__}: it must be a "
             f"controller or a function of what is measured."
         )
+    # A state that is not finite fails only its own run of a batch.
     if run_axes:
         state_dtype(y0)
         return

@@ -21,7 +21,7 @@ from .spread import StopRule
 from .statistics import Dispersion
 
 Progress: TypeAlias = Callable[[int, int], None] | None
-Flown: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
+Computed: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
 
 
 def in_memory(
@@ -36,16 +36,17 @@ def in_memory(
     firsts = range(0, total, chunk)
     extents = [Extent(k, first, min(chunk, total - first)) for k, first in enumerate(firsts)]
     ending = None if until is None else Ending(until, len(extents))
-    chunks, enough = {}, None
-    with contextlib.closing(_flown(runner, engine, extents, total, progress)) as flown:
-        for k, found in flown:
-            chunks[k] = found
+    chunks = {}
+    enough = None
+    with contextlib.closing(_computed(runner, engine, extents, total, progress)) as computed:
+        for k, result in computed:
+            chunks[k] = result
             if ending is not None:
-                ending.add(k, found[0])
+                ending.add(k, result[0])
                 enough = ending.enough()
             if enough is not None:
                 break
-    # What other processes had under way meanwhile lies beyond.
+    # Without the chunks beyond that other processes have computed in the meantime.
     return {k: x for k, x in chunks.items() if enough is None or k < enough}
 
 
@@ -57,7 +58,7 @@ def stored(
     progress: Progress,
     until: StopRule | None,
 ) -> Dispersion:
-    """The chunks that the store lacks, written to it, up to where the rule is met."""
+    """Compute the missing chunks of a store and write them, up to where the rule is met."""
     planned = runner.planned
     assert runner.example is not None
     columns = columns_of(ordered(runner.example, planned.campaign), planned.campaign.units)
@@ -67,7 +68,7 @@ def stored(
     writer.host = engine.host
     store = writer.store if engine.leads else writer.join(columns, attributes)
     missing, damages = writer.missing()
-    # None writes before all have looked.
+    # No process writes before all have read the store.
     engine.sync("counted")
     for damage in damages:
         warnings.warn(f"{store.path}: {damage} It is computed again.", DamagedStore, stacklevel=4)
@@ -81,8 +82,8 @@ def stored(
         if enough is not None:
             break
         done = store.runs - sum(e.runs for e in extents if e.chunk >= part[0].chunk)
-        flown = _flown(runner, engine, engine.share(part), store.runs, progress, done)
-        storing += _written(writer, flown, ending)
+        computed = _computed(runner, engine, engine.share(part), store.runs, progress, done)
+        storing += _written(writer, computed, ending)
         engine.sync(f"part {number}")
         if ending is not None:
             ending.read(store, [extent.chunk for extent in part if engine.shares])
@@ -95,12 +96,13 @@ def stored(
     return as_dispersion(store, store.finished())
 
 
-def _written(writer: StoreWriter, flown: Flown, ending: Ending | None) -> float:
-    """Write what comes, up to where the rule is met; the time that this took, s."""
-    last, storing = time.perf_counter(), 0.0
-    # Closed at once where the campaign ends itself: other processes then stop.
-    with contextlib.closing(flown):
-        for chunk, (results, cpu) in flown:
+def _written(writer: StoreWriter, computed: Computed, ending: Ending | None) -> float:
+    """Write the computed chunks, up to where the rule is met; returns the time for it, s."""
+    last = time.perf_counter()
+    storing = 0.0
+    # Closed as soon as the rule ends the campaign, so that other processes stop.
+    with contextlib.closing(computed):
+        for chunk, (results, cpu) in computed:
             before = time.perf_counter()
             writer.commit(chunk, results, before - last, cpu)
             last = time.perf_counter()
@@ -114,7 +116,7 @@ def _written(writer: StoreWriter, flown: Flown, ending: Ending | None) -> float:
 
 def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: float) -> None:
     if enough is None and ENOUGH in store.attributes:
-        # The rule has ended the campaign before; later chunks may still have to be removed.
+        # The rule ended the campaign before; later chunks may still have to be removed.
         enough = store.count
     if enough is not None:
         writer.end_at(enough)
@@ -124,29 +126,29 @@ def _finish(writer: StoreWriter, store: Store, enough: int | None, storing: floa
 def _parts(
     extents: list[Extent], engine: AbstractEngine, ending: Ending | None
 ) -> list[list[Extent]]:
-    """The chunks in the parts after which the processes that share them must meet."""
+    """The chunks in parts after which the processes that share them synchronise."""
     borders = [0, *(ending.waiting if ending and engine.shares else ()), sys.maxsize]
     parts = [[e for e in extents if a <= e.chunk < b] for a, b in itertools.pairwise(borders)]
     return [part for part in parts if part]
 
 
-def _flown(
+def _computed(
     runner: BatchRunner,
     engine: AbstractEngine,
     extents: list[Extent],
     total: int,
     progress: Progress,
     done: int = 0,
-) -> Flown:
-    """The results of these chunks with the processor time of each; `done` runs are there."""
+) -> Computed:
+    """The results of these chunks with the processor time of each; `done` runs exist already."""
     own = {extent.chunk: extent.runs for extent in extents}
-    # Closed at once where the campaign ends itself: other processes then stop.
+    # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(engine.compute(runner, extents)) as computed:
-        for found in computed:
-            # What is yielded has been stored when the loop goes on, and only then is it reported:
-            # what a user has seen done survives an interruption.
-            yield found.chunk, (ordered(found.results, runner.planned.campaign), found.cpu)
-            done += own[found.chunk]
+        for result in computed:
+            # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
+            # that progress that a user has seen survives an interruption.
+            yield result.chunk, (ordered(result.results, runner.planned.campaign), result.cpu)
+            done += own[result.chunk]
             if progress is not None:
                 progress(done, total)
 

@@ -12,25 +12,26 @@ from ..integration.events import Event
 from .run_result import RunResult
 
 
-class AbstractFlight(eqx.Module):
-    """A flight, such as that of a closed loop, whose samples are known before it starts.
+class AbstractRunnable(eqx.Module):
+    """What a phase runs in place of a system, such as a closed loop: it integrates itself, by
+    samples that are known before it starts.
 
     - `system`: what moves.
-    - `longest`: how long the flight may take, s; `None` where it is not known yet."""
+    - `longest`: how long the run may take, s; `None` where it is not known yet."""
 
     system: eqx.AbstractVar[AbstractSystem]
     longest: eqx.AbstractVar[float | None]
 
     @abstractmethod
-    def lasting(self, longest: float) -> "AbstractFlight":
-        """The flight with that time as the longest one."""
+    def lasting(self, longest: float) -> "AbstractRunnable":
+        """The same object with this `longest` time, s."""
 
     @abstractmethod
     def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
-        """How the flight from a state of the shapes of `y0` is integrated."""
+        """How a run from a state of the shapes of `y0` is integrated."""
 
     @abstractmethod
-    def fly(
+    def run(
         self,
         until: Scalar | Event,
         y0: State,
@@ -39,11 +40,11 @@ class AbstractFlight(eqx.Module):
         config: IntegrationConfig,
         run_axes: int,
     ) -> RunResult:
-        """The flight from the state `y0` at the time `t0`, s, with `num_saved` states.
+        """The run from the state `y0` at the time `t0`, s, with `num_saved` states.
 
         `until` is the end, as of a `Phase`."""
 
 
-def moving(system: AbstractSystem | AbstractFlight) -> AbstractSystem:
+def moving(system: AbstractSystem | AbstractRunnable) -> AbstractSystem:
     """The system that moves in a phase."""
-    return system.system if isinstance(system, AbstractFlight) else system
+    return system.system if isinstance(system, AbstractRunnable) else system

@@ -18,7 +18,7 @@ from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 
 
-class Flights(NamedTuple):
+class RunPaths(NamedTuple):
     """Positions along some runs; the first one is the nominal run, with the number -1.
 
     - `numbers`: of the runs, (runs,).
@@ -30,14 +30,14 @@ class Flights(NamedTuple):
     positions: np.ndarray
 
 
-def fly(
+def run_paths(
     campaign: Campaign,
     numbers: Any,
     *,
     seed: int = 0,
     num_saved: int = 40,
     accuracy: Accuracy | Scalar | None = None,
-) -> Flights | None:
+) -> RunPaths | None:
     """The nominal run and the runs with these `numbers`, with `num_saved` positions a phase.
 
     `None` where the states have no position. The inputs are those of `disperse` with the same
@@ -50,19 +50,19 @@ def fly(
     - `seed`, `accuracy`: as of `disperse`.
     - `num_saved`: positions of each phase."""
     numbers = np.asarray(numbers, np.uint32)
-    found = _fly(
+    result = _run(
         campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), numbers, num_saved
     )
-    if found is None:
+    if result is None:
         return None
-    times, positions, status = (np.asarray(x) for x in found)
+    times, positions, status = (np.asarray(x) for x in result)
     positions = np.where(status <= Status.EVENT, positions, np.nan)
-    return Flights(np.concatenate([[-1], numbers.astype(int)]), times, positions)
+    return RunPaths(np.concatenate([[-1], numbers.astype(int)]), times, positions)
 
 
 # A few runs for a picture: the program takes far longer to compile than to run.
 @eqx.filter_jit(**QUICK)
-def _fly(
+def _run(
     campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array, num_saved: int
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
     drawn = campaign.samples(key, numbers)
@@ -91,9 +91,9 @@ def _fly(
 
 def _apart(parts: list[Array], starts: list[bool], axis: int) -> list[Array]:
     """The parts with a time of NaN before each that `starts` a line."""
-    found = []
+    result = []
     for part, begins in zip(parts, starts, strict=True):
         if begins:
-            found.append(jnp.full_like(jnp.take(part, jnp.array([0]), axis), jnp.nan))
-        found.append(part)
-    return found
+            result.append(jnp.full_like(jnp.take(part, jnp.array([0]), axis), jnp.nan))
+        result.append(part)
+    return result

@@ -1,6 +1,6 @@
-"""The flight of a search: objective and constraints of [optimize] from the free numbers.
+"""The run of a search: objective and constraints of [optimize] from the free numbers.
 
-The run is `simulation.fly_compact`, which compiles in seconds."""
+The run is `simulation.simulate_compact`, which compiles in seconds."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from ..core import State
 from ..optimization import Criterion
-from ..simulation import MissionTrajectory, Status, fly_compact
+from ..simulation import MissionTrajectory, Status, simulate_compact
 from ._build import build_mission, replaced
 from ._objects import Runs
 from ._optimize_table import Demand, Task
@@ -22,23 +22,24 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     """Objective and constraints of the run with the numbers `x` at their paths."""
     values = replaced(file.values, x)
     mission, y0 = build_mission(file.parsed, values, Runs())
-    flight = fly_compact(mission, y0, file.start, steps=steps)
-    states = {-1: flight.final, **{k: p.before for k, p in enumerate(flight.phases)}}
-    ends = {-1: flight.end, **{k: p.ts[-1] for k, p in enumerate(flight.phases)}}
+    run = simulate_compact(mission, y0, file.start, steps=steps)
+    states = {-1: run.final, **{k: p.before for k, p in enumerate(run.phases)}}
+    ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
     specs = (task.objective, *(d.spec for d in task.demands))
     objective, *numbers = values_of(file, values, specs, states, ends)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
     above = [
         _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
     ]
-    happened = jnp.stack([p.happened for p in flight.phases])
+    happened = jnp.stack([p.happened for p in run.phases])
     # A phase that misses its event ends anywhere: the search turns back.
-    reported, objective = objective, jnp.where(jnp.all(happened), objective, jnp.nan)
+    reported = objective
+    objective = jnp.where(jnp.all(happened), objective, jnp.nan)
     return Criterion(
         task.sign * objective,
         jnp.stack(equal) if equal else None,
         jnp.stack(above) if above else None,
-        report=(reported, numbers, flight.error, happened),
+        report=(reported, numbers, run.error, happened),
     )
 
 
@@ -50,16 +51,16 @@ def values_of(
     ends: dict[int, Array],
 ) -> list[Array]:
     """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
-    # Outputs are written for runs on the last axis: this is a batch of one.
+    # Outputs take runs on the last axis, so that this is a batch of one run.
     batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
-    # By number, for an objective may be constrained too.
+    # By number, because the objective may be constrained as well.
     named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
-    found = Outputs(file, named, values, None).numbers(batch, times, {})
-    return [found[spec.name][0] for spec in named]
+    result = Outputs(file, named, values, None).numbers(batch, times, {})
+    return [result[spec.name][0] for spec in named]
 
 
 def failed_phase(run: MissionTrajectory) -> str:
-    """The first phase of a flight that ended badly, with the sentence of its status; or nothing."""
+    """The first phase of a run that ended badly, with the sentence of its status; or nothing."""
     for name, phase in run.items():
         status = Status(int(phase.status))
         if not status.good:
@@ -68,5 +69,5 @@ def failed_phase(run: MissionTrajectory) -> str:
 
 
 def _margin(value: Array, demand: Demand) -> Array:
-    """What is left of an inequality, negative where it is violated."""
+    """Margin of an inequality, negative where it is violated."""
     return value - demand.target if demand.limit == "at_least" else demand.target - value
