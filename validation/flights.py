@@ -1,5 +1,6 @@
 """Students' rockets whose apogee was measured, flown with the air of the day."""
 
+import runpy
 import sys
 from pathlib import Path
 
@@ -48,15 +49,14 @@ def apogees() -> tuple[np.ndarray, dict[str, tuple[float, ...]]]:
     of `examples/model_rockets/measured.py`, by the names of the flights."""
     if str(ROCKETS) not in sys.path:
         sys.path.insert(0, str(ROCKETS))
-    from measured import APOGEES, FLIGHTS
-    from rockets import site, stacked, vehicle
-
-    vehicles = stacked([vehicle(flight, POINTS) for flight in FLIGHTS.values()])
-    sites = stacked([site(flight) for flight in FLIGHTS.values()])
+    tools, data = (runpy.run_path(str(ROCKETS / f"{name}.py")) for name in ("rockets", "measured"))
+    flights = data["FLIGHTS"].values()
+    vehicles = tools["stacked"]([tools["vehicle"](flight, POINTS) for flight in flights])
+    sites = tools["stacked"]([tools["site"](flight) for flight in flights])
     mission, y0 = sounding_flight(vehicles, sites, ascent_within=60.0)
     accuracy = Accuracy(rtol=1e-6, method=Tsit5())
     run = simulate_mission_batch(mission, y0, 0.0, accuracy=accuracy, throw=True)
-    return np.asarray(run.final.position[2]), APOGEES
+    return np.asarray(run.final.position[2]), data["APOGEES"]
 
 
 def rows() -> list[Row]:
