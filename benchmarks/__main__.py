@@ -6,6 +6,7 @@ import importlib
 import json
 import os
 import platform
+import sys
 from pathlib import Path
 
 import jax
@@ -68,7 +69,13 @@ def main() -> None:
     asked = arguments()
     if asked.device:
         accelerator = importlib.import_module(".accelerator", __package__)
-        rows = accelerator.measure(asked.device, asked.widths or accelerator.WIDTHS)
+        if without := set(asked.names) - set(accelerator.WORKS):
+            sys.exit(
+                f"{', '.join(sorted(without))} has no work for a device: choose from "
+                f"{', '.join(accelerator.WORKS)}."
+            )
+        widths, names = asked.widths or accelerator.WIDTHS, asked.names or accelerator.WORKS
+        rows = accelerator.measure(asked.device, widths, tuple(names))
         keep(f"accelerator_{asked.device}", accelerator.__doc__, rows)
     else:
         for name in asked.names or NAMES:

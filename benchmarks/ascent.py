@@ -21,7 +21,7 @@ from jaxtyping import Array, Float
 
 from jaxspace import BodyState, Mission, Phase, Scene
 from jaxspace.bodies import Load
-from jaxspace.core.vectors import cross, norm
+from jaxspace.core.vectors import axis, cross, norm
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, simulate_mission_batch
@@ -40,7 +40,6 @@ STAGES = (
     (7.6e6, 300.0, 150.0, 25e3),
     (0.95e6, 345.0, 330.0, 0.0),
 )  # thrust, N; specific impulse, s; burnt out, s; dropped, kg
-EARTH = jnp.array([0.0, 0.0, SPIN])
 
 
 def dispersed() -> np.ndarray:
@@ -58,13 +57,18 @@ def dispersed() -> np.ndarray:
     )
 
 
+def air(position: Array) -> Array:
+    """The velocity of the air, which turns with the earth."""
+    return cross(SPIN * axis(2, position[2]), position)
+
+
 class Drag(eqx.Module):
     """Drag in an exponential atmosphere that turns with the earth."""
 
     factor: Float[Array, "*#runs"]
 
     def __call__(self, t, y, body):
-        u = y.velocity - cross(EARTH, y.position)
+        u = y.velocity - air(y.position)
         density = DENSITY * jnp.exp((RADIUS - norm(y.position)) / HEIGHT)
         return Load(force_N=(-0.5 * density * self.factor * AREA * norm(u)) * u)
 
@@ -77,7 +81,7 @@ class Engine(eqx.Module):
     upwards: bool = eqx.field(static=True)
 
     def __call__(self, t, y, body):
-        along = y.position if self.upwards else y.velocity - cross(EARTH, y.position)
+        along = y.position if self.upwards else y.velocity - air(y.position)
         return Load(
             force_N=(self.thrust / norm(along)) * along, mass_rate=-self.thrust / self.exhaust_speed
         )
@@ -89,7 +93,7 @@ class Kick(eqx.Module):
     angle: Float[Array, "*#runs"]
 
     def __call__(self, t, y):
-        wind = cross(EARTH, y.position)
+        wind = air(y.position)
         u, c, s = y.velocity - wind, jnp.cos(self.angle), jnp.sin(self.angle)
         turned = jnp.stack([c * u[0] - s * u[1], s * u[0] + c * u[1], u[2]])
         return BodyState(y.position, turned + wind, mass=y.mass)
@@ -207,15 +211,18 @@ def by_numba(p, dt=1.0):
     return lambda: fly(p, dt, np.empty((7, p.shape[1])))
 
 
+def start(p: np.ndarray) -> tuple[Mission, BodyState]:
+    """The ascents for these factors, and their state on the ground."""
+    o = jnp.zeros(p.shape[1])
+    r = jnp.stack([RADIUS + o, o, o])
+    v = jnp.stack([o, SPIN * RADIUS + o, o])
+    return mission(p), BodyState(r, v, mass=LIFT_OFF_MASS + o)
+
+
 def measure() -> dict:
     """Error of the final position and speed of every way."""
     p = dispersed()
-    system = mission(p)
-    o = jnp.zeros(RUNS)
-    r = jnp.stack([RADIUS + o, o, o])
-    v = jnp.stack([o, SPIN * RADIUS + o, o])
-    y0 = BodyState(r, v, mass=LIFT_OFF_MASS + o)
-
+    system, y0 = start(p)
     alone = on_one_device(y0)
 
     def ours(rtol, method: Any = "auto", y0=alone):

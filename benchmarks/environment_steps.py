@@ -22,24 +22,42 @@ from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 from ._measure import WIDE, in_turn, on_one_device, optional, with_errors_of_rotation
 
 RUNS, SPAN, MOMENTS = 1024, 1.0, (1.0, 1.5, 2.0)
-SCENE = Scene([CommandedTorque()], RigidBody(inertia=MOMENTS))
 MODEL = """<mujoco><option gravity="0 0 0" integrator="{}"/><worldbody><body><freejoint/>
 <inertial pos="0 0 0" mass="1" diaginertia="{} {} {}"/></body></worldbody></mujoco>"""
 
 
-def _ours(rate: jax.Array, length: float) -> Callable[[], Any]:
-    attitude = jnp.zeros((4, RUNS), rate.dtype).at[0].set(1.0)
-    y0 = BodyState(attitude=Quaternion(attitude), omega=rate)
-    h = jnp.asarray(length, rate.dtype)
+def scene(dtype: Any = float) -> Scene:
+    """A free body, with its numbers in the precision."""
+    whole = Scene([CommandedTorque()], RigidBody(inertia=MOMENTS))
+    return jax.tree.map(lambda x: jnp.asarray(x, dtype), whole)
 
-    def fly(y, count):
-        y = jax.lax.fori_loop(
-            0, count, lambda _, y: step(SCENE, y, None, h, method=FixedSteps(Tsit5(), 1)), y
-        )
-        return jnp.concatenate([y.omega, y.attitude.wxyz])
 
-    compiled = jax.jit(fly, compiler_options=WIDE)
-    return lambda: compiled(y0, round(SPAN / length))
+def starts(dtype: Any = float) -> BodyState:
+    """The bodies, at rates of single precision."""
+    rate = jax.random.normal(jax.random.key(0), (3, RUNS)).astype(jnp.float32)
+    attitude = jnp.zeros((4, RUNS), dtype).at[0].set(1.0)
+    return BodyState(attitude=Quaternion(attitude), omega=rate.astype(dtype))
+
+
+def moved(y: BodyState, h: jax.Array, count: Any) -> jax.Array:
+    """Rates and quaternions after as many steps of the length `h`, s."""
+    body, method = scene(h.dtype), FixedSteps(Tsit5(), 1)
+    y = jax.lax.fori_loop(0, count, lambda _, y: step(body, y, None, h, method=method), y)
+    return jnp.concatenate([y.omega, y.attitude.wxyz])
+
+
+def exact(y0: BodyState) -> jax.Array:
+    """The same after the whole time, in adaptive steps."""
+    accuracy = Accuracy(1e-12, method=DOP853())
+    end = simulate_batch(scene(), y0, jnp.array([0.0, SPAN]), accuracy=accuracy).final
+    return jnp.concatenate([end.omega, end.attitude.wxyz])
+
+
+def _ours(y0: BodyState, length: float) -> Callable[[], Any]:
+    assert y0.omega is not None
+    h = jnp.asarray(length, y0.omega.dtype)
+    compiled = jax.jit(moved, compiler_options=WIDE)
+    return lambda: compiled(y0, h, round(SPAN / length))
 
 
 def _mjx(rate: jax.Array, lengths: dict[str, tuple[float, ...]]) -> dict[str, Callable[[], Any]]:
@@ -77,15 +95,8 @@ def _mjx(rate: jax.Array, lengths: dict[str, tuple[float, ...]]) -> dict[str, Ca
 
 def measure() -> dict:
     """Bodies moved by one second in a second, and their errors."""
-    exact = np.asarray(jax.random.normal(jax.random.key(0), (3, RUNS)))
-    rate = on_one_device(jnp.asarray(exact, jnp.float32))
-    attitude = jnp.zeros((4, RUNS)).at[0].set(1.0)
-    y0 = BodyState(attitude=Quaternion(attitude), omega=jnp.asarray(rate, float))
-    ends = simulate_batch(
-        SCENE, y0, jnp.array([0.0, SPAN]), accuracy=Accuracy(1e-12, method=DOP853())
-    ).final
-    reference = np.concatenate([ends.omega, ends.attitude.wxyz])
-    calls = {f"ours, Tsit5, {h:g} s": _ours(rate, h) for h in (0.05, 0.1, 0.25)}
+    single, reference = on_one_device(starts(jnp.float32)), np.asarray(exact(starts()))
+    calls = {f"ours, Tsit5, {h:g} s": _ours(single, h) for h in (0.05, 0.1, 0.25)}
     if optional("mujoco") is not None:
-        calls |= _mjx(rate, {"RK4": (0.01, 0.05, 0.1), "Euler": (0.002,)})
+        calls |= _mjx(single.omega, {"RK4": (0.01, 0.05, 0.1), "Euler": (0.002,)})
     return with_errors_of_rotation(in_turn(calls, RUNS), calls, reference)

@@ -6,57 +6,66 @@ has the sums of the method like a state and only the roots and quotients of the 
 with six columns six to eight runs, by the method of Stormer seventeen. A rule by hand for the
 gradient of gravity, which is symmetric, made no column cheaper."""
 
+from typing import Any
+
 import jax
 import jax.numpy as jnp
+from jaxtyping import Array
 
+from jaxspace import AbstractSystem, BodyState
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import Accuracy, simulate_batch
 from jaxspace.solvers import DOP853, Stormer, Tsit5
 
-from ._measure import in_turn, worst
+from ._measure import WIDE, in_turn, worst
 from .low_orbits import SCENE, orbits
 
 RUNS, SPAN = 256, 20.0
-WIDE = {"xla_cpu_prefer_vector_width": "512"}
+STORMER = Stormer(12, steps=264)
+
+
+def end(system: AbstractSystem, y: BodyState, method: Any, rtol: float = 1e-9) -> BodyState:
+    """The orbits three revolutions later."""
+    ts = jnp.array([0.0, SPAN], y.position.dtype)
+    accuracy = Accuracy(rtol=rtol, method=method)
+    return simulate_batch(system, y, ts, accuracy=accuracy).final
+
+
+def matrix(system: AbstractSystem, y: BodyState, method: Any, rtol: float = 1e-9) -> Array:
+    """Derivatives of the positions there with respect to the states, (6, 3, runs)."""
+
+    def column(k):
+        components = jnp.zeros((6, y.position.shape[-1]), y.position.dtype).at[k].set(1.0)
+        tangent = type(y)(components[:3], components[3:])
+        return jax.jvp(lambda s: end(system, s, method, rtol), (y,), (tangent,))[1].position
+
+    return jax.vmap(column)(jnp.arange(6))
+
+
+def gradient(system: AbstractSystem, y: BodyState, method: Any, rtol: float = 1e-9) -> BodyState:
+    """Derivatives of the sum of their first components, in reverse mode."""
+    return jax.grad(lambda y: jnp.sum(end(system, y, method, rtol).position[0]))(y)
 
 
 def measure() -> dict:
     """Speed of the run, of its reverse mode and of its 6 x 6 matrix, by four methods; the same for
     the closed form; and the error of the reverse modes against the matrices."""
     y0 = jax.tree.map(lambda x: x[:, :RUNS], orbits())
-    ts = jnp.array([0.0, SPAN])
-
-    def end(system, y, method):
-        accuracy = Accuracy(rtol=1e-9, method=method)
-        return simulate_batch(system, y, ts, accuracy=accuracy).final
-
-    def functions(system, method):
-        def matrix(y):
-            def column(k):
-                components = jnp.zeros((6, RUNS)).at[k].set(1.0)
-                tangent = type(y)(components[:3], components[3:])
-                return jax.jvp(lambda s: end(system, s, method), (y,), (tangent,))[1].position
-
-            return jax.vmap(column)(jnp.arange(6))
-
-        of_first = jax.grad(lambda y: jnp.sum(end(system, y, method).position[0]))
-        return {
-            "run": lambda y: end(system, y, method),
-            "run and reverse mode": of_first,
-            "run and 6 x 6 matrix": matrix,
-        }
-
+    works = {"run": end, "run and reverse mode": gradient, "run and 6 x 6 matrix": matrix}
     cases = {
         "DOP853": (SCENE, DOP853()),
         "auto, RKN 12(10)": (SCENE, "auto"),
         "Tsit5": (SCENE, Tsit5()),
     }
     cases |= {
-        "Stormer of order 12": (SCENE, Stormer(12, steps=264)),
+        "Stormer of order 12": (SCENE, STORMER),
         "closed form": (TwoBody(1.0), "auto"),
     }
     programs = {
-        name: {what: jax.jit(f, compiler_options=WIDE) for what, f in functions(*case).items()}
+        name: {
+            what: jax.jit(lambda y, f=f, case=case: f(case[0], y, case[1]), compiler_options=WIDE)
+            for what, f in works.items()
+        }
         for name, case in cases.items()
     }
     calls = {
@@ -68,9 +77,9 @@ def measure() -> dict:
     for name, every in programs.items():
         base, *others = (f"{name}, {what}" for what in every)
         columns = every["run and 6 x 6 matrix"](y0)
-        gradient = every["run and reverse mode"](y0).position
+        by_reverse = every["run and reverse mode"](y0).position
         rows[f"{name}, run and reverse mode"]["worst_error_of_the_gradient"] = worst(
-            gradient, columns[:3, 0]
+            by_reverse, columns[:3, 0]
         )
         for other in others:
             rows[other]["times_the_run"] = (

@@ -1,11 +1,21 @@
 """What others measure themselves by, done here: ensembles of the Lorenz system, as DiffEqGPU's
-benchmarks have them, beside diffrax under `vmap` and SciPy one by one; and two-body orbits a day
-later, as brahe's benchmarks have them, beside brahe.
+benchmarks have them, beside diffrax under `vmap` and SciPy one by one; two-body orbits a day later,
+and a low revolution under J2 and under a field of degree and order 5, as brahe's benchmarks have
+them, beside brahe and beside astrojax, whose example of numerical propagation takes the same steps
+under `vmap`. The free bodies of MuJoCo's MJX are in `environment_steps`.
 
 The Lorenz systems differ in rho, from 0 to 21, and go from (1, 0, 0) to t = 1 by the same method of
 order 5 at the same tolerance; DiffEqGPU takes 8 million of them on a GPU, here are as many as fit a
-quiet minute. brahe takes one orbit at a time in compiled code, without a batch."""
+quiet minute. brahe takes one orbit at a time in compiled code, without a batch; its benchmarks take
+steps of 30 s by the method of order 4, which are off by some twenty metres, and it has a method of
+order 12 too. It has no solution of Lambert's problem.
 
+What the peers do better: brahe compiles nothing, so that its first orbit is there at once, and
+brings the field with the axes of the earth, precession and nutation, which this library leaves to
+others: the field of degree 5 is here that of astrojax, by `Custom`. diffrax has implicit methods
+for every stiff system, events in any of its solvers, and stochastic equations."""
+
+import functools
 from typing import final
 
 import diffrax
@@ -15,12 +25,16 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
+from jaxspace import BodyState, Scene
+from jaxspace.bodies import Load
 from jaxspace.core import AbstractSystem, Scalar, quantity
-from jaxspace.orbits import ClassicalElements
+from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity
 from jaxspace.orbits.elements import state_from_elements
 from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.rotations import Quaternion
+from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, simulate_batch
-from jaxspace.solvers import DOP853, Tsit5
+from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
 from ._measure import in_turn, on_one_device, optional, worst
 
@@ -28,6 +42,11 @@ SYSTEMS, ALONE, ORBITS, END = 8192, 8, 4096, 1.0
 TOLERANCES = (1e-5, 1e-8)
 SIGMA, BETA = 10.0, 8.0 / 3.0
 DAY, MU = 86400.0, 3.986004415e14
+# Of brahe's low orbits, and of its benchmarks' steps.
+LOW, REVOLUTION, STEP, DEGREE = 1024, 5400.0, 30.0, 5
+RADIUS, J2 = 6378136.3, 0.0010826261738522227
+# The angle of the earth at the start, rad, and its rate, rad/s.
+ANGLE, RATE = -1.3930633926725735, 7.292115146706e-5
 
 
 @final
@@ -148,6 +167,139 @@ def by_brahe(brahe, states: np.ndarray):
     return lambda: np.stack([end(state) for state in given], axis=-1)
 
 
+def low(count: int = LOW) -> BodyState:
+    """Low orbits as brahe's benchmarks draw them: 400 to 1500 km, of small eccentricity."""
+    g = np.random.default_rng(4)
+    a, e = RADIUS + g.uniform(4e5, 1.5e6, count), g.uniform(1e-3, 0.02, count)
+    angles = g.uniform(0.0, 2.0 * np.pi, (4, count))
+    angles[0] *= 0.5
+    elements = ClassicalElements(*map(jnp.asarray, (a * (1.0 - e**2), e, *angles)))
+    return BodyState(*state_from_elements(elements, MU))
+
+
+def oblate() -> Scene:
+    """The field of J2."""
+    return Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS)))
+
+
+def attraction(t: Scalar, r: Array) -> Array:
+    """The acceleration in the field JGM-3 of degree and order 5 at one place, by astrojax."""
+    from astrojax.orbit_dynamics import accel_gravity_spherical_harmonics
+
+    turned = Quaternion.from_axis_angle(jnp.array([0.0, 0.0, 1.0]), ANGLE + RATE * t).matrix().T
+    return accel_gravity_spherical_harmonics(r, turned, _field(), DEGREE, DEGREE)
+
+
+@functools.cache
+def _field():
+    from astrojax import set_dtype
+    from astrojax.orbit_dynamics import GravityModel
+
+    set_dtype(jnp.float64)
+    field = GravityModel.from_type("JGM3")
+    field.set_max_degree_order(DEGREE, DEGREE)
+    return field
+
+
+def of_degree_five() -> Scene:
+    """That field as an effect."""
+    # Read before anything is compiled.
+    _field()
+
+    def load(t, y, body):
+        r = y.position
+        if r.ndim == 1:
+            return Load(acceleration_N=attraction(t, r))
+        times = jnp.broadcast_to(t, r.shape[1:])
+        return Load(acceleration_N=jax.vmap(attraction, -1, -1)(times, r))
+
+    return Scene([Custom(load)])
+
+
+def revolutions(scene: Scene, y0: BodyState, rtol: float, method=None) -> Array:
+    """Positions of low orbits a revolution later."""
+    accuracy = Accuracy(rtol, method=RKN1210() if method is None else method)
+    return simulate_batch(scene, y0, jnp.array([0.0, REVOLUTION]), accuracy=accuracy).final.position
+
+
+def revolutions_of_brahe(brahe, y0: BodyState, field: str, tolerance: float | None):
+    """A call that gives the same by brahe, with the earth turning about the third axis: in steps of
+    30 s, as its benchmarks take them, or at a tolerance."""
+    brahe.set_global_eop_provider(brahe.StaticEOPProvider.from_zero())
+    start = brahe.Epoch.from_datetime(2024, 1, 1, 12, 0, 0.0, 0.0, brahe.TimeSystem.TAI)
+    kinds = brahe.GravityConfiguration
+    model = {
+        "J2": lambda: kinds.earth_zonal(brahe.ZonalHarmonicsDegree.J2),
+        "5 x 5": lambda: kinds.spherical_harmonic(
+            degree=DEGREE, order=DEGREE, model_type=brahe.GravityModelType.JGM3
+        ),
+    }[field]()
+    turning = brahe.FrameTransformationModel.EARTH_ROTATION_ONLY
+    forces = brahe.ForceModelConfig(gravity=model, frame_transform=turning)
+    methods, steps = brahe.IntegrationMethod, brahe.IntegratorConfig
+    if tolerance is None:
+        method, control = methods.RK4, steps.fixed_step(STEP)
+    else:
+        # The absolute tolerance is of metres and metres a second alike.
+        method, control = methods.RKN1210, steps.adaptive(1e3 * tolerance, tolerance)
+    settings = brahe.NumericalPropagationConfig(method, control, brahe.VariationalConfig())
+    states = np.concatenate([y0.position, y0.velocity]).T
+
+    def end(state):
+        orbit = brahe.NumericalOrbitPropagator(start, np.ascontiguousarray(state), settings, forces)
+        orbit.set_trajectory_mode(brahe.TrajectoryMode.DISABLED)
+        orbit.propagate_to(start + REVOLUTION)
+        return orbit.current_state()[:3]
+
+    return lambda: np.stack([end(state) for state in states], axis=-1)
+
+
+def revolutions_of_astrojax(y0: BodyState):
+    """A call that gives them by astrojax in that field, in steps of 30 s under `vmap`."""
+    from astrojax.integrators import rk4_step
+
+    def rate(t, y):
+        return jnp.concatenate([y[3:], attraction(t, y[:3])])
+
+    def one(y):
+        def step(k, y):
+            return rk4_step(rate, k * STEP, y, STEP).state
+
+        return jax.lax.fori_loop(0, round(REVOLUTION / STEP), step, y)[:3]
+
+    _field()
+    program, start = jax.jit(jax.vmap(one, -1, -1)), jnp.concatenate([y0.position, y0.velocity])
+    return lambda: program(start)
+
+
+def fields(count: int = LOW) -> dict:
+    """A low revolution in both fields, beside brahe and astrojax."""
+    y0, rows = on_one_device(low(count)), {}
+    there = optional("brahe"), optional("astrojax")
+    for field, scene in (("J2", oblate), ("5 x 5", of_degree_five)):
+        if field == "5 x 5" and there[1] is None:
+            continue
+        system = scene()
+        calls = {
+            f"{field}: ours, RKN 12(10) {rtol:.0e}": lambda rtol=rtol, system=system: revolutions(
+                system, y0, rtol
+            )
+            for rtol in (1e-6, 1e-9)
+        }
+        if there[0] is not None:
+            for name, tolerance in (("RK4, 30 s", None), ("RKN 12(10) 1e-09", 1e-9)):
+                call = revolutions_of_brahe(there[0], y0, field, tolerance)
+                calls[f"{field}: brahe {name}, one by one"] = call
+        if field == "5 x 5":
+            calls[f"{field}: astrojax RK4, 30 s, under vmap"] = revolutions_of_astrojax(y0)
+        exact = revolutions(system, y0, 1e-13, DOP853())
+        found = in_turn(calls, count)
+        for name, call in calls.items():
+            found[name]["worst_relative_error"] = worst(call(), exact)
+        rows |= found
+    return rows
+
+
 def measure() -> dict:
-    """The rows of both."""
-    return lorenz() | two_body()
+    """The rows of all."""
+    return lorenz() | two_body() | fields()

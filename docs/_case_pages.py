@@ -2,6 +2,7 @@
 tests."""
 
 import importlib
+import inspect
 import json
 import sys
 from pathlib import Path
@@ -150,8 +151,8 @@ def _name(used) -> str:
     used = getattr(used, "fget", used)
     room, file = used.__module__.split(".")[1:3]
     given = vars(importlib.import_module(f"jaxspace.{room}"))
+    first = given.get(used.__qualname__.split(".")[0])
     # What the root does not give, a public module does.
-    path = (
-        room if used.__qualname__.split(".")[0] in given else f"{room}.{file}"
-    )
+    of_root = first is not None and not inspect.ismodule(first)
+    path = room if of_root else f"{room}.{file}"
     return f"{path}.{used.__qualname__}"

@@ -1,13 +1,21 @@
 """Writes the pages of the gallery from the scripts of `examples/gallery`: a picture, what it shows,
-and the code that made it."""
+what it uses, and the code that made it; and one page of all pictures by goal.
+
+The docstring of a script begins with the goal of its reader, and the name of the figure."""
 
 import ast
+import csv
+import functools
 import re
 from pathlib import Path
+from typing import NamedTuple
 
+from _uses import anchor, used
 from mkdocs.structure.files import File
 
-SCRIPTS = Path(__file__).resolve().parents[1] / "examples" / "gallery"
+ROOT = Path(__file__).resolve().parents[1]
+SCRIPTS = ROOT / "examples" / "gallery"
+COSTS = ROOT / "tests" / "costs.csv"
 PAGES = {
     "orbits": "Orbits (chapters 1 to 4, H 5)",
     "rotation": "Rotation (chapter 5, H 4)",
@@ -24,8 +32,84 @@ describe. Each script stands alone; `python examples/gallery/draw.py` draws
 them all in the style of this page."""
 
 
+BY_GOAL = """\
+---
+hide: [toc]
+---
+# Gallery
+
+What do you want to do? Each picture leads to the code that draws it, on one
+screen, and to the functions behind it. The lower names are the figures of the
+books; [From the textbook](../reference/from_the_textbook.md) begins with those.
+"""
+GOALS = {
+    "Change an orbit": (
+        "porkchop fig_4_11_2 coaxial_ellipses fig_4_16_1 fig_4_16_2 fig_4_16_3"
+    ),
+    "Climb": "fig_8_5_1 fig_8_3_1 fig_8_1_2 fig_8_4_2 fig_8_4_3 fig_8_4_4",
+    "Land inside a circle": (
+        "upright_landing branches air_brake roll_control fig_4_17_2 envelope"
+    ),
+    "Keep a spinning stage pointing": (
+        "epicycle converging_spiral fig_7_9_3 fig_7_8_2 fig_7_3_2 fig_7_4_3"
+    ),
+    "Hold or stop a satellite": (
+        "stability_map fig_7_5_3 swing_out_arms fig_7_6_4 fig_9_8_3"
+    ),
+    "Choose an orbit": (
+        "fig_4_9_2 fig_4_10_1 fig_4_13_2 fig_4_13_4 fig_4_18_1 ground_track "
+        "rosettes h_5_6 h_5_7"
+    ),
+    "See how a free body turns": (
+        "fig_5_10_5 fig_5_10_3 fig_5_10_4 fig_5_11_1 h_4_14 fig_5_8_2 fig_5_9_1 "
+        "thrown_disk"
+    ),
+    "Spin a top": (
+        "fig_5_13_3 h_4_21 fig_5_13_2 h_4_19 fig_5_14_2 h_4_20 h_4_25 "
+        "gyro_on_a_string spherical_pendulum shaft_pendulum coin_rattle "
+        "earth_precession"
+    ),
+    "Point and navigate by gyros": (
+        "gyrocompass_paths navigation_errors rate_gyro_response fig_6_8_3 "
+        "fig_6_2_2 fig_6_2_3 gimbal_walk"
+    ),
+    "Study a mechanism": (
+        "double_pendulum hoop_bifurcation resonance_curve mode_shapes "
+        "trailer_roots rolling_cycloid centrodes"
+    ),
+}
+"""The scripts by what a reader wants, those of most use first."""
+
+
+class Script(NamedTuple):
+    """A script of the gallery: where it stands, and what its docstring and its code say."""
+
+    path: Path
+    goal: str
+    name: str
+    caption: str
+    code: str
+
+
+@functools.cache
+def scripts() -> dict[str, Script]:
+    """Every script by its stem."""
+    return {path.stem: _script(path) for path in SCRIPTS.glob("*/*.py")}
+
+
+def _script(path: Path) -> Script:
+    code = path.read_text()
+    words = ast.get_docstring(ast.parse(code)) or ""
+    head, _, caption = words.partition("\n\n")
+    goal, name = head.split("\n")
+    return Script(path, goal, name, caption, code.split('"""', 2)[2].strip())
+
+
 def on_files(files, config):
     """Add the generated pages to the site."""
+    files.append(
+        File.generated(config, "gallery/index.md", content=by_goal())
+    )
     for name, title in PAGES.items():
         text = gallery(name, title)
         files.append(
@@ -34,12 +118,33 @@ def on_files(files, config):
     return files
 
 
+def by_goal() -> str:
+    """The page of all pictures."""
+    parts = [BY_GOAL]
+    for goal, stems in GOALS.items():
+        cards = "\n".join(_card(scripts()[stem]) for stem in stems.split())
+        parts.append(
+            f'## {goal}\n\n<div class="pictures" markdown>\n{cards}\n</div>'
+        )
+    return "\n\n".join(parts) + "\n"
+
+
+def _card(script: Script) -> str:
+    page = f"{script.path.parent.name}.md#{anchor(script.goal)}"
+    picture = f"../figures/gallery/{script.path.stem}.png"
+    return (
+        f"<div markdown>\n[![{script.name}]({picture}){{loading=lazy}}]({page})\n"
+        f"[{script.goal}]({page})<br><small>{script.name}</small>\n</div>"
+    )
+
+
 def gallery(name: str, title: str) -> str:
     """The page of a folder of scripts."""
-    scripts = sorted((SCRIPTS / name).glob("*.py"), key=_place)
-    return "\n\n".join(
-        [START.format(title=title), *map(_figure, scripts)]
-    ) + ("\n")
+    here = [s for s in scripts().values() if s.path.parent.name == name]
+    here.sort(key=lambda script: _place(script.path))
+    return "\n\n".join([START.format(title=title), *map(_figure, here)]) + (
+        "\n"
+    )
 
 
 def _place(script: Path):
@@ -59,14 +164,25 @@ def _place(script: Path):
     )
 
 
-def _figure(script: Path) -> str:
-    code = script.read_text()
-    title, _, caption = (ast.get_docstring(ast.parse(code)) or "").partition(
-        "\n\n"
-    )
-    # The page says it in its own words above the code.
-    body = code.split('"""', 2)[2].strip()
+def _figure(script: Script) -> str:
+    whole = script.path.read_text()
+    uses = ", ".join(f"[`{path}`][jaxspace.{path}]" for path in used(whole))
+    size = f"{len(whole.splitlines())} lines"
+    seconds = _seconds().get(script.path.stem)
+    size += f", drawn in {seconds} s" if seconds else ""
+    # The page says the docstring in its own words above the code.
     return (
-        f"## {title}\n\n![{title}](../figures/gallery/{script.stem}.png)\n\n{caption}\n\n"
-        f"```python\n{body}\n```"
+        f"## {script.goal}\n\n*{script.name}*\n\n"
+        f"![{script.name}](../figures/gallery/{script.path.stem}.png)\n\n"
+        f"{script.caption}\n\n"
+        f"<small>`{script.path.relative_to(ROOT)}`: {size}. Uses {uses}</small>\n\n"
+        f"```python\n{script.code}\n```"
     )
+
+
+@functools.cache
+def _seconds() -> dict[str, str]:
+    """Seconds of processor time that the test of each figure took, where it was measured."""
+    test = re.compile(r"tests/test_gallery\.py::test_script_draws\[(\w+)\]")
+    rows = csv.reader(COSTS.read_text().splitlines())
+    return {m[1]: row[1] for row in rows if (m := test.fullmatch(row[0]))}

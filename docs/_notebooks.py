@@ -9,6 +9,7 @@ from mkdocs.structure.files import File
 TUTORIALS = Path(__file__).parent / "tutorials"
 BLOCK = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\((\.\./)?([\w/]+)\.md(#[\w-]+)?\)")
+PICTURE = re.compile(r"\]\(\.\./(figures/\w+\.png)\)")
 # A notebook is read away from the manual: its links lead there.
 SITE = "https://jaxspace.github.io/jaxspace/latest/"
 
@@ -51,6 +52,7 @@ def notebook(text: str) -> str:
         else:
             cell["cell_type"] = "markdown"
             source = LINK.sub(_to_site, source)
+            source = PICTURE.sub(rf"]({SITE}\1)", source)
         cells.append(cell | {"source": source.splitlines(keepends=True)})
     kernel = {
         "display_name": "Python 3",

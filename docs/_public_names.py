@@ -1,7 +1,21 @@
 """What a reference page shows of a room: every name that its `__init__` gives to readers as `X as
-X`, and those of its public modules, below the words of the page itself."""
+X`, and those of its public modules, below the words of the page itself; and below each of them the
+examples that use it."""
+
+import functools
+import sys
+from pathlib import Path
 
 import griffe
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+
+import _uses  # noqa: E402
+
+import jaxspace  # noqa: E402
+
+MOST = 8
+"""Examples that are named below an object."""
 
 
 class PublicNames(griffe.Extension):
@@ -24,3 +38,32 @@ class PublicNames(griffe.Extension):
                     and origin.startswith(pkg.name)
                     and name not in room.modules
                 ]
+        for path, examples in _uses.examples().items():
+            _name_examples(pkg, path, examples)
+
+
+def _name_examples(
+    pkg: griffe.Module, path: str, examples: list[_uses.Example]
+) -> None:
+    """Write the examples behind the docstring of an object."""
+    thing = functools.reduce(getattr, path.split("."), jaxspace)
+    # Where it is defined: an alias is not resolved yet.
+    place = f"{thing.__module__}.{getattr(thing, '__qualname__', path.split('.')[-1])}"
+    try:
+        described = pkg[place.split(".", 1)[1]]
+    except KeyError:
+        return
+    if described.docstring:
+        # Each page of the reference stands two folders below the root.
+        links = [
+            f"[{title}]({_up(address)})" for title, address in examples[:MOST]
+        ]
+        more = len(examples) - len(links)
+        rest = f", and {more} more" if more else ""
+        described.docstring.value += (
+            f"\n\n*Examples:* {', '.join(links)}{rest}"
+        )
+
+
+def _up(address: str) -> str:
+    return address if address.startswith("https:") else f"../../{address}"

@@ -1,10 +1,10 @@
 """Writes the page that leads from a number of the two books to function, picture and proof."""
 
-import ast
 import re
 
 from _case_pages import computed
-from _gallery_pages import SCRIPTS
+from _gallery_pages import scripts
+from _uses import anchor, homes
 from cases.rows import PAGES
 from mkdocs.structure.files import File
 
@@ -52,8 +52,8 @@ def textbook() -> str:
 
 def _line(row, functions, page, names, pictures) -> str:
     links = [
-        f"[{title}](../gallery/{folder}.md#{_anchor(title)})"
-        for title, folder in pictures.get(_section(row.section), ())
+        f"[{s.name}](../gallery/{s.path.parent.name}.md#{anchor(s.goal)})"
+        for s in pictures.get(_section(row.section), ())
     ]
     count = f"{len(names)} case{'s' * (len(names) != 1)}"
     proof = f"[{count}]({page}.md)" if names else "-"
@@ -61,7 +61,7 @@ def _line(row, functions, page, names, pictures) -> str:
     theory = [f for f in functions if not f.startswith(TOOLS)]
     cells = (
         *(row.section, row.title),
-        ", ".join(f"`{f}`" for f in theory or functions) or "-",
+        ", ".join(map(_linked, theory or functions)) or "-",
         ", ".join(links) or "-",
         proof,
     )
@@ -73,22 +73,24 @@ def _section(text: str) -> str:
     return re.match(r"(?:H )?[\w.]+", text)[0].rstrip(",")
 
 
-def _pictures() -> dict[str, list[tuple[str, str]]]:
-    """Titles and folders of the gallery's pictures by section."""
+def _linked(function: str) -> str:
+    """A public name with a link to where it is described; a method is described with its class."""
+    described = set(homes().values())
+    for path in (function, function.rpartition(".")[0]):
+        if path in described:
+            return f"[`{function}`][jaxspace.{path}]"
+    return f"`{function}`"
+
+
+def _pictures():
+    """The gallery's scripts by section."""
     found = {}
-    for script in sorted(SCRIPTS.glob("*/*.py")):
-        words = ast.get_docstring(ast.parse(script.read_text())) or ""
-        title = words.partition("\n")[0]
+    for script in sorted(scripts().values()):
+        words = f"{script.name}\n{script.caption}"
         sections = set(SECTION.findall(words))
-        number = re.match(r"fig_(\d+)_(\d+)", script.stem)
+        number = re.match(r"fig_(\d+)_(\d+)", script.path.stem)
         if number:
             sections.add(f"{number[1]}.{number[2]}")
         for section in sections:
-            found.setdefault(section, []).append((title, script.parent.name))
+            found.setdefault(section, []).append(script)
     return found
-
-
-def _anchor(title: str) -> str:
-    """The anchor that the site gives to a heading."""
-    words = re.sub(r"[^\w\s-]", "", title.lower())
-    return re.sub(r"[\s-]+", "-", words.strip())

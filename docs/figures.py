@@ -8,6 +8,8 @@ from pathlib import Path
 import jax.numpy as jnp
 import matplotlib.pyplot as plt
 import numpy as np
+from _uses import BLOCK
+from PIL import Image
 
 import jaxspace
 from jaxspace import (
@@ -25,6 +27,7 @@ from jaxspace.attitude.gravity_gradient import pitch_libration_period
 from jaxspace.bodies import BurningBody, PrincipalInertia, RigidBody
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.control.attitude_laws import error_vector
+from jaxspace.dispersion import disperse
 from jaxspace.estimation import kalman_filter
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.optimization import (
@@ -42,7 +45,12 @@ from jaxspace.orbits import (
 )
 from jaxspace.orbits.elements import apoapsis_radius, state_from_elements
 from jaxspace.orbits.lambert import lambert, least_duration
-from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
+from jaxspace.plots import (
+    accuracy_cost_figure,
+    dispersion_figure,
+    effect_budget_figure,
+    footprint_figure,
+)
 from jaxspace.rockets import JetDamping, Thrust
 from jaxspace.rockets.jet_damping import jet_damping_ratio
 from jaxspace.rotations import Quaternion
@@ -98,6 +106,36 @@ def top():
         panel.set(xticks=[-0.5, 0.0, 0.5], yticks=[-0.5, 0.0, 0.5])
     panels[0].set_ylabel("y component of the axis, 1")
     return figure
+
+
+def kick_stage():
+    """What the code at the top of the home page draws."""
+    stage = jaxspace.load(EXAMPLES / "scenes" / "kick_stage.toml")
+    result = disperse(stage.campaign(), 10_000, seed=1)
+    pair = ("apoapsis_altitude", "inclination")
+    return dispersion_figure(result, ["inclination"], scatter=pair)
+
+
+def rocket_to_the_ground():
+    """What the last block of the tutorial of this name draws."""
+    page = HERE.parent / "tutorials" / "rocket_to_the_ground.md"
+    code = "\n".join(BLOCK.findall(page.read_text()))
+    names = {}
+    # The last line of the last block writes a file.
+    exec(code.rpartition("footprint_figure")[0], names)
+    return footprint_figure(names["result"])
+
+
+def dark(picture):
+    """The dark version of a picture, as `manual.css` makes it in the browser: light and dark change
+    places, hues stay, and white becomes the dark of the page that GitHub shows."""
+    page = np.array([13, 17, 23]) / 255.0
+    # Half a turn of the hue in the matrix of the CSS filter, after the inversion.
+    luminance = np.array([0.213, 0.715, 0.072])
+    rgb = 1.0 - np.asarray(picture.convert("RGB")) / 255.0
+    rgb = np.clip(2.0 * (rgb @ luminance)[..., None] - rgb, 0.0, 1.0)
+    screen = 1.0 - (1.0 - rgb) * (1.0 - page)
+    return Image.fromarray(np.round(255.0 * screen).astype(np.uint8))
 
 
 def two_body():
@@ -697,6 +735,8 @@ DRAWN = {
     f.__name__: f
     for f in (
         *PAGES,
+        kick_stage,
+        rocket_to_the_ground,
         closed_loops,
         what_accuracy_costs,
         which_effects_matter,
@@ -712,3 +752,7 @@ if __name__ == "__main__":
     for name in sys.argv[1:] or DRAWN:
         DRAWN[name]().savefig(HERE / f"{name}.png", dpi=110)
         plt.close("all")
+        # A page of GitHub has no style of ours.
+        if name == "kick_stage":
+            light = Image.open(HERE / "kick_stage.png")
+            dark(light).quantize(256).save(HERE / "kick_stage_dark.png")

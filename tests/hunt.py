@@ -9,7 +9,7 @@ and so are both modes of differentiation, against central differences in forty d
 
 What it finds it keeps in `hunt.json`, from which it writes the page of the manual
 `docs/explanation/hunt.md`; with names it renews their rows alone. It ends with status 1 where a
-value or a derivative is off by more than 100."""
+value or a derivative is off by more than 100 and no note says why."""
 
 import argparse
 import sys
@@ -110,9 +110,15 @@ class Subject:
             if np.any(np.isinf(forward)):
                 # The end of a square root: any rounding of the inputs moves the value at will.
                 return None
-            return _roundings(
-                value, truth, np.abs(value) + np.abs(forward) @ self.lengths(x), self.blocks
-            )
+            size = np.abs(value) + np.abs(forward) @ self.lengths(x)
+            found = _roundings(value, truth, size, self.blocks)
+            # Within some roundings of a jump, as by the sign of a half turn, either is right.
+            if found > hunt_page.DEFECT and any(
+                _roundings(value, beside, size, self.blocks) < hunt_page.DEFECT
+                for beside in self._beside(x)
+            ):
+                return None
+            return found
         # Within some roundings of the end of its range either answer is right.
         if np.all(np.isfinite(value)) == exists or self._near_an_end(x, exists):
             return None
@@ -120,12 +126,15 @@ class Subject:
 
     def _near_an_end(self, x: np.ndarray, exists: bool) -> bool:
         """Whether moving by some roundings decides if the function has a value."""
+        return any(all(mp.isfinite(b) for b in beside) != exists for beside in self._beside(x))
+
+    def _beside(self, x: np.ndarray) -> Iterator[list[mpf]]:
+        """The values at places that are some roundings away."""
         for number in range(8):
             signs = np.random.default_rng(number).choice([-1, 1], len(x))
-            moved = self.moved([mpf(float(c)) for c in x], [8 * EPS * int(s) for s in signs])
-            if all(mp.isfinite(b) for b in self.exact(moved)) != exists:
-                return True
-        return False
+            yield self.exact(
+                self.moved([mpf(float(c)) for c in x], [8 * EPS * int(s) for s in signs])
+            )
 
     def slope_error(self, x: np.ndarray, key: np.random.Generator) -> float | None:
         """The same of the derivatives in both modes, each times its input or the length of its
@@ -295,7 +304,8 @@ def main() -> int:
         seconds = round(time.perf_counter() - started, 1)
         print(f"{row.name}: {row.value:.3g}, derivatives {row.slopes:.3g}; {seconds} s", flush=True)
         hunt_page.keep(row)
-        defect = defect or max(row.value, row.slopes) > hunt_page.DEFECT
+        explained = row.name in hunt_page.NOTES
+        defect = defect or max(row.value, row.slopes) > hunt_page.DEFECT and not explained
     hunt_page.write([form.name for form in every()])
     return int(defect)
 

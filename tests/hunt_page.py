@@ -64,6 +64,7 @@ NOTES: dict[str, str] = {
         ("gyropendulum_motion", "rate_gyro_response", "error_motion", "compass"),
         "the exponential of A t loses a rounding of its norm |A t|, not only of its condition",
     ),
+    "gyro_rates": "the outer rate is left of a momentum of which the spin has nearly all",
     "kepler": "a flyby from afar, whose derivatives by the velocity lose up to two digits",
     "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
 }

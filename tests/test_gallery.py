@@ -1,6 +1,7 @@
 """The gallery: every script has its picture, stands on one screen, and draws."""
 
 import ast
+import importlib
 import sys
 from pathlib import Path
 
@@ -23,11 +24,21 @@ def test_every_script_has_its_picture():
         assert 2_000 < picture.stat().st_size < 60_000, picture.name
 
 
+def test_every_script_has_a_goal(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    pages = importlib.import_module("_gallery_pages")
+    named = [stem for stems in pages.GOALS.values() for stem in stems.split()]
+    assert sorted(named) == sorted(SCRIPTS)
+    # A heading leads to one figure.
+    assert len({script.goal for script in pages.scripts().values()}) == len(SCRIPTS)
+
+
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_script_stands_on_one_screen(name):
     code = SCRIPTS[name].read_text()
-    title, _, caption = ast.get_docstring(ast.parse(code)).partition("\n\n")
-    assert title and caption
+    head, _, caption = ast.get_docstring(ast.parse(code)).partition("\n\n")
+    goal, figure = head.split("\n")
+    assert goal and figure and caption
     assert len(code.splitlines()) <= 80
 
 

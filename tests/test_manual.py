@@ -22,14 +22,19 @@ from jaxspace.core.modules import public_names
 ROOT = Path(__file__).parents[1]
 CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
+PICTURE = re.compile(r'src(?:set)?="([^":]+)"')
+COPIED = re.compile(r"^jaxspace new (\w+)", re.MULTILINE)
 MANUAL = ["README.md", "CONTRIBUTING.md"]
 MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
+# The home page has the code of the README, which runs once.
+HOME = "docs/index.md"
 # What a reader opens first is run always, of the other pages a sample.
 FIRST = (
     "README.md",
-    "docs/index.md",
     "docs/tutorials/getting_started.md",
+    "docs/tutorials/rocket_to_the_ground.md",
+    "docs/tutorials/trained_controller.md",
     "docs/howto/extending.md",
 )
 # Which compile for half a minute each.
@@ -45,9 +50,16 @@ ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.i
 # Written by a hook when the site is built.
 GENERATED = {
     *("scene_files.md", "command_line.md", "hard_cases.md"),
-    *("from_the_textbook.md", "equations.md"),
+    *("from_the_textbook.md", "equations.md", "by_task.md"),
+    # Of the gallery.
+    "index.md",
 }
 GENERATED |= {f"{folder.name}.md" for folder in ROOT.glob("examples/gallery/*/")}
+
+
+def test_home_page_begins_as_the_readme():
+    blocks = [CODE.findall((ROOT / page).read_text()) for page in (HOME, "README.md")]
+    assert blocks[0] == blocks[1] and len(blocks[0]) == 1
 
 
 def test_there_is_something_to_run():
@@ -61,14 +73,18 @@ def marks_of(page):
     return () if page.startswith(FIRST) else pytest.mark.slow
 
 
-@pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES])
+@pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES if p != HOME])
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # and read those of the examples
+    # The same program, but for its length.
+    text = (ROOT / page).read_text().replace("10_000", "100")
+    for scene in dict.fromkeys(COPIED.findall(text)):
+        assert cli.main(["new", scene]) == 0
     names = {"__name__": "page"}
     # A reader has JAX as it comes: of the settings that tests share only double precision is kept.
     with jax.numpy_dtype_promotion("standard"):
-        for block in CODE.findall((ROOT / page).read_text()):
+        for block in CODE.findall(text):
             exec(compile(block, page, "exec"), names)
 
 
@@ -115,7 +131,7 @@ def test_page_imports_public_names_only(page):
 @pytest.mark.parametrize("page", MANUAL)
 def test_links_of_the_page_lead_somewhere(page):
     text = (ROOT / page).read_text()
-    for target in LINK.findall(text):
+    for target in LINK.findall(text) + PICTURE.findall(text):
         there = ((ROOT / page).parent / target).exists() or Path(target).name in GENERATED
         assert there, f"{page} points to {target}"
 
@@ -162,3 +178,24 @@ def test_notebook_of_a_tutorial_has_its_blocks(page):
         needed = {"id", "metadata", "source", "cell_type"}
         needed |= {"outputs", "execution_count"} if cell["cell_type"] == "code" else set()
         assert set(cell) == needed
+
+
+def test_tasks_name_what_there_is(monkeypatch):
+    """Each word of a task is a name of the root or a module, and each name stands in one group."""
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    pages = importlib.import_module("_task_pages")
+    uses = importlib.import_module("_uses")
+    assert set(pages.TASKS) <= set(uses.packages())
+    for package in uses.packages():
+        rows = [row for group in pages.groups(package).values() for row in group]
+        assert len(set(rows)) == len(rows) == sum(map(len, uses.given(package).values()))
+
+
+def test_examples_of_an_object_are_named(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    uses = importlib.import_module("_uses")
+    code = "from jaxspace import orbits\nfrom jaxspace.attitude import Top as T\n"
+    lines = "orbits.lambert.lambert(r, s, 1.0, mu)\nT(1.0, 2.0, 3.0).state([0, 0, 0], [0, 0, 0])"
+    assert uses.used(code, lines) == ["attitude.Top", "orbits.lambert.lambert"]
+    found = uses.examples()["orbits.lambert.lambert"]
+    assert "gallery/orbits/#find-the-transfer-window" in {example.address for example in found}

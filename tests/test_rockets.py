@@ -21,8 +21,9 @@ from jaxspace.rockets import (
     SteeredThrust,
     Thrust,
     ThrustProfile,
+    spin_angle,
 )
-from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle
+from jaxspace.rockets.jet_damping import jet_damping_ratio
 from jaxspace.rockets.rocket_equation import (
     coast_height,
     mass_ratio_for,

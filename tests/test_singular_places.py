@@ -16,7 +16,8 @@ from jaxspace.attitude.gravity_gradient import pitch_libration_period
 from jaxspace.attitude.polhode import Polhode
 from jaxspace.bodies import InertiaTensor
 from jaxspace.bodies.principal_axes import principal_axes, tensor_function
-from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
+from jaxspace.rockets import spin_angle
+from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_ratio
 
 A, C, WL = 0.002, 0.0008, 0.3
 

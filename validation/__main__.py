@@ -1,5 +1,6 @@
 """Computes the groups of comparisons named, or all, and writes the page: `python -m validation
-[GROUP ...]`."""
+[GROUP ...]`. `asked` is the page of errors beside tolerances; `page` computes nothing and writes
+both pages from the record."""
 
 import sys
 
@@ -9,17 +10,23 @@ jax.config.update("jax_enable_x64", True)
 # As the tests run: the compiler's optimisations change no result, and take most of the time.
 jax.config.update("jax_disable_most_optimizations", True)
 
-from . import page  # noqa: E402
+from . import asked, page  # noqa: E402
 from .groups import ABOUT, rows_of  # noqa: E402
 
 
 def main() -> None:
     """The record of each group, then the page; status 1 where a row that fails is not explained."""
-    names = sys.argv[1:] or list(ABOUT)
-    if unknown := set(names) - set(ABOUT):
-        sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {', '.join(ABOUT)}.")
+    every = [*ABOUT, "asked"]
+    names = sys.argv[1:] or every
+    if unknown := set(names) - {*every, "page"}:
+        allowed = ", ".join((*every, "page"))
+        sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {allowed}.")
+    if "asked" in names:
+        asked.keep(asked.measure())
+    if {"asked", "page"} & set(names):
+        asked.write()
     unexplained = []
-    for name in names:
+    for name in (name for name in names if name in ABOUT):
         rows = rows_of(name)
         page.keep(name, rows)
         unexplained += [row for row in rows if not row.agrees and not row.note]

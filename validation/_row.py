@@ -6,6 +6,9 @@ from typing import Any
 
 import numpy as np
 
+# Begins the reason of a limit that no source gives, and that was set with the difference in view.
+JUDGED = "our judgement, "
+
 
 @dataclass(frozen=True)
 class Row:

@@ -21,7 +21,7 @@ from jaxspace.orbits.ground_track import GroundPoint, position_of
 from jaxspace.rotations import Quaternion
 from jaxspace.solvers import DOP853
 
-from ._row import Row
+from ._row import JUDGED, Row
 from .nesc import FOOT, J2, course, north_east_down, published
 
 ABOUT = """## NASA's check-case 17: two stages to orbit
@@ -273,7 +273,7 @@ def asked(ts: np.ndarray, theirs: dict[str, np.ndarray]) -> list[Row]:
             theirs=float(share / inertia_rate(FIRST)),
             difference=float(abs(share / inertia_rate(FIRST) - 0.5)),
             allowed=2e-3,
-            why="what a least-squares fit leaves",
+            why=JUDGED + "what a least-squares fit leaves",
             **words,
         ),
     ]
@@ -283,7 +283,10 @@ DIFFERS = (
     "the published course flies another reference area, another term of the inertia of the "
     "propellant and another start than the package, as above; the last rows take them over."
 )
-LIMITS = "a hundredth, and one degree: with one course at hand no two say how near they should be"
+LIMITS = (
+    JUDGED + "a hundredth and one degree: with one course at hand no two say how near they "
+    "should be"
+)
 
 
 def rows() -> list[Row]:

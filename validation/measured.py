@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ._row import Row, compared
+from ._row import JUDGED, Row, compared
 
 ABOUT = """## Measured flights
 
@@ -29,7 +29,14 @@ def orbit_of_geos_3() -> list[Row]:
     distance, speed = seen["lengths"]
     what = "GEOS-3 from a radar pass of three minutes"
     words = (
-        (distance / 1e3, 7216.76, 0.5, "distance, km", VALLADO, "another field and other axes"),
+        (
+            distance / 1e3,
+            7216.76,
+            0.5,
+            "distance, km",
+            VALLADO,
+            JUDGED + "another field and other axes",
+        ),
         (speed, 7432.62, 2.0, "speed, m/s", VALLADO, "the standard deviation of the speed"),
         (
             seen["inclination"],

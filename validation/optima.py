@@ -2,7 +2,7 @@
 
 from ._from_tests import OfTest
 from ._from_tests import rows as rows_of_tests
-from ._row import Row
+from ._row import JUDGED, Row
 
 ABOUT = """## Optimal flight
 
@@ -17,14 +17,14 @@ WANTED = (
         "Ascent of a Delta III, 37 unknowns in four phases",
         "Benson, MIT 2005; Rao et al., GPOPS, ACM TOMS 37 (2010)",
         "mass in orbit, kg",
-        "1e-6 of the mass",
+        JUDGED + "1e-6 of the mass",
     ),
     OfTest(
         f"{KNOWN}the_ascent_of_a_delta_iii",
         "Ascent of a Delta III, 37 unknowns in four phases",
         "Benson, MIT 2005; Rao et al., GPOPS, ACM TOMS 37 (2010)",
         "time of the end, s",
-        "what 1e-6 of the mass leaves of the time, 2 ms",
+        JUDGED + "what 1e-6 of the mass leaves of the time, 2 ms",
         1,
     ),
     OfTest(
@@ -46,7 +46,7 @@ WANTED = (
         "Launch of three stages with a coast",
         "Pontryagin's conditions, solved by SciPy",
         "mass in orbit, kg",
-        "1e-5 of the mass, for a steering of polynomials",
+        JUDGED + "1e-5 of the mass, for a steering of polynomials",
         1,
     ),
 )

@@ -4,7 +4,7 @@ import json
 import math
 from pathlib import Path
 
-from ._row import Row
+from ._row import JUDGED, Row
 
 HERE = Path(__file__).parent
 RESULTS = HERE / "results"
@@ -17,9 +17,11 @@ check-cases, textbooks, published optima, and other programs run beside this one
 
 Each row compares one quantity: ours, theirs, their difference, and the difference that the source
 allows, with its reason. For vectors and courses it shows the place where they differ most. A row
-that is not within its limit says **differs**, and why. Errors against exact values, which no
-program has published, are on the pages of [the hunt](hunt.md) and of the [hard
-cases](../reference/hard_cases.md).
+that is not within its limit says **differs**, and why. {judged}
+
+Errors against exact values, which no program has published, are on the pages of [the hunt](hunt.md)
+and of the [hard cases](../reference/hard_cases.md); errors beside tolerances on that of [asked for
+and met](asked.md).
 """
 TABLE = """| What | Source | Quantity | Ours | Theirs | Difference | Allowed | |
 |---|---|---|--:|--:|--:|--:|---|"""
@@ -42,7 +44,7 @@ def text(groups: dict[str, str]) -> str:
     """The page: a section of each group, from its name and its text, `## Title` first."""
     found = {name: stored(name) for name in groups}
     rows = [row for some in found.values() for row in some]
-    parts = [HEAD.format(summary=_summary(rows))]
+    parts = [HEAD.format(summary=_summary(rows), judged=_judged(rows))]
     for name, about in groups.items():
         if found[name]:
             parts.append(_section(about.strip(), found[name]))
@@ -56,6 +58,17 @@ def _summary(rows: list[Row]) -> str:
     return (
         f"Of {len(rows)} rows {len(rows) - len(apart)} agree with their source, and {len(apart)} "
         "differ."
+    )
+
+
+def _judged(rows: list[Row]) -> str:
+    """What the rows prove whose limit no source gives."""
+    judged = sum(row.why.startswith(JUDGED) for row in rows)
+    return (
+        "Where a source prints digits, or several programs show how far apart they are, the limit "
+        f"follows from them. Of {judged} rows no source says it: their reason begins with *our "
+        "judgement*, for the limit was set with the difference in view. Of such a row read the "
+        "difference; that it agrees says no more than that we think it small."
     )
 
 

@@ -2,7 +2,7 @@
 
 from ._from_tests import OfTest
 from ._from_tests import rows as rows_of_tests
-from ._row import Row
+from ._row import JUDGED, Row
 
 ABOUT = """## Model rockets beside RocketPy
 
@@ -15,8 +15,10 @@ in the same way, against RocketPy as it is. The numbers of the rockets are under
 licence.
 """
 SOURCE = "RocketPy 1.13.0"
-MODELS = "models that differ: added mass of the parachutes, Coriolis force of the gas, sine of the \
-angle of attack in place of the angle"
+MODELS = (
+    JUDGED + "models that differ: added mass of the parachutes, Coriolis force of the gas, sine of "
+    "the angle of attack in place of the angle"
+)
 ROCKETS = ("Calisto", "NDRT 2020", "Valetudo")
 FLIGHTS = tuple(f"{rocket}, {how}" for how in ("corrected", "as it is") for rocket in ROCKETS)
 QUANTITIES = (
@@ -47,7 +49,7 @@ WANTED = (
             f"Calisto's {part}",
             SOURCE,
             quantity,
-            "1e-13: the same formulas of Barrowman",
+            JUDGED + "1e-13: the same formulas of Barrowman",
             2 * k + which,
         )
         for k, part in enumerate(("nose", "fins", "tail"))

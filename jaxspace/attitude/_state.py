@@ -9,7 +9,7 @@ from ..rotations import Quaternion
 def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
     """Orientation and angular velocity in body axes, rad/s, (3, *runs), of the state `y`.
 
-    Raises `InputError` when the state lacks one of them."""
+    Raises `InputError` when the state does not have one of them."""
     if y.attitude is None or y.omega is None:
         present = ", ".join(y.present) or "nothing"
         raise InputError(f"The state holds {present}: it must hold attitude and omega.")

@@ -128,10 +128,10 @@ def turning_circles(
     return TurningCircles(d, sum_up, product_up, sum_down, product_down, apart_squared)
 
 
-def _width_squared(start: Place, b: Scalar, d: Scalar, wanted: Flag) -> Scalar:
-    """(u1 - u2)^2 / 4 by the start, as a sum of squares, where it is `wanted`."""
+def _width_squared(start: Place, b: Scalar, d: Scalar, applies: Flag) -> Scalar:
+    """(u1 - u2)^2 / 4 by the start, as a sum of squares, for runs for which it `applies`."""
     steep = d + 2.0 * b * start.up
-    steep = jnp.where(wanted & (steep > 0.0), steep, 1.0)
+    steep = jnp.where(applies & (steep > 0.0), steep, 1.0)
     product = start.rate_squared / steep
     offset = (start.slope + b * product) / steep
     return 0.25 * offset * offset + product

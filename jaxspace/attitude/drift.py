@@ -234,7 +234,7 @@ class AttitudeDrift(AbstractSystem):
         x = jax.lax.stop_gradient(x)
         for _ in range(2):
             over, slope = excess(x)
-            # A right angle is nearer than rounding tells after a long time.
+            # After a long time the distance to a right angle is below rounding.
             x = jnp.minimum(x - over / slope, room)
         return 2.0 * jnp.arctan(tangent * jnp.exp(x))
 

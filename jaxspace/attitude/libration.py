@@ -109,7 +109,7 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     fast = -0.5 * (b + jnp.where(b < 0.0, -root, root))
     slow = safe_divide(c, fast)
     real = [_mode(x) for x in (pitch, slow, fast)]
-    # Of complex roots x both modes turn and grow alike: s^2 = x, |x| = sqrt(c).
+    # Of complex roots x both modes turn and grow at equal rates: s^2 = x, |x| = sqrt(c).
     size = jnp.sqrt(jnp.where(swinging, 1.0, c))
     turning = end_sqrt(_positive, jnp.where(swinging, 0.0, 0.5 * size + 0.25 * b))
     growing = end_sqrt(_positive, jnp.where(swinging, 0.0, 0.5 * size - 0.25 * b))

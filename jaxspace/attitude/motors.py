@@ -65,8 +65,8 @@ class PointingControl(AbstractMotor):
         error = target.inverse().then(y.attitude).wxyz
         # Of both quaternions of one attitude the nearer: the body turns the short way.
         sign = jnp.where(error[0] < 0.0, -1.0, 1.0)
-        wanted = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
-        return -wheel_torques(axes, wanted)
+        demand = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
+        return -wheel_torques(axes, demand)
 
 
 def wheel_torques(axes: Array, torque: Vector) -> Array:

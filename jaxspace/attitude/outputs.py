@@ -73,7 +73,7 @@ def pointing(
 def attitude_error(attitude: Quaternion, nominal: Any) -> Scalar:
     """Angle of the turn from the attitude of the `nominal` state to this one, rad, within [0, pi].
 
-    Without a turn it has a corner, where its derivative is finite and says nothing; the components
+    Without a turn it has a corner, where its derivative is finite but meaningless; the components
     of the turn are smooth there.
 
     **Arguments**
@@ -131,7 +131,7 @@ def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
 
 
 def _turn_from(nominal: Any, attitude: Quaternion) -> Quaternion:
-    """The turn about the body's own axes, which it leaves and reaches alike."""
+    """The turn in body axes; its components are the same before and after it."""
     return nominal.attitude.inverse().then(attitude)
 
 

@@ -29,7 +29,7 @@ and where |M| > sqrt(xy), b passes to the pole M* = xy/M, with q = b' - i rho b:
 
 Source: Klein and Sommerfeld, Theorie des Kreisels, VI (a and b as quotients of theta functions);
 Whittaker and Watson 20.6 (u(t) from any start); Thomson 5.13. A motion from any start needs no
-phase: neither an inverse function nor a turning circle is asked for. D and p are sums of what is
+phase: neither an inverse function nor a turning circle is needed. D and p are sums of what is
 not negative, and no formula divides by sin(theta): nothing is singular at the vertical, on the
 separatrix or at a steady precession. A top that hangs is seen upside down.
 """
@@ -89,7 +89,7 @@ class TopMotion(AbstractClosedForm):
         b = turned(-half, b)
         q = jnp.stack([a[0], b[0], b[1], a[1]])
         q = jnp.where(hangs, lowered(q), q)
-        # Unit length to rounding; what the start lacked of it stays.
+        # Of unit length to rounding, times the length at the start.
         q = q * jnp.sqrt(attitude.norm_squared / jnp.sum(q * q, axis=0))
         # There and back again through a and b is the same to rounding only; the derivatives by the
         # time are those of the motion.

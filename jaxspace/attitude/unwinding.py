@@ -146,7 +146,7 @@ class StretchingCords(AbstractSystem):
     )
 
     def state(self, spin: Scalar, angle: Scalar) -> CordState:
-        """The state in which an inextensible cord would be, stretched as its tension asks for.
+        """The state in which an inextensible cord would be, stretched by its tension.
 
         **Arguments**
 

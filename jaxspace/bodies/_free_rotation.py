@@ -41,7 +41,7 @@ Source: Thomson 5.10 to 5.12 (elliptic functions), 5.9 (precession about h); van
 (2007), J. Comput. Phys. 225, 145 (attitude by the third integral); Celledoni, Fasso, Sarstrom and
 Zanna (2008), SIAM J. Sci. Comput. 30, 2084. The third axis is the outer one which h leaves farther:
 |L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that neither z nor F loses a digit. The
-addition theorem asks for no phase, and so for no inverse function and no separatrix.
+addition theorem needs no phase, and so for no inverse function and no separatrix.
 """
 
 from typing import Any
@@ -120,7 +120,7 @@ def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any
     return result, jax.tree.map(lambda *parts: sum(parts), *slopes)
 
 
-# Symbolic zeros, so that slopes nobody asks for cost nothing.
+# Symbolic zeros, so that slopes that are not requested cost nothing.
 _rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
 
 

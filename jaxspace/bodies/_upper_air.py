@@ -85,7 +85,7 @@ class Climb:
 # By the height above 86 km, km: the changes of ln rho and of the molar mass, kg/kmol.
 _ABOVE = _NODES[:, 0] - 86.0
 LOG_DENSITY = Climb(_ABOVE, np.log(_NODES[:, 1]), _DENSITY_SLOPES, _DENSITY_SLOPES[1])
-# A molar mass that went on falling would be none.
+# Held constant, because a linear molar mass would become negative.
 MOLAR_MASS_CHANGE = Climb(_ABOVE, _NODES[:, 2], _MOLAR_MASS_SLOPES, 0.0)
 
 # Table 8: 1 - M / M_0 from 80 to 86 km.

@@ -61,7 +61,7 @@ class AbstractEffect(AbstractParameters):
       body and its moving parts: of effects whose torques are internal); by default nothing. It is
       declared, because no trace shows it."""
 
-    # Without an annotation it is no field, so that an effect of its own may make it one.
+    # Without an annotation it is no field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
 
     @abstractmethod
@@ -102,7 +102,7 @@ class AbstractEffect(AbstractParameters):
         **Arguments**
 
         - `rest`: a system of position and velocity whose accelerations perturb the motion."""
-        # Absent by default, so that a new effect is right before it is fast.
+        # Absent by default: a new effect is correct without them, only slower.
         del rest
         return None
 
@@ -118,7 +118,7 @@ class AbstractEffect(AbstractParameters):
     def ground(self) -> Scalar | None:
         """Radius, m, of the sphere about the origin above which the effect is meant: a run that
         passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
-        the default, where it says nothing."""
+        the default, without a warning."""
         return None
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
@@ -156,5 +156,5 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
             result[name] = part
     if not result:
         return y
-    # What the state holds wins: a phase goes on with the parts of the one before.
+    # Parts in the state stay: a phase continues with the parts of the one before.
     return dataclasses.replace(y, parts={**result, **(y.parts or {})})

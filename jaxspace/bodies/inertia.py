@@ -95,12 +95,13 @@ class PrincipalInertia(AbstractInertia):
 
     def solve(self, h: Vector) -> Vector:
         moments, h = _same_rank(self.moments, h)
-        # Three quotients, however many runs share the body. Of a rod none: what stays is no change.
+        # Three quotients, however many runs share the body. For a rod the rate about the axis is
+        # zero.
         return h * safe_divide(jnp.ones_like(moments), moments)
 
     def plus_diagonal(self, moments: Vector) -> "PrincipalInertia":
-        own, moments = _same_rank(self.moments, moments)
-        return PrincipalInertia(own + moments)
+        principal, moments = _same_rank(self.moments, moments)
+        return PrincipalInertia(principal + moments)
 
     def matrix(self) -> Matrix:
         return diagonal(self.moments)
@@ -164,12 +165,12 @@ def _solve_definite(m: Matrix, b: Vector) -> Vector:
     return jnp.stack([b[0] / a - l10 * x1 - l20 * x2, x1, x2])
 
 
-def _same_rank(own: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:
+def _same_rank(inertia: Array, vector: Vector, axes: int = 1) -> tuple[Array, Vector]:
     """The inertia, with its `axes` component axes, and the vector with as many axes of times and
     runs as the one of them that has more."""
     # Both may be the one that is shared: a body of all runs, or one spin for a batch of bodies.
-    rank = max(own.ndim - axes, vector.ndim - 1)
-    return with_rank(own, rank, axes), with_rank(vector, rank)
+    rank = max(inertia.ndim - axes, vector.ndim - 1)
+    return with_rank(inertia, rank, axes), with_rank(vector, rank)
 
 
 def diagonal(d: Vector) -> Matrix:

@@ -57,7 +57,7 @@ class MassProperties(eqx.Module):
     - `mass`: kg, (*runs,); that of a hole is negative, and so is its tensor.
     - `centre`: of mass, from the origin of the axes, m, (3, *runs).
     - `tensor`: about the centre of mass, kg m^2, (3, 3, *runs). A rod or a particle, whose tensor
-      is singular, is a part as good as any."""
+      is singular, may be a part too."""
 
     mass: Float[Array, "*#runs"]
     centre: Vector

@@ -69,13 +69,13 @@ class Detached(AbstractJump):
         )
 
     def as_point(self) -> Callable[[Scalar, BodyState], BodyState]:
-        """The same of a part whose rotation does not matter: the state holds none."""
+        """The same part as a point, whose state holds no rotation."""
         return _AsPoint(self)
 
 
 @final
 class _AsPoint(eqx.Module):
-    """The state of a part that is flown as a point (`Detached.as_point`)."""
+    """The state of a part that flies as a point (`Detached.as_point`)."""
 
     part: Detached
 
@@ -92,7 +92,7 @@ def come_apart(
 
     - `parts`: two or more, in the same axes; together they are the whole (`combined`).
     - `kicks`: velocities, m/s, (3, *runs) each, that springs give the parts relative to each other;
-      what they have in common is taken out. Without them the parts only let go.
+      what they have in common is taken out. Without them the parts separate at zero speed.
 
     **Returns** a `Detached` for each part.
 

@@ -41,8 +41,9 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     The derivative of an axis exists only where its moment differs from the others: where two are
     equal to rounding, those of their axes are not finite, in both modes, while the third axis has
     its own. Of equal moments the sum has the right derivative, each one alone that along the axis
-    which happens to be returned. What does not depend on the choice of axes has derivatives there,
-    too: `tensor_function` for a function of the tensor, `FreeRotation` for the motion."""
+    which happens to be returned. Functions that do not depend on the choice of axes have
+    derivatives there, too: `tensor_function` for a function of the tensor, `FreeRotation` for the
+    motion."""
     return _principal_axes(inertia.matrix())
 
 

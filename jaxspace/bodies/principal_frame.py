@@ -88,7 +88,7 @@ def _of_moments(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quate
             rod, later, result[1]
         )
 
-    # Other bodies shall not pay for the sines.
+    # Skipped for other bodies, to save the sines.
     return jax.lax.cond(jnp.any(rod), of_rods, lambda: result)
 
 
@@ -101,12 +101,12 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
     turn, later = _in_given_axes(
         axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega))
     )
-    # There and back again through the principal axes is the same to rounding only.
+    # The tensor rebuilt from its principal axes equals the given one to rounding only.
     return turn, jnp.where(duration == 0.0, omega, later)
 
 
 def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    """Along what moves alone: a tensor that stands still must not enter with derivatives that are
+    """Only along inputs that vary: a constant tensor must not enter with derivatives that are
     zero, or not a number."""
     still = [isinstance(x, SymbolicZero) for x in tangents]
     moving = [k for k in range(3) if not still[k]]
@@ -246,7 +246,7 @@ def _derivative_of(x: Array) -> Array:
 def _axes(tensor: Matrix) -> Matrix:
     """The principal axes as columns, right-handed."""
     axes = principal_axes(InertiaTensor(tensor))[1]
-    # Eigenvectors may form a left-handed frame, which no turn reaches.
+    # Eigenvectors may form a left-handed frame, which is no rotation.
     return jnp.stack([axes[:, 0], axes[:, 1], cross(axes[:, 0], axes[:, 1])], axis=1)
 
 

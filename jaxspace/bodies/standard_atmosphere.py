@@ -111,10 +111,10 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     columns = _COLUMNS.astype(dtype)
     base, low, thick, rate = columns[:4].reshape(4, len(LAYERS), *(1,) * level.ndim)
     exponent, decay, lapse = columns[4:]
-    # Every layer adds what is climbed in it: no branch, one formula for all of them and a batch.
+    # Every layer adds the height climbed in it, so that no run of a batch needs a branch.
     climbed = jnp.clip(level - base, low, thick)
 
-    # As a product of matrices: the compiler makes vectors of that, and none of a sum over layers.
+    # As a product of matrices, which the compiler vectorises, unlike a sum over layers.
     def summed(weights: np.ndarray, x: Array) -> Scalar:
         return jnp.tensordot(weights, x, 1, precision=lax.Precision.HIGHEST)
 

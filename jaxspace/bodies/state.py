@@ -65,7 +65,7 @@ class BodyState(eqx.Module):
     parts: dict[str, State] | None = None
 
     def __check_init__(self):
-        # Shapes alone, so that traced states are checked too, at no cost.
+        # Only shapes are checked, so that traced states are checked too, at no cost.
         for name in ("position", "velocity", "omega"):
             check_components(f"BodyState.{name}", getattr(self, name), 3)
         if isinstance(self.attitude, Quaternion):

@@ -39,13 +39,14 @@ def disperse(given: argparse.Namespace) -> int:
 
     settle()
     own = {name: getattr(given, name) for name in _campaigns.Options._fields}
-    # Made here: the parser must not import the room of campaigns, and gives plain numbers.
+    # Made here, because the parser must not import the package of campaigns, and gives plain
+    # numbers.
     own["until"] = _campaigns.StopRule(*given.until) if given.until else None
     return _campaigns.disperse(given.file, _campaigns.Options(**own), given.out, given.modules)
 
 
 def resume(given: argparse.Namespace) -> int:
-    """Compute what a store lacks."""
+    """Compute the missing runs of a store."""
     from . import _campaigns
 
     settle()
@@ -87,7 +88,7 @@ def explain(given: argparse.Namespace) -> int:
 
 
 def cost(given: argparse.Namespace) -> int:
-    """Print what accuracy costs in time."""
+    """Print the cost of accuracy in time."""
     from . import _commands
 
     settle()
@@ -95,7 +96,7 @@ def cost(given: argparse.Namespace) -> int:
 
 
 def budget(given: argparse.Namespace) -> int:
-    """Print what each effect does to the answer."""
+    """Print the influence of each effect on the result."""
     from . import _commands
 
     settle()

@@ -64,7 +64,7 @@ def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = 
 
 
 def _refuse_options_of_runs(options: Options) -> None:
-    """Raise `InputError` for an option that says something about runs, where there are none."""
+    """Raise `InputError` for an option about runs with a method that has none."""
     for name, default in Options._field_defaults.items():
         if name != "method" and getattr(options, name) != default:
             raise InputError(
@@ -90,16 +90,16 @@ def _head(file: SceneFile, runs: int, seed: int, until: StopRule | None) -> str:
 
 
 def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
-    """Compute what a store lacks, and report on the whole."""
-    kept = _opened_quietly(store)
-    file = _scene(store, kept, modules)
-    there = {**kept.attributes, "seed": kept.seed}
-    # From the store and from no option: another seed would be another campaign.
-    own = {name: there[name] for name in ("seed", "chunk", "samples")}
-    own["times"] = there.get("times")
-    own["until"] = StopRule(**there["until"]) if there.get("until") else None
-    print(_head(file, there["planned_runs"], there["seed"], own["until"]))
-    return _run(file, store, there["planned_runs"], engine, resume=True, **own)
+    """Compute the missing runs of a store, and report on all of them."""
+    dispersion = _opened_quietly(store)
+    file = _scene(store, dispersion, modules)
+    there = {**dispersion.attributes, "seed": dispersion.seed}
+    # From the store, because another seed would be another campaign.
+    stored = {name: there[name] for name in ("seed", "chunk", "samples")}
+    stored["times"] = there.get("times")
+    stored["until"] = StopRule(**there["until"]) if there.get("until") else None
+    print(_head(file, there["planned_runs"], there["seed"], stored["until"]))
+    return _run(file, store, there["planned_runs"], engine, resume=True, **stored)
 
 
 def _run(
@@ -116,7 +116,7 @@ def _run(
     except (KeyboardInterrupt, RuntimeError) as error:
         if not is_stop(error):
             raise
-        # What a store held before is not of this campaign, unless that is resumed.
+        # Unless the campaign is resumed, an existing store is that of another one.
         untouched = not how.get("resume") and before is not None and before == _head_of(store)
         raise Stopped(_left(store, untouched)) from None
 
@@ -153,17 +153,17 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
-    own = file.nominal_outputs(nominal)
-    print(dispersion_report(result, own))
+    outputs = file.nominal_outputs(nominal)
+    print(dispersion_report(result, outputs))
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
         with warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
-    keep_pictures(result, file.title, own, os.path.splitext(store)[0], site=file.site)
+    keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(f"store  {store}")
-    # A failed run is what its reader asks about first.
+    # The cause of a failure comes first.
     print_next(file, f"{'report' if result.good.all() else 'failures'} {store}")
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
@@ -198,7 +198,7 @@ def _left(store: str, untouched: bool) -> str:
 
 
 def _times(result: Dispersion) -> str:
-    # Compiling is paid once, so that it must not spoil the rate that a longer campaign will see.
+    # Without the compilation, which does not grow with the number of runs.
     ahead = result.attributes["preparation_seconds"]
     computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
@@ -211,17 +211,17 @@ def _times(result: Dispersion) -> str:
 def replay(
     store: str, run: int, samples: int, folder: str, show: bool, modules: Sequence[str] = ()
 ) -> int:
-    """Run one sample of a store once more, print it, and draw its phases."""
-    kept = _opened_quietly(store)
-    if run >= kept.planned_runs:
-        raise InputError(f"--run is {run}: it must be from 0 to {kept.planned_runs - 1}.")
-    file = _scene(store, kept, modules)
+    """Run one sample of a store again, print it, and draw its phases."""
+    dispersion = _opened_quietly(store)
+    if run >= dispersion.planned_runs:
+        raise InputError(f"--run is {run}: it must be from 0 to {dispersion.planned_runs - 1}.")
+    file = _scene(store, dispersion, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    result = file.campaign(warn=False, runs=kept.attributes["planned_runs"]).replay(
-        run, seed=kept.seed, accuracy=file.accuracy, num_saved=samples
+    result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
+        run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
     )
-    print(replay_report(file, result, kept))
+    print(replay_report(file, result, dispersion))
     for name, phase in result.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
@@ -232,13 +232,13 @@ def replay(
 def failures(store: str, every: bool, modules: Sequence[str] = ()) -> int:
     """List the failed runs of a store with their reasons."""
     with warnings_as_lines():
-        kept = open_store(store)
-    text = kept.attributes.get("description")
+        dispersion = open_store(store)
+    text = dispersion.attributes.get("description")
     file = None
     # A campaign from Python has no scene; its failures are listed all the same.
-    if text and "scene_file" in kept.attributes:
-        file = _scene(store, kept, modules)
-    print(failures_report(file, kept, kept.runs if every else 20))
+    if text and "scene_file" in dispersion.attributes:
+        file = _scene(store, dispersion, modules)
+    print(failures_report(file, dispersion, dispersion.runs if every else 20))
     return 0
 
 
@@ -250,11 +250,11 @@ def _opened_quietly(store: str) -> Dispersion:
         return open_store(store)
 
 
-def _scene(store: str, kept: Dispersion, modules: Sequence[str]) -> SceneFile:
+def _scene(store: str, dispersion: Dispersion, modules: Sequence[str]) -> SceneFile:
     """The scene of a store. Raises `InputError` for a campaign that was built in Python."""
-    if "scene_file" not in kept.attributes:
+    if "scene_file" not in dispersion.attributes:
         raise InputError(
             f"{store} is of a campaign from Python, which the command line cannot build: call "
             f"disperse(campaign, ..., store=..., resume=True) or campaign.replay(number, seed=...)."
         )
-    return stored_scene(kept, modules)
+    return stored_scene(dispersion, modules)

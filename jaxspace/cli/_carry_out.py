@@ -45,7 +45,7 @@ def carry_out(given: argparse.Namespace) -> int:
         print(f"{file}: stopped.", file=sys.stderr)
         return STOPPED
     except BrokenPipeError:
-        # Whoever read the output has stopped. Python would fail once more when it flushes it.
+        # Whoever read the output has stopped. Python would fail again when it flushes it.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         print(f"{file}: the output was closed before its end.", file=sys.stderr)
         return BAD_RUN

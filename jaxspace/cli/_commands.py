@@ -18,7 +18,7 @@ from ..verification import run_cases
 from ._folder import make_folder
 from ._waiting import waiting
 
-# By so much the steps of a search may grow until a run confirms it: four repetitions.
+# Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
@@ -96,13 +96,13 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
 def _confirmed(
     file: SceneFile, found: Optimum, best: str
 ) -> tuple[Optimum, tuple[float, ...], MissionTrajectory]:
-    """The optimum, judged by a run of its file, which is written to `best`; the outputs of that
+    """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
     with open(best, "w", encoding="utf-8") as out:
         out.write(found.text())
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
-    # At the accuracy of the file, with adaptive steps: what the search has found must stand it.
+    # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
     run = optimum.nominal_mission(samples=100)
     numbers = found.confirmed(run, optimum)
     return found.checked(run, numbers), numbers, run
@@ -123,7 +123,7 @@ def explain(path: str, modules: Sequence[str] = ()) -> int:
 def cost(
     path: str, error: float | None, gradient: bool, folder: str, modules: Sequence[str] = ()
 ) -> int:
-    """Print what accuracy costs, recommend a setting, and draw the diagram."""
+    """Print the cost of accuracy, recommend a setting, and draw the diagram."""
     file = load(path, modules=modules)
     make_folder(folder)
     # The file's own setting is always among those measured, so that it can be compared.
@@ -173,21 +173,22 @@ def budget(
     folder: str,
     modules: Sequence[str] = (),
 ) -> int:
-    """Print what each effect does to the output and which of them may go, and draw it."""
+    """Print the influence of each effect on the output and those that may be left out, and draw
+    it."""
     file = load(path, modules=modules)
     if file.kind == "system":
         name = type(file.system).__name__
         raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
     make_folder(folder)
     parts = file.y0.present
-    judged = parts[0] if output is None else output
-    if judged in parts:
+    chosen = parts[0] if output is None else output
+    if chosen in parts:
         # The difference of two attitudes is an angle.
-        si = quantities(BodyState)[judged].unit or "rad"
+        si = quantities(BodyState)[chosen].unit or "rad"
         factor = 1.0
     else:
         try:
-            judged, si, factor = file.final_output(judged)
+            chosen, si, factor = file.final_output(chosen)
         except InputError as error:
             raise InputError(f"{error} Parts of the final state are {', '.join(parts)}.") from None
     size = None
@@ -200,9 +201,9 @@ def budget(
             file.system,
             file.y0,
             file.ts,
-            output=judged,
+            output=chosen,
             tolerance=size,
-            # Effects are told apart by differences, which a coarse tolerance would drown.
+            # The influences are differences of runs, for which a coarse tolerance is not enough.
             accuracy=min(file.values["accuracy"], 1e-9),
         )
     print(f"{file.title}: which effects matter")

@@ -13,6 +13,6 @@ def make_folder(name: str) -> None:
         raise InputError(
             f"--out is {name}: it cannot be made a folder: {error.strerror}."
         ) from error
-    # Asked before the run: hours of computing must not end in a refused write.
+    # Checked before the run, so that hours of computing do not end in a refused write.
     if not os.access(name, os.W_OK | os.X_OK):
         raise InputError(f"--out is {name}: it must be a folder in which files may be written.")

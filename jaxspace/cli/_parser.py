@@ -30,7 +30,7 @@ WITH_MODULES = (
     *("run", "disperse", "resume", "replay", "failures", "report"),
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
-# Not from the room of campaigns, whose import takes a while.
+# Not from the package of campaigns, whose import takes time.
 METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
 
@@ -79,7 +79,7 @@ def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
     for name in ("resume", "replay", "failures"):
         commands[name].add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
     for name in WITH_MODULES:
-        # Each by its own option, and by nothing in a file: what it names is run.
+        # Only by options, and not by a file, because modules are run.
         commands[name].add_argument(
             "--with",
             dest="modules",
@@ -218,8 +218,8 @@ def _cost_options(cost: argparse.ArgumentParser) -> None:
 def _budget_options(budget: argparse.ArgumentParser) -> None:
     budget.add_argument(
         "--output",
-        help="what they are judged by: a part of the final state (default: the first one), or any "
-        "output that a file may name",
+        help="what their influence is measured on: a part of the final state (default: the first "
+        "one), or any output that a file may name",
     )
     budget.add_argument(
         "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'

@@ -16,7 +16,7 @@ from ..vehicles import LaunchSite
 from ._folder import make_folder
 from ._warning_lines import warnings_as_lines
 
-FLIGHTS = 24
+PATHS = 24
 """Runs whose trajectories are drawn."""
 
 
@@ -30,7 +30,8 @@ def keep_pictures(
 ) -> None:
     """Draw the figures and write the page, at paths that begin with `start`; print where.
 
-    A picture that cannot be drawn costs a line on the error output, and no number."""
+    A picture that cannot be drawn is reported on the error output; the numbers are written
+    anyway."""
     import matplotlib
 
     from ..plots import dispersion_figure, dispersion_page, footprint_figure
@@ -60,7 +61,7 @@ def keep_pictures(
 
 
 def _top(result: Dispersion) -> float:
-    """Height of the flights, m: the mean of an output `apogee`, or 3 km without one."""
+    """Height that the paths reach, m: the mean of an output `apogee`, or 3 km without one."""
     heights = result.outputs.get("apogee")
     if heights is None or result.units.get("apogee") != "m":
         return 3000.0
@@ -84,7 +85,7 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         site = file.site
         title = file.title
         nominal = file.nominal_outputs(run)
-        some = np.arange(min(FLIGHTS, result.runs))
+        some = np.arange(min(PATHS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
@@ -116,7 +117,7 @@ def _attempt(what: str, path: str, write: Callable[[str], None]) -> None:
     """Write a file, and say where it is or why it is not there."""
     try:
         write(path)
-    # Whatever a library of plots may raise: the numbers are safe, and shall be seen.
+    # Any error of a plotting library, because the numbers are to be written anyway.
     except Exception as error:
         print(f"{path} is left out: {type(error).__name__}: {error}", file=sys.stderr)
         return

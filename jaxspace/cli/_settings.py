@@ -1,5 +1,5 @@
-"""Settings of jax for the command line, and for nobody else: double precision, all cores, programs
-that are kept."""
+"""Settings of jax for the command line alone: double precision, all cores, and a cache
+of compiled programs."""
 
 import contextlib
 import os

@@ -13,7 +13,7 @@ STOPPED = 130
 
 
 class Stopped(Exception):
-    """A command was stopped; the message says what is left of it."""
+    """A command was stopped; the message says what it has stored."""
 
 
 def is_stop(error: BaseException) -> bool:
@@ -44,7 +44,7 @@ def stopped_by_signals() -> Iterator[None]:
         return
 
     def again(what: "sys.UnraisableHookArgs") -> None:
-        # Met where Python can only print it, as in a callback of its collector: ask once more.
+        # Met where Python can only print it, as in a callback of its collector: raised again later.
         if issubclass(what.exc_type, KeyboardInterrupt):
             timers.append(threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)))
             timers[-1].start()

@@ -103,12 +103,12 @@ def _with_breaks(times: np.ndarray, ticks: np.ndarray, saved: np.ndarray, breaks
     runs = breaks.shape[1:]
     inner = jnp.clip(breaks, times[0], times[-1])
     # Breaks are put after the start and before the end, so that the first and the last node stay.
-    own = jnp.broadcast_to(
+    nodes = jnp.broadcast_to(
         jnp.asarray(times, breaks.dtype).reshape(-1, *(1,) * len(runs)), (times.size, *runs)
     )
-    merged = jnp.concatenate([own, inner])
+    merged = jnp.concatenate([nodes, inner])
     # The start stays in front of a break that coincides with it, and the end behind one.
-    rank = jnp.concatenate([own.at[0].set(-jnp.inf).at[-1].set(jnp.inf), inner])
+    rank = jnp.concatenate([nodes.at[0].set(-jnp.inf).at[-1].set(jnp.inf), inner])
     order = jnp.argsort(rank, axis=0, stable=True)
     merged = jnp.take_along_axis(merged, order, axis=0)
     flags = np.concatenate([ticks, np.zeros((breaks.shape[0], ticks.shape[1]), bool)])

@@ -104,9 +104,9 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
     keys = None if known.key is None else jax.random.split(known.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
-    def piece(own: PyTree, shared: PyTree) -> RunResult:
-        own, keys = own
-        parts, (y0, start, memory), _ = cut_batch(own, shared)
+    def piece(mapped: PyTree, shared: PyTree) -> RunResult:
+        mapped, keys = mapped
+        parts, (y0, start, memory), _ = cut_batch(mapped, shared)
         block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
         return _run(block, config, static)
 

@@ -7,10 +7,10 @@ ground.
     T   = m (a - g),    (s, alpha, beta) = (T . z/F, K (z x d) - C omega)
 
     symbol          meaning                                                      unit
-    z, v, h_a, h    height, speed of climb, predicted and wanted apogee          m, m/s, m
+    z, v, h_a, h    height, speed of climb, predicted and target apogee          m, m/s, m
     b               rho C_D A/(2 m), deceleration by drag over the speed's       1/m
                     square
-    e, omega, n     rotation vector to the target, rate, wanted rate             rad, rad/s
+    e, omega, n     rotation vector to the target, rate, target rate             rad, rad/s
     v_r             speed above which the angles fall as the air's pressure      m/s
                     grows
     r, v_f, a_f     place, velocity and acceleration at the end                  m, m/s, m/s^2
@@ -58,7 +58,7 @@ class ApogeeControl(AbstractController):
     Reads position, whose z is the height, and velocity. The command is the open share, between 0
     and 1, (*runs,)."""
 
-    target: NumberField = quantity("m", doc="h, z of the wanted apogee")
+    target: NumberField = quantity("m", doc="h, z of the target apogee")
     drag: NumberField = quantity(
         "1/m", positive=True, doc="b, of the vehicle with the brake as it is mostly"
     )
@@ -96,7 +96,7 @@ class FinControl(AbstractController):
         "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
     )
     rate: Float[Array, "3 *#runs"] = quantity(
-        "rad/s", default=(0.0, 0.0, 0.0), doc="n, wanted about the axes of the body"
+        "rad/s", default=(0.0, 0.0, 0.0), doc="n, target about the axes of the body"
     )
     full_speed: OptionalNumberField = quantity(
         "m/s", positive=True, optional=True, doc="v_r; without it the gains hold at any speed"
@@ -134,7 +134,7 @@ class LandingControl(AbstractController):
 
     The command is that of its engine: throttle and the angles of the nozzle about x and y, rad, as
     (3, *runs). Reads position, velocity, mass, attitude and omega. The time to go falls no lower
-    than `least_time`. The wanted thrust leans no more than `tilt_limit` and falls no lower than
+    than `least_time`. The commanded thrust leans no more than `tilt_limit` and falls no lower than
     `least_thrust`: a vehicle that is too high does not turn over. Another law holds the roll."""
 
     arrival: NumberField = quantity("s", doc="time at which to be there")
@@ -142,7 +142,7 @@ class LandingControl(AbstractController):
     full_thrust: NumberField = quantity("N", positive=True, doc="F, of the open throttle")
     gain: NumberField = quantity("", doc="K, angle of the nozzle over that of the error")
     damping: NumberField = quantity("s", doc="C, angle of the nozzle over the rate")
-    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, that is ever wanted")
+    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, least that is commanded")
     target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
     velocity: Float[Array, "3 *#runs"] = quantity(
         "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
@@ -158,7 +158,7 @@ class LandingControl(AbstractController):
     )
 
     def thrust(self, t: Scalar, x: Vector, v: Vector, mass: Scalar) -> Vector:
-        """The wanted thrust T within its limits, N, (3, *runs), in inertial axes.
+        """The commanded thrust T within its limits, N, (3, *runs), in inertial axes.
 
         **Arguments**
 
@@ -171,10 +171,10 @@ class LandingControl(AbstractController):
         # The gains grow without bound as the time to go ends.
         left = jnp.maximum(self.arrival - t, self.least_time)
         a = 12.0 / (left * left) * (r - x) - 6.0 / left * (vf + v) + af
-        wanted = mass * (a - g)
+        command = mass * (a - g)
         up = -unit(g) + 0.0 * x
-        upwards = dot(wanted, up)
-        aside = wanted - upwards * up
+        upwards = dot(command, up)
+        aside = command - upwards * up
         # A vehicle that is too high would turn over to push itself down.
         upwards = jnp.maximum(upwards, self.least_thrust)
         # Positive, so that the quotient is defined where the thrust is upright.

@@ -1,10 +1,9 @@
-"""The interface of a system: its vector field, what its exact motion conserves, and what more it
-offers.
+"""The interface of a system: its vector field, its invariants, and its capabilities.
 
-Every system has a `vector_field` and `invariants`. What more it may know about its motion it offers
-as values: `closed_form()`, `decoupled()`, `split()`, `regularised()` and `breaks()` return an
-object, or `None` where there is none. Because they are values and not base classes, a scene can
-compose its own from those of its effects.
+Every system has a `vector_field` and `invariants`. Its capabilities are values: `closed_form()`,
+`decoupled()`, `split()`, `regularised()` and `breaks()` return an object, or `None` where there is
+none. Because they are values and not base classes, a scene can compose its own from those of its
+effects.
 """
 
 from abc import abstractmethod
@@ -26,7 +25,7 @@ class AbstractClosedForm(eqx.Module):
         """The exact state a `duration`, s (negative: backwards), after the state `y`."""
 
     def outside(self, duration: Scalar, y: State) -> Flag | None:
-        """Whether a motion of this `duration`, s, from `y` on leaves what the closed form
+        """Whether a motion of this `duration`, s, from `y` on leaves the range of the closed form
         describes, as by a collision, for each run; `None` where none does."""
         del duration, y
         return None
@@ -52,8 +51,8 @@ class AbstractRegularised(eqx.Module):
 
     @property
     def attraction(self) -> Scalar | None:
-        """The gravitational parameter of the point about which the motion goes, m^3/s^2: by it the
-        method "auto" knows eccentric orbits. `None`, the default, where there is no such point."""
+        """The gravitational parameter of the central body, m^3/s^2, from which the method "auto"
+        computes the eccentricity. `None`, the default, where there is no such point."""
         return None
 
     @abstractmethod
@@ -78,17 +77,18 @@ class AbstractRegularised(eqx.Module):
         without perturbation, approximate with one."""
 
     def step_scale(self, sigma: Scalar, z: Array) -> Scalar:
-        """A positive number with which the lengths of steps may go, about a fictitious time `sigma`
-        after `z`: the distance from a centre, for example.
+        """A positive number in proportion to which steps may be chosen, about a fictitious time
+        `sigma` after `z`: the distance from a centre, for example.
 
-        By default one: nothing is known of the motion ahead."""
+        By default one, for a motion of which nothing is known."""
         # The product has the shape of the times and of the runs.
         return jnp.ones_like(sigma * z[0])
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
-        """The length of a change `x` of the variables, beside those before and after a step.
+        """The norm of a change `x` of the variables, in proportion to those before and after a
+        step.
 
-        By default that of all but the time, of equal unit."""
+        By default the norm of all but the time, which have one unit."""
 
         def squared(x: Array) -> Scalar:
             return jnp.sum(x[:-1] * x[:-1], axis=0)
@@ -107,7 +107,7 @@ class AbstractRegularised(eqx.Module):
 class AbstractSecondOrderForm(AbstractRegularised):
     """Regularised variables z = (q, q', c, t) with q'' = f(q, c) and constant c.
 
-    The time is what the variables tell of it, and a quadrature of the rest:
+    The time is a function of the variables, and a quadrature for the rest:
     t = T(q, q') + integral of g(q) d(sigma)."""
 
     @abstractmethod
@@ -120,7 +120,7 @@ class AbstractSecondOrderForm(AbstractRegularised):
 
     @abstractmethod
     def known_time(self, q: Array, dq: Array, held: Array) -> Scalar:
-        """T, from q and q'; zero where g is the whole of dt/d(sigma)."""
+        """T, from q and q'; zero where g is all of dt/d(sigma)."""
 
     @abstractmethod
     def clock(self, q: Array) -> Scalar:
@@ -128,7 +128,7 @@ class AbstractSecondOrderForm(AbstractRegularised):
 
 
 class AbstractDecoupled(eqx.Module):
-    """A motion of which one part is exact and by itself, and the rest does not depend on it."""
+    """A motion of which one part is known exactly, and on which the rest does not depend."""
 
     @property
     @abstractmethod
@@ -146,8 +146,8 @@ class AbstractDecoupled(eqx.Module):
 
     @abstractmethod
     def turns(self, duration: Scalar, y: State) -> Scalar:
-        """Through how many radians the exact part turns, about, in a `duration`, s, from `y` on,
-        (*runs,): what steps would have to follow."""
+        """Approximate angle, rad, through which the exact part turns in a `duration`, s, from `y`
+        on, (*runs,): what steps would have to follow."""
 
 
 class AbstractSystem(AbstractParameters):
@@ -208,7 +208,7 @@ class AbstractSystem(AbstractParameters):
         return None
 
     def outside(self, t: Scalar, y: State) -> Flag | None:
-        """Whether the state `y` lies outside of what the system describes, such as a mass below the
+        """Whether the state `y` lies outside the range of the model, such as a mass below the
         dry mass, for each run; `None` where every state is inside.
 
         Asked of the state at the end of an integration, which then has the status

@@ -1,8 +1,8 @@
 """A barrier for the compiler.
 
-A primitive of its own, because the transpose of `jax.lax.optimization_barrier` takes every argument
-for one in which it is linear: where some of the tangents are constants, as the zeros of a
-derivative of a derivative, it fails.
+It is a new primitive, because the transpose of `jax.lax.optimization_barrier` assumes that it is
+linear in every argument: it fails where some of the tangents are constants, such as the zeros of a
+second derivative.
 """
 
 from collections.abc import Sequence
@@ -27,7 +27,7 @@ def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
     **Arguments**
 
     - `tree`: any tree of arrays and numbers.
-    - `everywhere`: whether the barrier stands on other devices, too, where it is the identity by
+    - `everywhere`: whether the barrier also holds on other devices, where it is the identity by
       default: between stages which, fused into one, take long to compile.
 
     **Returns** the tree of arrays. Derivatives are held in the same way, those that are not zero
@@ -68,14 +68,14 @@ def _transpose(
     *args: ArrayLike | ad.UndefinedPrimal,
     everywhere: bool,
 ) -> list[Array | ad.Zero | None]:
-    # What is no `UndefinedPrimal` is a constant beside the tangents, and has no cotangent.
+    # An input that is no `UndefinedPrimal` is a constant, and has no cotangent.
     result = _of_the_others(cotangents, everywhere)
     pairs = zip(result, args, strict=True)
     return [c if isinstance(x, ad.UndefinedPrimal) else None for c, x in pairs]
 
 
 def _of_the_others(parts: Sequence[ArrayLike | ad.Zero], everywhere: bool) -> list[Array | ad.Zero]:
-    """The parts, those that are not zero by structure behind a barrier."""
+    """The parts, with a barrier behind those that are not symbolic zeros."""
     others = [x for x in parts if not isinstance(x, ad.Zero)]
     held = iter(barrier_p.bind(*others, everywhere=everywhere) if others else ())
     return [x if isinstance(x, ad.Zero) else next(held) for x in parts]

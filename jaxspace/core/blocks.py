@@ -20,7 +20,7 @@ def in_blocks(function: Callable[..., PyTree], components: tuple[int, ...], *arg
 
     What lies between arguments and results then stays in the cache: a million runs take a third to
     a tenth of the time. Around functions that are called one after the other, such as a state to
-    elements and back, it keeps what passes between them in the cache too: once more up to twice as
+    elements and back, it keeps what passes between them in the cache too, which is up to twice as
     fast. Derivatives are those of the function itself.
 
     **Arguments**

@@ -21,14 +21,14 @@ class InputError(ValueError):
     def hint(name: object, names: Iterable[str]) -> str:
         """The question for the nearest of the `names` that are allowed, or nothing when none is
         near."""
-        # Half of the letters in common: `spring` finds `sprung`, and a foreign word finds nothing.
+        # Half of the letters in common: `sprung` suggests `spring`, and an unrelated word nothing.
         near = difflib.get_close_matches(str(name), list(names), n=1, cutoff=0.5)
         return f" Did you mean {near[0]}?" if near else ""
 
 
 def is_concrete(x: object) -> bool:
     """Whether `x` is a concrete number or array, and not a tracer, a placeholder or `None`."""
-    # First of all, because a tracer is an instance of `jax.Array` too.
+    # Asked first, because a tracer is an instance of `jax.Array` too.
     if isinstance(x, Tracer) or not isinstance(
         x, float | int | np.ndarray | np.generic | jax.Array
     ):

@@ -19,7 +19,7 @@ from .quantities import REQUIRED, Quantity
 
 _REFERENCE = "reference"
 
-# A decorator gives back what it takes: checkers keep the signature of a declared function.
+# A decorator returns the type that it takes, so that type checkers keep the signature.
 Function = TypeVar("Function", bound=Callable[..., object])
 
 
@@ -86,7 +86,7 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
 
     @functools.wraps(function)
     def checked(*given: object, **named: object) -> object:
-        # Defaults stay unchecked: they are the author's and not the caller's.
+        # Only values that the caller gives are checked: defaults are the author's.
         bound = signature.bind(*given, **named).arguments
         for name, declared in arguments.items():
             value = bound.get(name)

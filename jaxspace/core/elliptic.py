@@ -24,7 +24,7 @@ import jax.numpy as jnp
 
 from .types import Scalar
 
-# The mean doubles its digits in every step once its two sides are near: eleven steps serve every k'
+# The mean doubles its digits in every step once its two sides are near: eleven steps suffice for k'
 # down to 1e-200.
 STEPS = 11
 

@@ -1,4 +1,4 @@
-"""Libraries that an installation may lack: each entry point names the extra that brings them."""
+"""Optional libraries of an installation: each entry point names the extra that brings them."""
 
 from types import TracebackType
 
@@ -27,7 +27,7 @@ class extra:
         if not isinstance(error, ModuleNotFoundError):
             return
         library = (error.name or "").partition(".")[0]
-        # A file of this library that is not there is a fault of its own.
+        # A missing module of this library is an error of the installation itself.
         if library and library != "jaxspace":
             raise MissingExtra(
                 f"{library} is not installed: it comes with the extra {self.name} "

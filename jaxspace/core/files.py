@@ -1,4 +1,4 @@
-"""Files of text that a user names, none of which is read without end."""
+"""Reading of text files that a user names, up to a limit of their size."""
 
 import os
 import stat
@@ -23,7 +23,7 @@ def read_text(path: str | os.PathLike[str]) -> str:
         return known
     path = Path(path)
     result = path.stat()
-    # What is a folder says so itself when it is opened.
+    # Opening a folder raises a clear `OSError` itself.
     if not stat.S_ISREG(result.st_mode) and not stat.S_ISDIR(result.st_mode):
         raise InputError(f"{path} cannot be read: it is no regular file.")
     if result.st_size > LARGEST:

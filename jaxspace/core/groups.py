@@ -50,5 +50,5 @@ def on_group(x: PyTree) -> TypeGuard[AbstractGroupElement]:
 def project(y: State) -> State:
     """The state with every block that lies on a group projected onto it; other blocks as they are,
     at no cost."""
-    # An element is one leaf, because none of its arrays lies on a group by itself.
+    # An element is one leaf: projection needs all of its arrays together.
     return jax.tree.map(lambda x: x.projected() if on_group(x) else x, y, is_leaf=on_group)

@@ -135,7 +135,7 @@ def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
         roots = jnp.sqrt(x), jnp.sqrt(y), jnp.sqrt(z)
         return (x, y, z, p, *roots, total, 2.0 * two, 0.125 * eighth), None
 
-    # A scan and no unrolled loop: the body of a step is compiled once.
+    # A scan and not an unrolled loop, so that the body of a step is compiled once.
     def repeated(times: int, carry: tuple[Scalar, ...]) -> tuple[Scalar, ...]:
         return jax.lax.scan(duplicated, carry, None, length=times)[0]
 
@@ -144,7 +144,7 @@ def third(s: Scalar, c: Scalar, d: Scalar, p: Scalar, weight: Scalar) -> Scalar:
     carry = (*carry, jnp.asarray(1.0, p.dtype))
     small = (jnp.maximum(c, d) < _SMALL) | (p < _SMALL * _SMALL)
     more = functools.partial(repeated, _MORE_DUPLICATIONS)
-    # For all runs where one of them needs it: a choice for each run would make every run pay.
+    # For all runs if one of them needs it: a choice for each run computes both branches.
     carry = jax.lax.cond(jnp.any(small), more, lambda carry: carry, carry)
     x, y, z, p, *_, total, two, _ = repeated(_DUPLICATIONS, carry)
     # Carlson's series of the fifth order in the relative differences of the arguments.

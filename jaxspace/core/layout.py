@@ -35,11 +35,11 @@ def _annotations(cls: type) -> dict[str, Any]:
     """The annotation of every field of a class, inherited ones included."""
     if not dataclasses.is_dataclass(cls):
         return {}
-    own = {field.name: field.type for field in dataclasses.fields(cls)}
-    if any(isinstance(kind, str) for kind in own.values()):
+    annotations = {field.name: field.type for field in dataclasses.fields(cls)}
+    if any(isinstance(kind, str) for kind in annotations.values()):
         # The class was written under `from __future__ import annotations`.
-        own |= typing.get_type_hints(cls)
-    return own
+        annotations |= typing.get_type_hints(cls)
+    return annotations
 
 
 def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
@@ -51,7 +51,7 @@ def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
             annotation = _annotations(type(node)).get(key.name)
             node = getattr(node, key.name)
         else:
-            # An entry of a list or a dictionary: the annotation of the field says nothing of it.
+            # The annotation of a field says nothing about entries of a list or a dictionary.
             annotation = None
             node = node[getattr(key, "idx", getattr(key, "key", None))]
     return component_axes(annotation)
@@ -72,7 +72,7 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
     try:
         result = _component_axes(structure, arrays)
     except TypeError:
-        # A static field that cannot be hashed: nothing can be kept from one call to the next.
+        # A structure with a static field that cannot be hashed is not cached.
         result = _component_axes.__wrapped__(structure, arrays)
     return jax.tree.unflatten(structure, result)
 
@@ -81,7 +81,7 @@ def component_axes_of(tree: PyTree) -> PyTree[int]:
 def _component_axes(
     structure: jax.tree_util.PyTreeDef, arrays: tuple[bool, ...]
 ) -> tuple[int, ...]:
-    """Once for each make of a tree: to read annotations takes longer than a short run."""
+    """Cached by the structure of a tree: reading annotations takes longer than a short run."""
     tree = jax.tree.unflatten(structure, arrays)
     paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
     result = []

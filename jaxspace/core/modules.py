@@ -1,6 +1,6 @@
-"""The public modules of a package: how its root gives them, and what they hold.
+"""The public modules of a package: how its root imports them, and what they hold.
 
-The root of a package gives what a user meets first. The rest stands in modules named by their
+The root of a package holds what a user needs first. The rest stands in modules named by their
 subject, each with its names in `__all__`; a module is imported when it is first used."""
 
 import pkgutil
@@ -45,7 +45,7 @@ def public_names(package: types.ModuleType) -> dict[str, object]:
     result = {name: thing for name, thing in vars(package).items() if _counts(name, thing)}
     for file in _files(package.__name__):
         module = import_module(f"{package.__name__}.{file}")
-        # A module without the list is there for other packages of the library, and no promise.
+        # A module without `__all__` serves other packages of the library, and is not public.
         result |= {name: getattr(module, name) for name in getattr(module, "__all__", ())}
     return result
 

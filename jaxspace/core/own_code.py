@@ -17,7 +17,7 @@ def text_hash(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()
 
 
-# Once in a process, so that a class of the file is the same one wherever the file is named.
+# Cached, so that a class of the file is the same one wherever the file is named.
 @functools.cache
 def run_module(name: str, text: str) -> ModuleType:
     """The module of a Python file, which is run.
@@ -35,7 +35,7 @@ def run_module(name: str, text: str) -> ModuleType:
     title = re.sub(r"\W", "_", Path(name).stem)
     module = ModuleType(f"jaxspace_module_{title}_{text_hash(text)[:16]}")
     module.__file__ = name
-    # Before it runs: dataclasses look their module up by its name.
+    # Registered before it runs, because dataclasses look their module up by its name.
     sys.modules[module.__name__] = module
     # Tracebacks show lines of a file that a worker does not have.
     linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)

@@ -72,7 +72,7 @@ class Quantity(NamedTuple):
     def contains(self, value: ArrayLike) -> Array | np.ndarray | np.bool_:
         """Whether each number of `value` is finite and within the range; of a traced value, an
         array that says so."""
-        # NumPy for known values: a check must not start a device.
+        # Known values are checked by NumPy, because a check must not start a device.
         xp = np if is_concrete(value) else jnp
         x = xp.asarray(value)
         within = (
@@ -140,7 +140,7 @@ def quantity(
     return eqx.field(converter=converter, default=made.default, metadata={_KEY: made})
 
 
-# Asked at every construction; the answer belongs to the class.
+# Cached for each class, because every construction asks for it.
 @functools.cache
 def quantities(cls: type) -> Mapping[str, Quantity]:
     """The quantities that a class declares, by the name of their field, in order.

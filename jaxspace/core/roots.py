@@ -12,8 +12,8 @@ from jaxtyping import Array, Int
 
 from .types import Scalar
 
-# Each halving gains one bit: so many exceed the digits of float64, and the error is the rounding of
-# the function itself.
+# Each halving gains one bit: this number exceeds the digits of float64, and the error is the
+# rounding of the function itself.
 HALVINGS = 64
 
 

@@ -75,7 +75,7 @@ def _end_sqrt_tangent(radicand, args, tangents):
     root = jnp.sqrt(jnp.where(end, 1.0, x))
     total = jnp.zeros_like(root)
     for i, tangent in enumerate(tangents):
-        # One argument at a time, because the sign of each slope decides for itself.
+        # One argument at a time, because each slope has its own sign.
         def along(a, i=i):
             return radicand(*args[:i], a, *args[i + 1 :])
 

@@ -25,7 +25,7 @@ _TERMS = 8
 _SMALL = math.pi**2
 
 
-# Compiled as one, so that many calls in a program share one traced function.
+# Jitted, so that many calls in a program share one traced function.
 @jax.jit
 def stumpff(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """The Stumpff functions c2 to c5; c0 = 1 - z c2 and c1 = 1 - z c3.

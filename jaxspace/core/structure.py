@@ -1,7 +1,6 @@
-"""Answers that depend on the structure of trees and on the shapes of their arrays, and on no
-number: found once for each make, and kept.
+"""A cache of answers that depend on the structure of trees and the shapes of their arrays only.
 
-To trace a vector field takes longer than a short run, and a run asks several such questions.
+Tracing a vector field takes longer than a short run, and a run needs several such answers.
 """
 
 import functools
@@ -18,7 +17,7 @@ from jaxtyping import PyTree
 T = TypeVar("T")
 Leaf = TypeVar("Leaf")
 
-# Makes of systems and states for which a question keeps its answers.
+# Number of structures for which a function keeps its answers.
 KEPT = 512
 
 
@@ -46,7 +45,7 @@ def _compared(x: object) -> object:
 
 
 class _Make:
-    """Structure and shapes of a tree, hashed once: that of a large system is looked up often."""
+    """Structure and shapes of a tree, hashed once, because large trees are looked up often."""
 
     __slots__ = ("hash", "leaves", "structure")
 
@@ -76,7 +75,7 @@ class _Make:
         return jax.tree.unflatten(self.structure, leaves)
 
 
-# By the identity of a module, which never changes. It goes when the module goes.
+# By the identity of a module, which is immutable. An entry is deleted with its module.
 _MAKES: dict[int, tuple[weakref.ref, _Make]] = {}
 
 
@@ -96,14 +95,14 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     """A function of trees that meets the shapes of their arrays in place of the arrays, and runs
     once for each structure and shapes.
 
-    Its answer is kept, so that it must be one that nobody changes. An error is not kept. Where a
+    Its answer is cached, so that it must not be changed later. An error is not cached. Where a
     leaf or a static field cannot be hashed, the function runs every time."""
 
     def of_makes(args: tuple[_Make, ...], kwargs: tuple[tuple[str, _Make], ...]) -> T:
         named = {name: make.shapes() for name, make in kwargs}
         return function(*(make.shapes() for make in args), **named)
 
-    kept = functools.lru_cache(maxsize=KEPT)(of_makes)
+    cached = functools.lru_cache(maxsize=KEPT)(of_makes)
 
     @functools.wraps(function)
     def of_trees(*args: Any, **kwargs: Any) -> T:
@@ -113,20 +112,20 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
         except TypeError:
             shapes = jax.tree.map(shape_of, (args, kwargs))
             return function(*shapes[0], **shapes[1])
-        return kept(makes, named)
+        return cached(makes, named)
 
     return of_trees
 
 
 def without_numbers(function: Callable[..., T]) -> Callable[..., T]:
-    """A function of trees whose answer holds no array and hangs on no number of theirs: traced once
-    for each structure and shapes. One that decides by a number after all runs every time."""
+    """A function of trees whose answer holds no array and depends on no number: traced once for
+    each structure and shapes. A function that reads a number after all runs every time."""
 
     @once_per_structure
     def traced(*args: Any) -> tuple[T] | None:
         try:
             return (eqx.filter_eval_shape(function, *args),)
-        # Whatever a function raises that asks a traced number for its value.
+        # jax raises one of these where a function reads the value of a traced number.
         except Exception:  # noqa: BLE001
             return None
 

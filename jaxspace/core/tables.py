@@ -52,7 +52,7 @@ def polygon(
     passed = jnp.clip(x - nodes[:-1], 0.0, widths)
     if slopes.size > slopes.shape[0]:
         return values[0] + jnp.sum(slopes * passed, axis=0)
-    # As a product of matrices where all runs share the table: the compiler makes vectors of that,
+    # As a product of matrices where all runs share the table: the compiler vectorises that,
     # and none of a sum over a leading axis.
     line = slopes.reshape(-1)
     # An accelerator would by default round the factors of a product of matrices to fewer digits.
@@ -165,8 +165,8 @@ def _natural_curvatures(times: Array, values: Array) -> Array:
 def breaks_of(system: AbstractSystem) -> Float[Array, "times *#runs"] | None:
     """The break times of a system, s: those that it declares, and the nodes of every `Table` and
     `Spline` in it, also those that a function in it closes over. `None` where there is none."""
-    own = system.breaks()
-    times = [] if own is None else [own]
+    declared = system.breaks()
+    times = [] if declared is None else [declared]
     times += [table.times for table in _tables(system)]
     if not times:
         return None

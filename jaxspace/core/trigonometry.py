@@ -62,7 +62,7 @@ def _sincos(x: Scalar) -> tuple[Scalar, Scalar]:
     s = r + r * z * _polynomial(_SINE, z)
     half = 0.5 * z
     near = 1.0 - half
-    # With what the rounding of 1 - half has lost, half a unit in the last place.
+    # Plus the rounding error of 1 - half, which is up to half a unit in the last place.
     c = near + (((1.0 - near) - half) + z * z * _polynomial(_COSINE, z))
     quarter = n - 4.0 * jnp.floor(0.25 * n)
     odd = (quarter == 1.0) | (quarter == 3.0)
@@ -102,7 +102,7 @@ def _atan2(y: Scalar, x: Scalar) -> Scalar:
     )
     angle = jnp.where(ay > ax, 1.5707963267948966 - (angle - 6.123233995736766e-17), angle)
     angle = jnp.where(x < 0.0, 3.141592653589793 - (angle - 1.2246467991473532e-16), angle)
-    # By the bit, because the angle of (-1, -0) is -pi, and not pi.
+    # By the sign bit, because the angle of (-1, -0) is -pi and not pi.
     return jnp.where(jnp.signbit(y), -angle, angle)
 
 

@@ -56,7 +56,7 @@ def as_float(x: Any) -> Any:
     if isinstance(x, bool | int):
         x = float(x)
     if isinstance(x, list | tuple):
-        # Of known numbers by numpy, because a stack of them would be a program of its own.
+        # Known numbers are stacked by numpy, because jax would compile a program for it.
         x = (
             np.asarray(x, dtype=float)
             if all(isinstance(v, int | float) for v in x)

@@ -122,7 +122,7 @@ class BatchRunner:
         trial = padded(pilots, [TRIAL] * len(pilots))
         # A whole call, whose program all further ones reuse.
         results, errors = runner._call(first, trial, runner.blocks)
-        factors = [refinement(own) for own in np.asarray(errors)[:, :CALL]]
+        factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
         runner.planned = planned._replace(plans=plans, coupled=coupled, digest=_digest(results))
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
@@ -157,10 +157,10 @@ class BatchRunner:
         if not self.planned.coupled:
             results = self._results(_filled(numbers, self.call), plans)
             return jax.tree.map(lambda x: x[..., : numbers.size], results)
-        own = np.unique(numbers // size)
-        filled = _filled(own, self.call // size)
+        calls = np.unique(numbers // size)
+        filled = _filled(calls, self.call // size)
         results = self._results((filled[:, None] * size + np.arange(size)).reshape(-1), plans)
-        where = np.searchsorted(own, numbers // size) * size + numbers % size
+        where = np.searchsorted(calls, numbers // size) * size + numbers % size
         return jax.tree.map(lambda x: x[..., where], results)
 
     def _adaptive(self, numbers: np.ndarray) -> RunResults:

@@ -104,11 +104,11 @@ def warn_of_unreached(
     for leg, chosen in zip(legs_of(mission)[0], kept, strict=True):
         if isinstance(chosen, OwnTimes):
             here = np.isfinite(trajectories[f"{leg.name}.time"]).any(axis=-1)
-            for t, own in zip(np.asarray(chosen.times).tolist(), here.tolist(), strict=True):
-                reached[t] = reached.get(t, False) or own
+            for t, at_time in zip(np.asarray(chosen.times).tolist(), here.tolist(), strict=True):
+                reached[t] = reached.get(t, False) or at_time
     if not all(reached.values()):
         runs = next(iter(trajectories.values())).shape[-1]
-        result = ", ".join(f"{t:.9g}" for t, own in reached.items() if not own)
+        result = ", ".join(f"{t:.9g}" for t, at_time in reached.items() if not at_time)
         warnings.warn(
             f"times has {result} s, at which none of the first {runs} runs is under way: what the "
             f"store keeps for it is NaN in each of them.",

@@ -141,14 +141,14 @@ def _computed(
     done: int = 0,
 ) -> Computed:
     """The results of these chunks with the processor time of each; `done` runs exist already."""
-    own = {extent.chunk: extent.runs for extent in extents}
+    runs_of = {extent.chunk: extent.runs for extent in extents}
     # Closed as soon as the rule ends the campaign, so that other processes stop.
     with contextlib.closing(engine.compute(runner, extents)) as computed:
         for result in computed:
             # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
             # that progress that a user has seen survives an interruption.
             yield result.chunk, (ordered(result.results, runner.planned.campaign), result.cpu)
-            done += own[result.chunk]
+            done += runs_of[result.chunk]
             if progress is not None:
                 progress(done, total)
 

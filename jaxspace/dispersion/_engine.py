@@ -106,7 +106,7 @@ def disperse(
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
       campaign, or 1e-9.
     - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
-      columns of the result are then read from it when they are asked for.
+      columns of the result are then read from it on demand.
     - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
     - `resume`: whether to complete an existing store: only chunks that are missing or damaged are
       computed. A store of another campaign is refused, with the difference in the message.
@@ -178,29 +178,29 @@ def disperse(
         runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states)
         # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
-        kept = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
-        kept |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
-        kept |= {"chunk": runner.chunk(chunk), "samples": samples}
+        attributes = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
+        attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
+        attributes |= {"chunk": runner.chunk(chunk), "samples": samples}
         if times is not None:
-            kept["times"] = [float(t) for t in times]
-            kept["times_kept"] = TIMES_KEPT
+            attributes["times"] = [float(t) for t in times]
+            attributes["times_kept"] = TIMES_KEPT
         if until is not None:
             assert runner.example is not None
             check_rule(until, ordered(runner.example, campaign).outputs)
-            kept["until"] = until._asdict()
+            attributes["until"] = until._asdict()
         if writer is not None:
-            return stored(writer, runner, using, kept, progress, until)
-        chunks = in_memory(runner, using, kept["chunk"], runs, progress, until)
+            return stored(writer, runner, using, attributes, progress, until)
+        chunks = in_memory(runner, using, attributes["chunk"], runs, progress, until)
         # A tree transformation sorts dicts by name.
         every = jax.tree.map(
             lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
         )
         if len(every.status) < runs:
-            kept[ENOUGH] = len(every.status)
+            attributes[ENOUGH] = len(every.status)
         seconds = time.perf_counter() - started
-        kept["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
+        attributes["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
         results = ordered(every, campaign)
-        return Dispersion(*results[:4], dict(campaign.units), seed, seconds, kept)
+        return Dispersion(*results[:4], dict(campaign.units), seed, seconds, attributes)
 
 
 def _kept_states(

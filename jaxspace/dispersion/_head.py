@@ -35,23 +35,23 @@ def read_head(folder: Path) -> tuple[bytes, str]:
     there is none.
 
     **Raises** `StoreError` where neither file can be read."""
-    head, kept = _both(folder)
-    if kept != head:
+    head, copy = _both(folder)
+    if copy != head:
         # A running campaign may just have written one of them.
         time.sleep(PATIENCE)
-        head, kept = _both(folder)
-    if kept is None and head is None:
+        head, copy = _both(folder)
+    if copy is None and head is None:
         raise StoreError(
             f"{folder} cannot be read: it must be the Zarr store of a dispersion, and has no "
             f"{HEAD}."
         )
-    if kept is None:
+    if copy is None:
         # The copy is damaged or lost, so that the head cannot be compared.
         assert head is not None
         return head, f"{COPY}, the copy of {HEAD}, differs from its checksum."
-    if kept != head:
-        return kept, f"{HEAD} differs from its copy in {COPY}, which is read in its place."
-    return kept, ""
+    if copy != head:
+        return copy, f"{HEAD} differs from its copy in {COPY}, which is read in its place."
+    return copy, ""
 
 
 def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:

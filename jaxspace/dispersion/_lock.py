@@ -42,7 +42,7 @@ class Lock:
             free = _lock(handle)
             owner = _owner(handle)
         host = socket.gethostname()
-        # Not every network file system passes locks between machines: then the name decides.
+        # Some network file systems do not share locks between machines: then the name decides.
         if not free or (owner and owner["host"] != host):
             os.close(handle)
             raise StoreError(f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}")
@@ -68,7 +68,7 @@ def _lock(handle: int) -> bool:
     """Whether the file could be locked."""
     try:
         import fcntl
-    # Elsewhere than on POSIX.
+    # On Windows.
     except ImportError:
         import msvcrt
 

@@ -66,7 +66,7 @@ class Triangular(AbstractDistribution):
         width = self.high - self.low
         below, above = ndtr(z), ndtr(-z)
         rising = below * width < self.mode - self.low
-        # The untaken root gets one: its slope at zero would be infinite.
+        # The root that is not taken gets one, because its slope at zero would be infinite.
         left = jnp.where(rising, below * width * (self.mode - self.low), 1.0)
         right = jnp.where(rising, 1.0, above * width * (self.high - self.mode))
         return jnp.where(rising, self.low + jnp.sqrt(left), self.high - jnp.sqrt(right))
@@ -85,7 +85,7 @@ class Triangular(AbstractDistribution):
             return (b - x) ** 2 / ((b - a) * (b - c))
 
         x, y = (min(max(v, a), b) for v in (low, high))
-        # From the nearer end, so that a small share has all its digits.
+        # From the nearer end, so that a small share keeps its digits.
         below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
         above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
         return below + above
@@ -161,7 +161,7 @@ class Discrete(AbstractDistribution):
     def _at(self, share: Float[Array, ""]) -> Float[Array, ""]:
         """The value below which this share of all draws lies."""
         ends = jnp.cumsum(self.weights)
-        # The sum may round to less than the share asks for.
+        # The sum of the weights may round to less than the share.
         place = jnp.searchsorted(ends, share * ends[-1], side="right")
         return self.values[jnp.minimum(place, self.values.size - 1)]
 

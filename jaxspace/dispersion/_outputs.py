@@ -20,8 +20,8 @@ from ._isolation import RAISED, callbacks, isolate, reason
 RESERVED = ("run", "status", "evaluations")
 """Names of the variables that every store has."""
 
-# Relative change allowed in a row when others are replaced: an iteration that all runs of a block
-# share then ends with other digits.
+# Relative change allowed in a row when other rows are replaced: the runs of a block share some
+# iterations, whose last digits then change.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
 
@@ -56,18 +56,18 @@ def outputs_of(
     """The outputs of runs, each (runs,).
 
     **Raises** `InputError` for what is no dict of one real number for each run, or for all."""
-    found = campaign.outputs(result, samples)
-    if not isinstance(found, Mapping):
+    outputs = campaign.outputs(result, samples)
+    if not isinstance(outputs, Mapping):
         raise InputError(
-            f"Campaign.outputs gives {_kind(found)}: it must give a dict of the outputs by name."
+            f"Campaign.outputs gives {_kind(outputs)}: it must give a dict of the outputs by name."
         )
-    check_names("The outputs of the campaign", found)
-    for name in set(found) & set(samples):
+    check_names("The outputs of the campaign", outputs)
+    for name in set(outputs) & set(samples):
         raise InputError(
             f"The output {name!r} has the name of an input: it must have one of its own."
         )
     runs = next(iter(samples.values())).shape
-    return {name: _of_each_run(name, x, runs) for name, x in found.items()}
+    return {name: _of_each_run(name, x, runs) for name, x in outputs.items()}
 
 
 def _of_each_run(name: str, x: Any, runs: tuple[int, ...]) -> Array:
@@ -108,7 +108,7 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     status = np.broadcast_to(pilots.result.status, (count,))
 
     def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-        # The nominal run takes the place of one that raises.
+        # A run that raises an error is computed with the nominal inputs.
         rows = np.where(used, np.arange(count), 0)
         return rows, _numbers(_at(campaign, pilots, rows))
 
@@ -118,7 +118,7 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
         nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), campaign.along)
         raise raised("The nominal run", campaign, *nominal, error) from error
     used = (rows == np.arange(count)) & (status <= Status.EVENT)
-    # The greatest of all runs is that of one of them: two are asked.
+    # Two pilots: the greatest of all runs, as an output, equals that of one of them.
     for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
         alone = _numbers(_at(campaign, pilots, np.full(count, row)))
         for name, x in alone.items():
@@ -141,10 +141,10 @@ def _refuse(name: str, row: int, here: float, other: float, alone: bool) -> None
 
 
 def _same(x: np.ndarray, here: float, among: np.ndarray) -> np.ndarray:
-    """Whether numbers are those of a row, but for rounding."""
+    """Whether numbers equal those of a row, within rounding."""
     share = ROUNDING.get(jnp.result_type(float).name, COARSE)
     finite = np.abs(among[np.isfinite(among)])
-    # Near zero relative to the other runs, because the output may be a difference.
+    # Near zero the error is relative to the other runs, because the output may be a difference.
     size = max(abs(here), np.median(finite).item() if finite.size else 0.0)
     with np.errstate(invalid="ignore"):
         near = np.abs(x - here) <= share * size

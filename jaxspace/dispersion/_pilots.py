@@ -31,7 +31,7 @@ from ._outputs import PilotRuns
 from ._plans import nodes_of
 from ._program import Drawn
 
-# Besides the nominal run.
+# Number of pilots besides the nominal run.
 PILOTS = 15
 # The pilots share steps as short as the strictest of them needs: together they may take this many
 # times the steps of a single run; the factors are tried one after the other.
@@ -39,7 +39,7 @@ ROOM = (1, 4, 16, 64)
 
 
 class StepsForTurns(Exception):
-    """The steps of the nominal run ran out, and its motion has an exact part."""
+    """The nominal run exceeds the limit of steps, and its motion has an exact part."""
 
 
 @eqx.filter_jit(**QUICK)
@@ -92,7 +92,7 @@ def _planned(
 
 @eqx.filter_jit(**QUICK)
 def _alone(campaign: Campaign, accuracy: Accuracy) -> Array:
-    """The status of the nominal run by itself."""
+    """The status of the nominal run when it is computed alone."""
     mission, y0 = campaign.build(campaign.nominal())
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     return run_mission(mission, y0, campaign.start, 2, configs, 1).status

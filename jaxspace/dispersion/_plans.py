@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike
 TRIAL = 1.2
 # Factor by which the errors of the trial block have to be below the tolerance.
 MARGIN = 1.5
-# A lower bound of the order of the local error in the number of steps.
+# The local error falls with at least this power of the number of steps.
 ORDER = 6.0
 # Factors of refinement: first one, then those for the runs that missed the tolerance.
 FINENESS = (1.0, 2.0, 4.0)
@@ -64,7 +64,7 @@ def placeholders(steps: Sequence[Any]) -> Plans:
 
 
 def _refined(plan: ArrayLike, factor: float) -> np.ndarray:
-    """A plan with about `factor` times as many steps in every segment, distributed alike."""
+    """A plan with about `factor` times as many steps in every segment, in the same distribution."""
     plan = np.asarray(plan)
     pieces = [plan[:1]]
     for k in range(round(plan[-1])):

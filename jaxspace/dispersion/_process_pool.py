@@ -73,7 +73,7 @@ class ProcessPool(AbstractEngine):
     def _round(
         self, payload: bytes, waiting: list[Extent], started: dict["Future[Done]", Extent]
     ) -> Computed:
-        """The chunks, until a process is lost; `started` then holds those that were under way."""
+        """The chunks, until a process is lost; `started` then holds the unfinished ones."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
@@ -124,5 +124,5 @@ def _stop(pool: ProcessPoolExecutor) -> None:
 
 
 def _ignore_interrupts() -> None:
-    # Ctrl-C reaches all processes of a terminal: the first one tells the others to end.
+    # Ctrl-C reaches all processes of a terminal: the first one ends the others.
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -117,14 +117,14 @@ def trajectories(
     names: Sequence[str], stored: Sequence[RunResult | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
     """The stored times and parts of the states of every phase, by "phase.part"."""
-    kept = {}
+    columns = {}
     # `stored` is empty if no states are saved at all.
     for name, run in zip(names, stored, strict=bool(stored)):
         if run is None:
             continue
         times = run.ts.shape[0]
-        kept[f"{name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
+        columns[f"{name}.time"] = jnp.broadcast_to(run.ts, (times, *runs))
         for path, x in jax.tree_util.tree_flatten_with_path(run.states)[0]:
             part = jax.tree_util.keystr(path, simple=True, separator=".") or "state"
-            kept[f"{name}.{part}"] = jnp.broadcast_to(x, (*x.shape[:-1], *runs))
-    return kept
+            columns[f"{name}.{part}"] = jnp.broadcast_to(x, (*x.shape[:-1], *runs))
+    return columns

@@ -17,7 +17,7 @@ def rounded(value: float, deviation: float) -> str:
         return "∞" if value > 0.0 else "-∞" if value < 0.0 else "none"
     if value == 0.0:
         return "0"
-    # A deviation that is rounding alone justifies no digits.
+    # A deviation of the order of rounding does not decide the number of digits.
     if not (math.isfinite(deviation) and deviation > 1e-12 * abs(value)):
         return f"{value:.6g}"
     place = math.floor(math.log10(deviation)) - 2

@@ -6,8 +6,8 @@
     m, s      mean and deviation by a method without many runs               of the output
     m_s, s_s  those of the runs of a sample                                  of the output
     e_m, e_s  standard errors of the sample: of m_s over s_s, and of s_s/s   1
-    z         how many of them are no chance: 4                              1
-    a         what is too little to matter: 0.1                              1
+    z         how many of them are not due to chance: 4                      1
+    a         difference that does not matter: 0.1                           1
 
 Source: Kendall and Stuart, The Advanced Theory of Statistics, vol. 1, 10.9 (standard errors of a
 mean and of a deviation). A small sample reveals only gross errors: for 256 normal values 4 e_m is
@@ -24,28 +24,27 @@ SIGNIFICANT, MATTERS = 4.0, 0.1
 
 
 def warning_of(mean: float, std: float, x: np.ndarray) -> str:
-    """The contradiction of a mean or a deviation of an output with a sample, in a sentence; empty
-    if there is none.
+    """A sentence where mean or deviation of an output contradict a sample; empty where they agree.
 
     `x`: the output over the runs of a sample, (runs,), NaN where one failed."""
-    # Too few runs for a comparison, of which the dispersion warns by itself.
+    # Too few runs for a comparison; the dispersion warns of them already.
     if x.size < 2:
         return ""
     finite = x[np.isfinite(x)]
     if finite.size < x.size:
         bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
         return f"{bad}, which these numbers leave out."
-    own, spread = float(np.mean(x)), float(np.std(x, ddof=1))
-    result = f"{x.size} runs have the mean {rounded(own, spread)} and the deviation "
+    sample_mean, spread = float(np.mean(x)), float(np.std(x, ddof=1))
+    result = f"{x.size} runs have the mean {rounded(sample_mean, spread)} and the deviation "
     result += rounded(spread, spread)
-    # No numbers to compare: of second order an output that is not smooth has none.
+    # The second-order moments of an output that is not smooth are NaN.
     if not math.isfinite(mean + std):
         return f"It is not smooth at the nominal run: {result}."
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
-        same = max(abs(mean - own), std) <= grain
+        same = max(abs(mean - sample_mean), std) <= grain
         return "" if same else f"{result}: nothing scatters."
-    off = (mean - own) / spread
+    off = (mean - sample_mean) / spread
     more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)

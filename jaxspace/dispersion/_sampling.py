@@ -58,7 +58,7 @@ class LatinHypercube(AbstractDesign):
     def uniforms(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
     ) -> Float[Array, "runs dimensions"]:
-        # Each time through the layers is another permutation.
+        # Each pass through the layers has another permutation.
         numbers = numbers.astype(jnp.uint32)
         again = numbers // self.runs
         places = numbers % self.runs
@@ -67,8 +67,8 @@ class LatinHypercube(AbstractDesign):
             seeds = jax.random.bits(jax.random.fold_in(key, again), (dimensions,), jnp.uint32)
             layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
             # Another stream than that of the permutations.
-            own = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
-            within = jax.random.uniform(own, (dimensions,))
+            run_key = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
+            within = jax.random.uniform(run_key, (dimensions,))
             return (layers.astype(within.dtype) + within) / self.runs
 
         return jax.vmap(one)(numbers, again, places)
@@ -156,7 +156,7 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
         i = i & w
         return i ^ (i >> 5)
 
-    # A number that leaves the range walks on along its cycle until it is back.
+    # A number outside the range is permuted again until it is inside.
     i = jax.lax.while_loop(lambda i: i >= count, mixed, mixed(place.astype(jnp.uint32)))
     # The remainder is taken first, so that the sum cannot overflow.
     return (i + p % jnp.uint32(count)) % jnp.uint32(count)
@@ -183,12 +183,12 @@ def map_normals(
 ) -> dict[str, Float[Array, " runs"]]:
     """The inputs, each (runs,), from independent standard normal numbers."""
     columns = normal_columns(inputs)
-    by_source = {inputs[first].source or first: own for first, own in columns.items()}
+    by_source = {inputs[first].source or first: places for first, places in columns.items()}
     z = jnp.asarray(z)
     result = {}
     for name, d in inputs.items():
-        own = by_source[d.source or name]
-        result[name] = jax.vmap(d.from_normal)(z[:, own] if d.source else z[:, own[0]])
+        places = by_source[d.source or name]
+        result[name] = jax.vmap(d.from_normal)(z[:, places] if d.source else z[:, places[0]])
     return result
 
 
@@ -206,19 +206,20 @@ def draw(
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.
     def one(number: Array) -> dict[str, Array]:
-        own = jax.random.fold_in(key, number)
+        run_key = jax.random.fold_in(key, number)
         result = {}
         for names in _alike(inputs):
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
-            keys = jax.vmap(jax.random.fold_in, (None, 0))(own, jnp.array(tags, jnp.uint32))
+            keys = jax.vmap(jax.random.fold_in, (None, 0))(run_key, jnp.array(tags, jnp.uint32))
             drawn = jax.vmap(lambda d, key: d.sample(key))(kind, keys)
-            # Held: the compiler would write down all draws of a kind once more for each input.
+            # Behind a barrier, because the compiler would repeat all draws of a kind for each
+            # input.
             result |= zip(names, barrier(drawn), strict=True)
         return {name: result[name] for name in inputs}
 
-    # Distributions know one draw only; `vmap` here keeps axes of runs out of every one of them.
+    # Each distribution makes one draw; `vmap` adds the axis of runs here, for all of them.
     return jax.vmap(one)(numbers)
 
 

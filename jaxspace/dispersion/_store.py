@@ -1,9 +1,9 @@
 """A Zarr store of a campaign: one array for each input and output, along `run`, in chunks.
 
 All arrays have their full length from the start, and the metadata are written once: a chunk adds
-files and changes none. It counts from the moment when its entry in `.manifest` appears, a file with
-the size and the checksum of each of its files, put in place by a single rename. Whatever ends a
-campaign ends it between two such moments; what an entry does not vouch for is computed again. The
+files and changes none. It is valid from the moment when its entry in `.manifest` appears, a file
+with the size and the checksum of each of its files, put in place by a single rename. Whatever ends
+a campaign ends it between two such moments; chunks without a valid entry are computed again. The
 metadata have a copy there, with its checksum (`_head.py`).
 """
 
@@ -144,7 +144,7 @@ class Store:
         return ""
 
     def _checked(self, chunk: int, name: str) -> tuple[bytes, str]:
-        """The bytes of an array in a finished chunk, and what is wrong with them."""
+        """The bytes of an array in a finished chunk, and their damage in a sentence."""
         first, count = self.extent(chunk)
         what = f"Chunk {chunk} (runs {first} to {first + count - 1}): {name}/c/{chunk} "
         entry = self.entry(chunk)

@@ -22,7 +22,7 @@ from ._run_results import RunResults
 from ._store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
 
 UNFINISHED = ".unfinished-"
-# What the chunks may lack to the free space of the disk besides what is reckoned.
+# Free space that is required beyond the estimate for the chunks.
 SPARE = 2**22
 
 
@@ -87,7 +87,7 @@ class StoreWriter:
             return
         if self.overwrite:
             return
-        # Whatever else it is, it is not ours to replace.
+        # Anything else belongs to the user, and is not replaced.
         store = self.store.read()
         if self.resume:
             self._mend_metadata()
@@ -100,7 +100,7 @@ class StoreWriter:
             )
 
     def _mend_metadata(self) -> None:
-        """Write the metadata once more where they differ from what was written."""
+        """Write the metadata again where they differ from those of the campaign."""
         store = self.store
         root = json.loads(read_head(store.path)[0])
         heads = root["consolidated_metadata"]["metadata"]
@@ -115,7 +115,7 @@ class StoreWriter:
             write_whole(store.path / name / HEAD, json.dumps(heads[name]).encode())
 
     def _write_head(self, root: Mapping[str, Any]) -> None:
-        """Write the head, and before it the copy that vouches for it."""
+        """Write the copy of the head with its checksum, then the head."""
         head = json.dumps(root).encode()
         with _disk(self.store):
             write_whole(self.store.path / COPY, sealed(head))
@@ -139,7 +139,7 @@ class StoreWriter:
             head = json.loads(files.pop(HEAD))
             for name, data in files.items():
                 write_whole(store.path / name, data)
-        # Without its head the folder is no store yet: an interruption leaves none half made.
+        # The head is written last, so that an interrupted preparation is not taken for a store.
         self._write_head(head)
         return store
 
@@ -154,7 +154,7 @@ class StoreWriter:
         return store
 
     def _clear(self) -> None:
-        # The head first: what is left of an interrupted removal is no store any more.
+        # The head first, so that an interrupted removal leaves no valid store behind.
         for name in (HEAD, COPY):
             (self.store.path / name).unlink(missing_ok=True)
         for entry in self.store.path.iterdir():
@@ -202,7 +202,7 @@ class StoreWriter:
             return len(data), hashlib.sha256(data).hexdigest()
 
         with _disk(store):
-            # An entry for files that are about to change would vouch for the wrong ones.
+            # Removed first, because an entry must not exist for files that are about to change.
             (store.path / MANIFEST / f"{chunk}.json").unlink(missing_ok=True)
             # On all cores: the runs of the next chunk wait for this.
             with ThreadPoolExecutor(cores()) as pool:
@@ -211,11 +211,12 @@ class StoreWriter:
             entry |= {"pid": os.getpid(), "files": files}
             if self.host is not None:
                 entry["host"] = self.host
-            # Last, because it vouches for files that are all there.
+            # Last, because an entry says that all files are there.
             write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
 
     def end_at(self, chunks: int) -> None:
-        """Let the campaign end with so many chunks: the arrays shrink, and what lies beyond goes.
+        """End the campaign with this number of chunks: the arrays are shortened, and later chunks
+        removed.
 
         In this order, so that whenever this ends a repetition completes it."""
         store = self.store
@@ -248,7 +249,7 @@ def _is_begun(path: Path) -> bool:
 
 
 class _disk:
-    """Turns an error of the disk into a sentence that says what is kept."""
+    """Turn an error of the disk into a `StoreError` that says which chunks are safe."""
 
     def __init__(self, store: Store):
         self.store = store
@@ -267,9 +268,9 @@ class _disk:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file that is there as a whole or not at all.
+    """Write a file so that it is never there in part.
 
-    Not flushed to the disk: what a loss of power leaves behind, the checksums find."""
+    It is not flushed to the disk: the checksums show what a loss of power has damaged."""
     # In the same folder: only within one file system a rename is atomic.
     temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     path.parent.mkdir(parents=True, exist_ok=True)

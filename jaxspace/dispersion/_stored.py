@@ -1,4 +1,4 @@
-"""The runs of a store as a `Dispersion`: its columns are read when they are asked for."""
+"""The runs of a store as a `Dispersion`: its columns are read on demand."""
 
 import os
 import warnings
@@ -39,7 +39,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     """The runs of a store, also of a campaign that was interrupted or is under way: a warning then
     says how many of the planned runs there are (`Dispersion.missing_runs`).
 
-    Its columns are read from the disk when they are asked for. Chunks that differ from what was
+    Its columns are read from the disk on demand. Chunks that differ from what was
     written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
     resume` computes them again, and mends the files of metadata.
 
@@ -49,14 +49,14 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
         warnings.warn(f"{path}: {damage}", DamagedStore, stacklevel=2)
     chunks = []
     for chunk in store.finished():
-        # Scalars alone: to open a store must not take reading all of its trajectories.
+        # Scalars alone: opening a store must not read all of its trajectories.
         damage = store.damage(chunk, scalars=True)
         if damage:
             warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
         else:
             chunks.append(chunk)
     result = as_dispersion(store, chunks)
-    # Statistics of a part look like those of the whole.
+    # Without a warning, the statistics of a part would be taken for those of the whole.
     if result.missing_runs:
         warnings.warn(f"{path}: {result.missing_runs}", stacklevel=2)
     return result
@@ -68,7 +68,7 @@ def _computing(entries: list[dict[str, Any]]) -> float:
     for entry in entries:
         seconds[entry.get("host")] += float(entry.get("seconds", 0.0))
     alone = seconds.pop(None, 0.0)
-    # Hosts compute at one time, and the longest of them is waited for.
+    # Hosts compute at the same time: the slowest one sets the duration.
     return alone + max(seconds.values(), default=0.0)
 
 
@@ -89,7 +89,7 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     computing = _computing(entries)
     attributes["preparation_seconds"] = preparation
     attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
-    # Each of them has as many cores as the one that made the store, as far as it knows.
+    # The store knows the cores of one host only: the others are taken to have as many.
     attributes["hosts"] = max(len({entry["host"] for entry in entries if "host" in entry}), 1)
     return Dispersion(
         inputs,

@@ -56,8 +56,8 @@ class AbstractEngine(ABC):
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
         """The chunks, each as soon as it is there.
 
-        Who asks for the next one has committed the last one. No more than `workers` are begun and
-        not committed at any time: so many are computed again after this process dies.
+        The caller commits a chunk before it takes the next one. At most `workers` chunks are begun
+        and not committed at any time, and have to be computed again if this process dies.
 
         **Raises** `StoreError` where a chunk cannot be computed after all retries."""
 
@@ -86,7 +86,7 @@ class AbstractEngine(ABC):
         return list(extents)
 
     def sync(self, stage: str) -> None:
-        """Wait until all processes that share a campaign have come to this stage."""
+        """Wait until all processes that share a campaign have reached this stage."""
         del stage
 
 
@@ -102,13 +102,13 @@ def without_main() -> Iterator[None]:
     """While processes start: they do not import the script of the user, who would have to guard it,
     for what it defines travels with the campaign."""
     main = sys.modules["__main__"]
-    kept = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
+    hidden = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
     spec = getattr(main, "__spec__", None)
     main.__spec__ = None
     try:
         yield
     finally:
-        main.__dict__.update(kept)
+        main.__dict__.update(hidden)
         main.__spec__ = spec
 
 
@@ -117,11 +117,11 @@ def payload_of(planned: PlannedCampaign) -> bytes:
 
     Raises `InputError` where it holds what cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
-    # From the device, which another process may not have.
+    # Copied from the device, which another process may not have.
     arrays = jax.device_get(planned)
     buffer = io.BytesIO()
     try:
-        # Sends functions by what they do, also those of the script that is run.
+        # cloudpickle sends the code of functions, so that those of the user's script arrive too.
         import cloudpickle as pickler
     except ImportError:
         pickler = pickle
@@ -132,7 +132,7 @@ def payload_of(planned: PlannedCampaign) -> bytes:
             f"The campaign cannot be sent to another process ({error}): install cloudpickle, which "
             f"comes with the extra cluster, or define its functions in a module."
         ) from error
-    # Apart, because the campaign can be read only where the modules have run.
+    # The modules travel apart, because they must have run before the campaign is read.
     return pickle.dumps((settings, planned.campaign.modules, buffer.getvalue()))
 
 

@@ -1,4 +1,4 @@
-"""The methods without many runs beside Monte Carlo: what each costs and saves."""
+"""Comparison of the methods without many runs with Monte Carlo: their errors and their cost."""
 
 __all__ = ["Comparison", "compare_methods"]
 
@@ -14,15 +14,15 @@ from .statistics import Dispersion
 
 
 class Comparison(NamedTuple):
-    """Error and saving of a cheaper method in one output.
+    """Error and cost of a method in one output.
 
     - `method`, `output`: which.
-    - `mean`, `std`: as it finds them.
+    - `mean`, `std`: as the method gives them.
     - `mean_error`: its mean less that of Monte Carlo, in deviations.
     - `std_error`: its deviation over that of Monte Carlo, less one.
-      Of Monte Carlo itself both are standard errors: what it cannot tell.
-    - `runs`, `seconds`: what it took, without compiling.
-    - `warning`: a sentence where the method has left its range; empty where it holds."""
+      For Monte Carlo itself both are its standard errors.
+    - `runs`, `seconds`: of the method, without compiling.
+    - `warning`: a sentence where the method is not valid; empty where it is."""
 
     method: str
     output: str
@@ -42,7 +42,7 @@ def compare_methods(
     *,
     accuracy: Accuracy | Scalar | None = None,
 ) -> list[Comparison]:
-    """The cheaper methods beside a Monte Carlo dispersion of the same campaign.
+    """Compare the methods without many runs with a Monte Carlo dispersion of the same campaign.
 
     **Arguments**
 
@@ -52,15 +52,17 @@ def compare_methods(
     - `accuracy`: as in `disperse`.
 
     **Returns** a row for each output and method, of each output that of the runs first."""
-    # No sample of their own, for the runs are the better one.
+    # They need no sample to check against, because the reference is a larger one.
     result = [moments(campaign, method, accuracy=accuracy, check=0) for method in methods]
     table = []
     # Without compiling, as those of the other methods.
     seconds = reference.seconds - float(reference.attributes.get("preparation_seconds", 0.0))
     for row in reference.table():
-        own = standard_errors(reference.together(row.name)[0])
+        errors = standard_errors(reference.together(row.name)[0])
         x = reference.values(row.name)[reference.good].astype(float)
-        table.append(Comparison(MONTE_CARLO, row.name, row.mean, row.std, *own, row.runs, seconds))
+        table.append(
+            Comparison(MONTE_CARLO, row.name, row.mean, row.std, *errors, row.runs, seconds)
+        )
         for m in result:
             mean = float(m.mean[m.names.index(row.name)])
             std = m.std(row.name)

@@ -17,7 +17,7 @@ describes.
     y                output over the good runs                that of the output
     x_j              input over the same runs                 that of the input
     s                standard deviation                       that of its quantity
-    f_j              what the law ascribes to input j         1
+    f_j              the part of u that depends on input j    1
     beta_j, gamma_j  regression coefficients                  1
 
 A share smaller than about 1 / (number of runs) cannot be distinguished from none. Where all inputs
@@ -64,7 +64,7 @@ def contributors(
         for name, x in inputs.items()
         if x[good].size and np.ptp(x[good]) > 0.0
     }
-    # What is constant but for rounding has no contributors, only coincidences.
+    # The rounding of a constant output correlates with inputs by chance only.
     if not columns or not scatters(values[good]):
         return Contributors(output, {}, float("nan"))
     # Two coefficients for each input; with so few runs any output would be explained.
@@ -92,7 +92,7 @@ def contributors(
 
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:
-    """Whether so many random columns would explain less, but for one case in a thousand."""
+    """Whether as many random columns would explain less, except in one case of a thousand."""
     from scipy.stats import f
 
     rest = runs - regressors - 1

@@ -15,10 +15,10 @@
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
 Julier and Uhlmann, Proc. IEEE 92 (2004), 401.
-None of them sees a kink: the mean of a magnitude whose nominal value is zero is not zero. The
-second order, which would take nonsense for its curvature, leaves such an output out. A series that
-holds close to the mean alone, as that of the turns of a fast spin, gives numbers that are wrong and
-look right. So every result is compared with a sample of runs, and says where it does not agree.
+None of them is valid at a kink: a magnitude whose nominal value is zero has a mean above zero. The
+second order, whose curvature has no meaning there, gives NaN for such an output. A series that
+holds only close to the mean, as for the angle of a fast spin, gives plausible numbers that are
+wrong. So every result is compared with a sample of runs, and has a warning where they disagree.
 """
 
 __all__ = ["METHODS", "MONTE_CARLO", "Moments", "sampled"]
@@ -47,14 +47,14 @@ from ._whole import check_whole
 from .distributions import AbstractDistribution
 from .evaluate import BLOCK, Evaluator, evaluate_traced
 
-# How far from the mean slopes are compared with the curvature, in deviations; and which part of
-# them may lack before the output counts as not smooth.
+# How far from the mean the slopes are compared with the curvature, in deviations; and by which part
+# of them they may differ before the output counts as not smooth.
 NEARBY, MISSING_SHARE = 0.01, 1e-3
 
 MONTE_CARLO = "monte_carlo"
 METHODS = ("lincov", "second_order", "unscented")
 
-# Fewer would know no deviation to compare with.
+# From fewer runs the deviation is too uncertain for a comparison.
 FEWEST = 32
 
 
@@ -136,7 +136,7 @@ def moments(
     if check == 0:
         return result
     result = result._replace(warnings=_warnings(campaign, accuracy, result, check))
-    # Outputs that are not finite have had a warning already.
+    # The user has been warned of outputs that are not finite already.
     unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
     if unsure:
         warnings.warn(
@@ -150,7 +150,7 @@ def moments(
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
     """Warnings, for each output, where a sample contradicts its mean or its deviation."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
-    # By the distributions alone: a design spreads its runs evenly, and has other errors.
+    # At random, without the design: the standard errors hold for independent runs only.
     z = np.random.default_rng(0).standard_normal((runs, n))
     outputs = Evaluator(campaign, accuracy)(map_normals(campaign.inputs, z)).outputs
     sentences = (
@@ -175,7 +175,7 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
 
     values, first, hessian, beside, status = differentiate()
     _check_good(int(status), "nominal run")
-    # Again: compiling is paid once, and is not what the method costs.
+    # Run again for the time: that of the first call includes compiling.
     started = time.perf_counter()
     jax.block_until_ready(differentiate())
     seconds = time.perf_counter() - started
@@ -219,7 +219,7 @@ def _derivatives(
         found = {name: y[0] for name, y in found.items()}
         return found, (found, status[0])
 
-    # Forwards: all inputs ride along in one run.
+    # Forward mode computes the derivatives in all inputs along with one run.
     slopes = jax.jacfwd(outputs, has_aux=True)
     zero = jnp.zeros_like(centre)
     if not second:
@@ -227,7 +227,7 @@ def _derivatives(
         return _Series(values, first, {}, {}, status)
 
     # One program for each column of the second derivatives and for the slopes beside the point: a
-    # second direction that rides along, too, would take several times as long to compile.
+    # second direction in the same program would take several times as long to compile.
     def along(row: tuple[Array, Array]) -> tuple[dict[str, Array], dict[str, Array], PyTree]:
         point, direction = row
         return jax.jvp(slopes, (point,), (direction,), has_aux=True)
@@ -256,7 +256,7 @@ def _has_kink(hessian: Array, beside: Array) -> bool:
     expected = 2.0 * NEARBY * h.sum(axis=1)
     result = above - below
     missing = np.abs(result - expected).max()
-    # A fourth derivative lets a little lack, rounding a little of the slopes.
+    # A fourth derivative causes a small deviation, and rounding another one relative to the slopes.
     steepest = max(np.abs(above).max(), np.abs(below).max())
     return bool(missing > 0.5 * np.abs(result).max() and missing > MISSING_SHARE * steepest)
 
@@ -277,7 +277,7 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     started = time.perf_counter()
     result = run(points)
     seconds = time.perf_counter() - started
-    # A point of no weight may fail: it is the nominal run of a large problem.
+    # A point without weight may fail: for n = 3 or more it is the nominal run.
     for status in result.status[weights > 0.0]:
         _check_good(int(status), "sigma point")
     names = tuple(in_order(campaign, result.outputs))
@@ -335,7 +335,7 @@ def sampled(
 ) -> dict[str, Float[Array, " runs"]]:
     """The outputs of the first runs of a campaign, each (runs,), as a differentiable function.
 
-    With it any statistic has a gradient in the parameters of a design:
+    So any statistic has a gradient in the parameters of a design:
     `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
     while the parameters move. The gradient of a percentile is that of the run that lies there.
 

@@ -78,7 +78,7 @@ class AbstractDistribution(AbstractParameters):
 
 def _normal_share(low: float, high: float) -> float:
     """The share of a standard normal distribution from `low` to `high`."""
-    # In the tails the difference of two values of erfc keeps its digits, that of erf does not.
+    # In the tails a difference of two values of erfc keeps its digits; one of erf loses them.
     if low > 0.0:
         low, high = -high, -low
     root = math.sqrt(2.0)
@@ -167,7 +167,7 @@ class Uniform(AbstractDistribution):
 
 @final
 class TruncatedNormal(AbstractDistribution):
-    """A normal distribution of which only what lies from `low` to `high` occurs.
+    """A normal distribution restricted to values from `low` to `high`.
 
     `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
     one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
@@ -198,7 +198,7 @@ class TruncatedNormal(AbstractDistribution):
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
-        # From the nearer end: one minus a small share would lose the digits of the upper tail.
+        # From the nearer end, because one minus a small share loses the digits of the upper tail.
         lower = ndtr(a) + ndtr(-jnp.abs(z)) * (ndtr(b) - ndtr(a))
         upper = ndtr(-b) + ndtr(-jnp.abs(z)) * (ndtr(-a) - ndtr(-b))
         place = jnp.where(z > 0.0, -ndtri(upper), ndtri(lower))
@@ -208,7 +208,7 @@ class TruncatedNormal(AbstractDistribution):
         mean, deviation = float(self.mean), float(self.deviation)
         a, b = (float(self.low) - mean) / deviation, (float(self.high) - mean) / deviation
         below, above = (low - mean) / deviation, (high - mean) / deviation
-        # Over the tails alone: one minus the share within would lose the digits of a rare refusal.
+        # The sum of the tails: one minus the share inside loses the digits of a rare refusal.
         lost = _normal_share(a, min(b, below)) if below > a else 0.0
         lost += _normal_share(max(a, above), b) if above < b else 0.0
         return lost / _normal_share(a, b)

@@ -1,5 +1,5 @@
-"""A campaign as a function from inputs to outputs: what derivatives, sigma points and chosen
-samples need, where `disperse` draws its own."""
+"""A campaign as a function from given inputs to outputs, for derivatives, sigma points and samples
+that are not drawn by `disperse`."""
 
 __all__ = ["Evaluator"]
 
@@ -83,8 +83,8 @@ class Evaluator(eqx.Module):
         }
         parts = []
         for first in range(0, runs, BLOCK):
-            own = {name: jnp.asarray(x[first : first + BLOCK]) for name, x in filled.items()}
-            parts.append(_evaluate(self.campaign, self.accuracy, own))
+            block = {name: jnp.asarray(x[first : first + BLOCK]) for name, x in filled.items()}
+            parts.append(_evaluate(self.campaign, self.accuracy, block))
         outputs, status = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *parts)
         out = np.any(status == Status.MAX_STEPS)
         if out and has_exact_part(self.campaign, self.accuracy):

@@ -120,12 +120,12 @@ def _of_phase(t: Float[Array, " times *runs"], q: Float[Array, " times *runs"]) 
     square = c * c - 3.0 * b * d
     real = square > 0.0
     root = jnp.sqrt(jnp.where(real, square, 1.0))
-    # Where b = 0 and c > 0 this is the place of the least value: the quotient is 0/0.
+    # Where b = 0 and c > 0 the quotient is 0/0, and the place that of the least value.
     some = real & (root - c > 0.0)
     u = b / jnp.where(some, root - c, 1.0)
     inside = some & (u > 0.0) & (u < 1.0)
     u = jnp.where(inside, u, jnp.where(q_1 > q_0, 1.0, 0.0))
-    # At a state the value itself, to the last bit.
+    # At a state the value there is taken, which the cubic would give with rounding.
     value = jnp.where(inside, q_0 + u * (b + u * (c + u * d)), jnp.maximum(q_0, q_1))
     time = t[:-1] + u * (t[1:] - t[:-1])
     best = jnp.argmax(value, axis=0)[None]

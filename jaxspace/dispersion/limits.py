@@ -1,4 +1,4 @@
-"""Percentiles and probabilities of a finite sample, with their confidence.
+"""Percentiles and probabilities from a finite sample, with confidence intervals.
 
     P(x_(l) <= q_p <= x_(u)) = B(u - 1; n, p) - B(l - 1; n, p)      order statistics
     k violations in n runs:  p_low = I^-1(k, n - k + 1, a/2),  p_high = I^-1(k + 1, n - k, 1 - a/2)
@@ -145,5 +145,5 @@ def runs_for(share: float, confidence: float = 0.95) -> int:
     - `confidence`: between 0 and 1."""
     check_share("share", share)
     check_share("confidence", confidence)
-    # The slack keeps a quotient that is whole but for rounding from one run more.
+    # The slack avoids one run too many where the quotient is a whole number plus rounding.
     return int(np.ceil(np.log1p(-confidence) / np.log(share) - 1e-12))

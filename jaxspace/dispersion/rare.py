@@ -1,4 +1,4 @@
-"""Probabilities that a plain Monte Carlo campaign cannot see: one violation in a million runs.
+"""Probabilities too small for a plain Monte Carlo campaign: one violation in a million runs.
 
 Importance sampling (Melchers, Structural Reliability, 2nd edition, 3.4; design points by the method
 of Hasofer, Lind, Rackwitz and Fiessler):
@@ -139,7 +139,7 @@ def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
     def outputs() -> dict[str, Array]:
         return evaluate_traced(campaign, accuracy, campaign.nominal())[0]
 
-    # Traced alone: names cost no run.
+    # Traced only: the names are known without a run.
     names = in_order(campaign, eqx.filter_eval_shape(outputs))
     if output not in names:
         raise InputError(
@@ -170,12 +170,12 @@ Margin = Callable[[np.ndarray], np.ndarray]
 def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray:
     """The nearest violations, (points, n), from several starts."""
     result: list[np.ndarray] = []
-    # Beside the origin, where magnitudes have no slope; each start with its opposite.
+    # Not at the origin, where magnitudes have no slope; each start has its opposite.
     away = rng.standard_normal((STARTS // 2, n))
     away /= np.linalg.norm(away, axis=1)[:, None]
     for start in np.concatenate([0.5 * away, -0.5 * away]):
         z = _nearest(slope, start)
-        # Nearer ones are the same place found again, which must not be drawn about twice.
+        # Points nearer than this are the same one, about which runs must be drawn once only.
         if z is not None and all(np.linalg.norm(z - other) > 0.3 for other in result):
             result.append(z)
     if not result:
@@ -190,7 +190,7 @@ def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray
 
 
 def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray | None:
-    """The nearest violation by the damped iteration; `None` where it ends nowhere."""
+    """The nearest violation by the damped iteration; `None` where it does not converge."""
     g, s = slope(z)
     scale = abs(g)
     for _ in range(ITERATIONS):
@@ -201,7 +201,7 @@ def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray | None:
         # A merit that the step lowers, for a penalty above |z| / |s| (Zhang and Der Kiureghian).
         penalty = 2.0 * (np.linalg.norm(z) + 1.0) / math.sqrt(square)
         merit = 0.5 * z @ z + penalty * abs(g)
-        # If none of them lowers the merit the shortest is taken: its slope may show a way.
+        # If no step lowers the merit the shortest is taken, because the slope there may be another.
         for damping in (1.0, 0.5, 0.25, 0.125):
             trial = z + damping * step
             g_new, s_new = slope(trial)
@@ -220,7 +220,7 @@ def _importance(
 ) -> tuple[float, float, int]:
     """Probability, variation and runs, from draws about the design points."""
     squares = np.sum(points**2, axis=1)
-    # As the density at each point, over the greatest, without which all could underflow.
+    # In proportion to the density at each point, divided by the greatest against underflow.
     shares = np.exp(-0.5 * (squares - squares.min()))
     shares /= shares.sum()
     which = rng.choice(len(points), runs, p=shares)
@@ -281,7 +281,7 @@ def _chains(
     made = 0
     while sum(map(len, every_g)) < size:
         u = rng.standard_normal(z.shape)
-        # A step that leaves the normal distribution as it is: only the border decides on it.
+        # The step preserves the normal distribution, so that only the border can refuse it.
         trial = CORRELATION * z + math.sqrt(1.0 - CORRELATION**2) * u
         g_trial = margin(trial)
         made += len(g)

@@ -1,4 +1,4 @@
-"""One run of a campaign once more, in full detail."""
+"""Replay of one run of a campaign, in full detail."""
 
 __all__ = ["Replay"]
 
@@ -32,7 +32,7 @@ class Replay(eqx.Module):
     - `number`, `seed`: which run it is.
     - `inputs`, `outputs`: by name; the outputs of the trajectory, whose steps are adaptive, agree
       with those of the campaign to the tolerance.
-    - `trajectory`: the phases, with as many states as were asked for.
+    - `trajectory`: the phases, with the requested number of states.
     - `refusal`: why a run is refused; its trajectory then is that of the inputs all the same, where
       they have one."""
 
@@ -72,26 +72,26 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
     try:
         with callbacks():
-            found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
-            out = int(found[0].status[0]) == Status.MAX_STEPS
+            computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+            out = int(computed[0].status[0]) == Status.MAX_STEPS
             if out and has_exact_part(campaign, accuracy):
                 accuracy = dataclasses.replace(accuracy, decoupled=True)
-                found = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+                computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
-    result, outputs, configs = found
+    result, outputs, configs = computed
     refusal = campaign.refusal(inputs)
     try:
         mission, _ = campaign.mission(samples)
     except InputError as error:
-        # Told by the name of the input, and not by that of the formula that meets it.
+        # The message names the input, and not the formula in which it is out of range.
         if refusal:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
     trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1).of(0)
-    found = {name: float(x[0]) for name, x in outputs.items()}
+    values = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
-    ordered = {name: found[name] for name in campaign.units if name in found} | found
+    ordered = {name: values[name] for name in campaign.units if name in values} | values
     return Replay(number, seed, inputs, ordered, trajectory, refusal)
 
 
@@ -100,7 +100,7 @@ def _error(
 ) -> SimulationError:
     """The exception for a run in which a function of the campaign raises an error."""
     what = f"Run {number}"
-    # Without outputs, to tell whether it is one of them that raises.
+    # Run once more without outputs: if that succeeds, an output raises the error.
     bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
         with callbacks():

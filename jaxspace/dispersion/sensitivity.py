@@ -56,7 +56,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     if both.sum() < 5:
         raise InputError(f"{both.sum()} pairs are too few: there must be five or more.")
     a, b = (rankdata(v[both]) for v in (x, y))
-    # What is constant has no correlation: zero says that it moves nothing.
+    # A constant quantity has no correlation; zero says that it has no influence.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
         return RankCorrelation(0.0, 0.0, 0.0)
     r = float(np.clip(np.corrcoef(a, b)[0, 1], -1.0, 1.0))
@@ -116,16 +116,16 @@ def sobol_indices(
     if points & (points - 1):
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
     columns = normal_columns(campaign.inputs)
-    d = sum(len(own) for own in columns.values())
+    d = sum(len(group) for group in columns.values())
     u = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(points)
     # A point on the border of the unit cube has no finite normal value.
     z = ndtri(np.clip(u, 1e-12, 1.0 - 1e-12))
     a, b = z[:, :d], z[:, d:]
     samples = [a, b]
-    for own in columns.values():
+    for group in columns.values():
         mixed = a.copy()
         # A group as a whole: one column of it alone would break its correlation.
-        mixed[:, own] = b[:, own]
+        mixed[:, group] = b[:, group]
         samples.append(mixed)
     run = Evaluator(campaign, campaign.accuracy_for(accuracy))
     # All samples in one call, which fills its blocks across them.
@@ -146,7 +146,7 @@ def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     centre = 0.5 * (f_a.mean() + f_b.mean())
     f_a, f_b = f_a - centre, f_b - centre
     variance = 0.5 * float(np.mean(f_a**2) + np.mean(f_b**2))
-    # An output that does not vary has nothing to share out.
+    # An output without variance has the indices zero.
     if variance == 0.0 or f_a.size < 2:
         return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     root = np.sqrt(f_a.size)

@@ -6,8 +6,8 @@
     m, C    mean and covariance of d outputs     theirs, and the products of them
     k       size of the ellipsoid in deviations  1
 
-Of a normal distribution the ellipsoid holds the share P; of any other one it is a description, and
-the circular error probable, which is a percentile, still counts what lies within.
+The ellipsoid holds the share P of a normal distribution only. The circular error probable is a
+percentile of the runs, and valid for any distribution.
 """
 
 __all__ = ["Convergence", "Ellipsoid", "circular_error", "convergence", "ellipsoid"]
@@ -87,7 +87,7 @@ def circular_error(
     - `target`: a point; the mean, if left out.
     - `share`: of the runs, within 0 and 1."""
     x, y = np.asarray(x, float), np.asarray(y, float)
-    # No mean has an infinite value in it; its distance is infinite, and counts.
+    # The mean leaves infinite values out; their distance is infinite, and counts.
     a, b = (np.mean(z[np.isfinite(z)]) for z in (x, y)) if target is None else target
     return percentile(np.hypot(x - a, y - b), share)
 

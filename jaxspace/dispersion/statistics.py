@@ -142,7 +142,7 @@ class Dispersion(eqx.Module):
         """An output or input by name, over all runs.
 
         Raises `InputError` for a name that is neither."""
-        # One by one, because a column of a store is read when it is asked for.
+        # One by one, because a column of a store is read on demand.
         for kind in (self.inputs, self.outputs):
             if name in kind:
                 return kind[name]
@@ -277,7 +277,7 @@ class Dispersion(eqx.Module):
         if at_least == -np.inf and at_most == np.inf:
             raise InputError("at_least and at_most are both left out: a requirement needs a limit.")
         x = self.values(name)
-        # NaN compares false, so that it is no met requirement.
+        # Comparisons with NaN are false, so that it does not meet the requirement.
         met = self.good & (x >= at_least) & (x <= at_most)
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 

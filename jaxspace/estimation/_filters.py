@@ -9,7 +9,7 @@
     m, P    mean, and covariance of its local coordinates (of an attitude a small rotation, rad)
     Q, R    spectral density of the process noise, 1/s; covariance of the readings
     x_i     sigma points m +- columns of sqrt((n + k) P), propagated as one batch; k = 1
-    Q_d     what the process noise adds over the interval, about the mean
+    Q_d     covariance by the process noise over the interval, about the mean
     r, S    innovation and its covariance
 
 Source: Maybeck, Stochastic Models, Estimation, and Control, 9.5; Julier and Uhlmann (Proc. IEEE 92,
@@ -92,12 +92,13 @@ def kalman_filter(
     batch: bool = False,
     accuracy: Accuracy | Scalar | None = None,
 ) -> Filtered:
-    """The state of a system from readings, as they come.
+    """The state of a system from readings, one after the other.
 
     **Arguments**
 
-    - `system`: any system. `y0`, `covariance`: what is known of its state at the first time before
-      its reading; the covariance, (n, n), in local coordinates, zero for a state known exactly.
+    - `system`: any system. `y0`, `covariance`: mean and covariance of its state at the first time
+      before its reading; the covariance, (n, n), in local coordinates, zero for a state known
+      exactly.
     - `ts`: the times of the readings, s, ascending.
     - `readings`: (m, times); NaN where there is none.
     - `measure`: a function (t, y) -> (m,) that predicts a reading.
@@ -202,7 +203,7 @@ def _predict_unscented(
     mean, P = _moments(errors, weights)
     status = jnp.max(run.status)
     if process is not None:
-        # What the noise adds to a state that is known.
+        # The covariance that the noise adds to a known state.
         exact = MeanCovariance(known.mean, jnp.zeros_like(P))
         added, status_of_noise = _predict_extended(system, exact, t0, t1, process, accuracy)
         P = P + added.covariance
@@ -241,7 +242,7 @@ def _update_unscented(
     points, weights = _sigma_points(known)
     h = jax.vmap(measure, in_axes=(None, -1), out_axes=-1)(t, points)
     there = ~jnp.isnan(z)
-    # A reading that is missing has no spread, and with it no gain.
+    # A missing reading has no variance, and no gain.
     h = jnp.where(there[:, None], h, 0.0)
     mean, S = _moments(h, weights)
     errors = _errors(about, points)
@@ -250,7 +251,7 @@ def _update_unscented(
     S = S + R
     K = cross @ _inverse(S)
     P = known.covariance - K @ cross.T
-    # Rounding leaves it unsymmetric, and the root of the next step takes it for symmetric.
+    # Made symmetric again, because rounding does not keep it so, and the next root assumes it.
     return MeanCovariance(about.moved(K @ r), 0.5 * (P + P.T)), (r, S)
 
 
@@ -289,8 +290,8 @@ def _root(P: Array) -> Array:
     columns = []
     for j in range(n):
         d = P[j, j]
-        # What is left below rounding is no variance: its root would be noise, or of a negative
-        # number.
+        # Remainders below rounding are no variances: their roots would be noise, or of negative
+        # numbers.
         good = d > least[j]
         column = jnp.where(good, P[:, j], 0.0) / jnp.sqrt(jnp.where(good, d, 1.0))
         columns.append(column)

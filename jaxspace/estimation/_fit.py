@@ -4,9 +4,9 @@
     P = (J^T J)^-1,     J = d r / d p         covariance of the estimate
 
     symbol  meaning
-    z, h    readings, and what the model predicts
+    z, h    readings, and predictions of the model
     sigma   standard deviation of the noise of a reading
-    p0, s   start, and standard deviation of what is known of it beforehand
+    p0, s   start, and its standard deviation by prior knowledge
     r       residuals over their standard deviations
 
 The columns of J are scaled to one, so that units do not matter. Where J has no full rank, some
@@ -73,9 +73,9 @@ def fit(
     - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
       the biases of the instruments together. A quaternion moves on its group.
     - `noise`: standard deviations of the readings: one number, or a tree like `data` of numbers or
-      arrays. Without it all readings count alike, and their scatter gives the noise.
-    - `prior`: standard deviations of what is known beforehand about the start: one number, or a
-      tree like `parameters`; infinite for nothing. A quaternion takes a number, rad.
+      arrays. Without it all readings have equal weights, and their scatter gives the noise.
+    - `prior`: standard deviations of the start by prior knowledge: one number, or a tree like
+      `parameters`; infinite for unknown parameters. A quaternion takes a number, rad.
     - `method`: "levenberg_marquardt", which turns back from a step that fails, or "gauss_newton",
       which does not, for starts nearby.
     - `tolerance`: relative change of the residuals and of the parameters at which the search ends.
@@ -154,7 +154,7 @@ def _search(
     usable = jnp.isfinite(size) & (size > 0.0)
     scale = COLUMN / jnp.where(usable, size, 1.0)
 
-    # The search keeps its damping in the precision of the process, whatever that of the model.
+    # The damping of the search is in the default precision, whatever that of the model.
     def scaled(u: Array, _: None) -> Array:
         return task.residuals(scale * u.astype(dtype))[0].astype(u.dtype)
 
@@ -163,7 +163,7 @@ def _search(
         _solver(method, known[2]),
         jnp.zeros(task.coordinates.count),
         max_steps=max_steps,
-        # The result says it in `converged`, so that one data set does not end a batch.
+        # Reported by `converged`, so that one data set does not end a batch.
         throw=False,
         # Forward, because there are few parameters and many readings.
         options={"jac": "fwd"},
@@ -240,7 +240,7 @@ def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> 
     chi_squared = r @ r
     variance = jnp.ones((), r.dtype)
     if not stated:
-        # As many readings as parameters leave no residual, and say nothing of the noise.
+        # With as many readings as parameters there is no residual, and no estimate of the noise.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
     columns = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
     # A parameter of no influence keeps its unit, and shows as a singular value of zero.
@@ -271,8 +271,8 @@ def _solver(method: str, tolerance: Scalar) -> optimistix.AbstractLeastSquaresSo
     if method == "gauss_newton":
         # By singular values: a direction without influence is not moved along.
         return optimistix.GaussNewton(tolerance, SMALL, linear_solver=lineax.SVD())
-    # The trust region of optimistix lets go of its damping only where a step achieves 99 % of what
-    # the linear model says, and takes five times as many steps to an orbit.
+    # The trust region of optimistix reduces its damping only where a step achieves 99 % of the
+    # linear prediction, and takes five times as many steps to an orbit.
     search = optimistix.ClassicalTrustRegion(0.75, 0.25, 10.0, 0.2)
     solver = optimistix.LevenbergMarquardt(tolerance, SMALL)
     return eqx.tree_at(lambda s: s.search, solver, search)

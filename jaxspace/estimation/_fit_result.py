@@ -137,7 +137,7 @@ class Fit(eqx.Module):
         fitted = f"chi^2 {float(self.chi_squared):.5g} for {int(self.freedom)} degrees of freedom"
         ended = "converged" if bool(self.converged) else "NOT converged"
         lines.append(f"{fitted}; {ended} in {int(self.steps)} steps")
-        # Far from the data, what can be seen says nothing about the estimate.
+        # Far from the data, observability there has no meaning for the estimate.
         seen = self.observability() if bool(self.converged) else ""
         return "\n".join([*lines, seen] if seen else lines)
 

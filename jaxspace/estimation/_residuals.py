@@ -1,4 +1,4 @@
-"""Whether residuals look like the noise they should be: tests with p-values.
+"""Tests of residuals against the assumed noise, with p-values.
 
     spread     sum r^2 ~ chi^2 with m - n degrees of freedom       (the noise as stated)
     mean       sqrt(m) mean(r) / s ~ normal                        (no bias left)
@@ -33,7 +33,7 @@ class ResidualTests(NamedTuple):
 
 
 def chi_squared_tail(value: Array, degrees: Array | float) -> Array:
-    """The probability that chi^2 with so many degrees of freedom exceeds the value."""
+    """The probability that chi^2 with these degrees of freedom exceeds the value."""
     half = 0.5 * jnp.asarray(degrees, value.dtype)
     return gammaincc(half, 0.5 * value)
 
@@ -54,7 +54,7 @@ def residual_tests(r: Float[Array, "..."], seen: Bool[Array, "..."]) -> Residual
     # Residuals that are all zero pass every test.
     s = jnp.where(variance > 0.0, variance, 1.0) ** 0.5
     off = off / s
-    # At longer lags few pairs are left, and their correlation is not normal.
+    # At longer lags there are few pairs, and their correlation is not normal.
     lags = min(LAGS, max(1, r.shape[-1] // 5))
     q = jnp.zeros((), r.dtype)
     for k in range(1, lags + 1):

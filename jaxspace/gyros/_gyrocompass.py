@@ -44,7 +44,7 @@ from ._linear import LinearFlow, rows
 
 STANDARD_GRAVITY = 9.80665
 
-# Of substitution of the two equations of the rest into one another.
+# Number of substitutions of the two equations of the rest into each other.
 REST_STEPS = 4
 
 
@@ -120,7 +120,7 @@ class Gyrocompass(AbstractSystem):
         return GyrocompassState(y.tilt_rate, y.azimuth_rate, h_rate - w_h_rate, turn / ca)
 
     def invariants(self, t: Scalar, y: GyrocompassState) -> dict[str, Array]:
-        """Nothing stays: damping and the ship's motion act on the energy."""
+        """Nothing is conserved: damping and the ship's motion change the energy."""
         del t, y
         return {}
 
@@ -179,7 +179,7 @@ class Gyrocompass(AbstractSystem):
         total = (H * H + a * self.tilt_inertia + b * self.azimuth_inertia) / inertias
         product = a * b / inertias
         fast = 0.5 * (total + jnp.sqrt(total * total - 4.0 * product))
-        # By the product of the roots: their difference has no digit of the slow one.
+        # By the product of the roots, because their difference has no digit of the slow one.
         return jnp.sqrt(product / fast), jnp.sqrt(fast)
 
     @property

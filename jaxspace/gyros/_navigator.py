@@ -14,7 +14,7 @@
     b, e                bias of the accelerometers, drift of the gyros            m/s^2, rad/s
     S_a, S_g            errors of scale                                           1
     Omega, rho          rate of the earth, of level axes over it                  rad/s
-    h*, v_u*, k_1, k_2  what an altimeter tells, its gains                        m, m/s, 1/s, 1/s^2
+    h*, v_u*, k_1, k_2  reading of an altimeter, its gains                        m, m/s, 1/s, 1/s^2
 
 The vehicle moves on a path of its own (see `felt_on`), which the navigator does not know. Errors of
 the navigator are those of 6.11: `errors` gives them as `NavigationErrors` has them, whose motion is
@@ -105,22 +105,22 @@ class InertialNavigator(AbstractSystem):
         earth = self.earth
         felt = self.felt(t)
         force, turn = self._measured(felt, y.attitude)
-        # What all runs share meets what each has of its own.
+        # Shared parameters broadcast against those of each run.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
         velocity = with_rank(y.velocity, rank)
-        own = with_rank(earth.own_rate(y.latitude), rank)
+        earth_rate = with_rank(earth.own_rate(y.latitude), rank)
         transport = with_rank(earth.transport_rate(y.latitude, y.height, y.velocity), rank)
         gravity = with_rank(earth.gravity(y.latitude, y.height), rank)
-        rate = with_rank(force, rank) + gravity - cross(2.0 * own + transport, velocity)
+        rate = with_rank(force, rank) + gravity - cross(2.0 * earth_rate + transport, velocity)
         up = with_rank(jnp.asarray(ZERO[:2] + (1.0,), rate.dtype), rank)
         aided = self.altitude_rate_gain * (y.velocity[2] - felt.velocity[2])
         aided = aided + self.altitude_gain * (y.height - felt.place.height)
         north, east, climb = earth.place_rates(y.latitude, y.height, y.velocity)
-        turn = with_rank(turn, rank) - y.attitude.rotate_back(own + transport)
+        turn = with_rank(turn, rank) - y.attitude.rotate_back(earth_rate + transport)
         return NavigatorState(north, east, climb, rate - aided * up, y.attitude.rate(turn))
 
     def invariants(self, t: Scalar, y: NavigatorState) -> dict[str, Array]:
-        """Nothing stays with faults of the instruments."""
+        """Nothing is conserved with faults of the instruments."""
         del t, y
         return {}
 
@@ -166,7 +166,7 @@ class InertialNavigator(AbstractSystem):
         true = Quaternion.identity() if self.gimballed else felt.attitude
         here = NavigatorState(*place[:3], felt.velocity, true)
         level, computed = (_level(p.latitude, p.longitude) for p in (here, y))
-        # In inertial space: differences in level axes would mix in how both sets of axes differ.
+        # In inertial space, because the two sets of level axes differ themselves.
         result, known = self._inertial(y, computed), self._inertial(here, level)
         rank = result[1].ndim - 1
         r, v = (a - with_rank(b, rank) for a, b in zip(result, known, strict=True))
@@ -217,7 +217,7 @@ class InertialNavigator(AbstractSystem):
         if self.anomaly is not None:
             place = felt.place
             more = self.anomaly(place.latitude, place.longitude, place.height)
-            # What is felt is the motion less gravity: of more gravity less is felt.
+            # Specific force is acceleration less gravity, so that the anomaly is subtracted.
             force = force - with_rank(more, force.ndim - 1)
         if self.gimballed:
             # The table has the axes of the instruments.
@@ -242,7 +242,7 @@ class InertialNavigator(AbstractSystem):
 
 def _level(latitude: Scalar, longitude: Scalar) -> Quaternion:
     """The attitude from level axes to those of the earth."""
-    # East to y, north to z, up to x, then down to the latitude and round to the longitude.
+    # East to y, north to z, up to x; then turned to the latitude and to the longitude.
     half = 0.5 + 0.0 * latitude
     swap = Quaternion(jnp.stack([half, half, half, half]))
     return Quaternion.about(2, longitude).then(Quaternion.about(1, -latitude)).then(swap)

@@ -73,7 +73,7 @@ class RateGyro(AbstractSystem):
         return linear_rate(*self._matrices(), y)
 
     def invariants(self, t: Scalar, y: RateGyroState) -> dict[str, Array]:
-        """Nothing stays: the input works on the gimbal."""
+        """Nothing is conserved: the input does work on the gimbal."""
         del t, y
         return {}
 

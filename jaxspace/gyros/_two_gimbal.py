@@ -138,7 +138,10 @@ class TwoGimbalGyro(AbstractSystem):
     def state(
         self, theta: Scalar, psi: Scalar, theta_rate: Scalar, psi_rate: Scalar
     ) -> GimbalState:
-        """The state from the angles, rad, and the rates, rad/s, of the gimbals."""
+        """The state from the angles, rad, and the rates, rad/s, of the gimbals.
+
+        It holds the momentum about the outer axis, of which the spin has the part H cos(theta):
+        an outer rate far below H cos(theta)/A is exact to a rounding of that, not of itself."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
@@ -156,7 +159,7 @@ class TwoGimbalGyro(AbstractSystem):
         lock, and zero where the outer bearing sticks."""
         momentum = y.angular_momentum - self.spin_momentum(y) * jnp.cos(y.theta)
         if y.slip_outer is not None:
-            # Zero by decree: a rounding in the momentum would turn a gimbal that sticks.
+            # Set to zero, because rounding in the momentum would turn a gimbal that sticks.
             momentum = jnp.where(y.slip_outer == 0.0, 0.0, momentum)
         return momentum / self.outer_inertia(y.theta)
 
@@ -180,7 +183,7 @@ class TwoGimbalGyro(AbstractSystem):
         least = self.friction_margin(0.0, y)
         for name, bearing, rate, applied, slip in self._slipping(y):
             margin = bearing.margin(rate, applied, slip)
-            # Two at the same time are one event.
+            # Two bearings at the same time are one event.
             now = (margin <= least) | (margin <= 0.0)
             y = self._at_rest(y, name, now)
             y = replace(y, **{name: jnp.where(now, bearing.slip_at_rest(applied), slip)})
@@ -297,7 +300,7 @@ class TwoGimbalGyro(AbstractSystem):
         **Returns** theta, rad; NaN once the axis has reached Z.
         """
         change = 0.5 * self.moment_outer * t / self.spin_momentum()
-        # Of half the angle: the cosine itself has no digits of a small one.
+        # By half the angle, because the cosine has no digits of a small angle.
         sine = end_sqrt(lambda c, a: jnp.sin(0.5 * a) ** 2 - c, change, as_float(theta))
         cosine = end_sqrt(lambda c, a: jnp.cos(0.5 * a) ** 2 + c, change, as_float(theta))
         return 2.0 * jnp.arctan2(sine, cosine)
@@ -316,7 +319,7 @@ class TwoGimbalGyro(AbstractSystem):
         s = jnp.sin(y.theta)
         c = jnp.cos(y.theta)
         H = self.spin_momentum(y)
-        # One product, because both terms vanish together where psi' does.
+        # As one product, because both terms vanish where psi' does.
         inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
         outer = self.moment_outer + H * s * y.theta_rate
         return inner, outer if spin is None else outer - spin * c

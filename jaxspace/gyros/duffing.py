@@ -55,7 +55,7 @@ class DuffingOscillator(AbstractSystem):
         return DuffingState(y.velocity, rate)
 
     def invariants(self, t: Scalar, y: DuffingState) -> dict[str, Array]:
-        """Nothing stays: the force works on the mass."""
+        """Nothing is conserved: the force does work on the mass."""
         del t, y
         return {}
 

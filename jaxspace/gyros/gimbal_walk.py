@@ -100,7 +100,7 @@ class GimbalWalk(eqx.Module):
         inertia = self.outer_inertia(self.theta)
         slope = 2.0 * self._difference() * s * c / inertia
         theta = -0.25 * (self.theta_rate / self.frequency) ** 2 * (c / s - slope)
-        # Of the square of the first harmonic, sin^2 = (1 - cos(2 w t)) / 2.
+        # From the square of the first harmonic, sin^2 = (1 - cos(2 w t)) / 2.
         square = 0.5 * (self.theta_rate / self.frequency) ** 2 * (s * slope - 0.5 * c)
         return self.spin_momentum / inertia * (s * theta + square), theta
 

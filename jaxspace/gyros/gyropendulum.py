@@ -85,7 +85,7 @@ class Gyropendulum(AbstractSystem):
         return linear_rate(*self._matrices(), y)
 
     def invariants(self, t: Scalar, y: GyropendulumState) -> dict[str, Array]:
-        """Nothing stays with erection motors on."""
+        """Nothing is conserved with erection motors on."""
         del t, y
         return {}
 

@@ -64,7 +64,7 @@ class NavigationErrors(AbstractSystem):
         return linear_rate(*self._matrices(), y)
 
     def invariants(self, t: Scalar, y: NavigationErrorState) -> dict[str, Array]:
-        """Nothing stays with faults of the instruments."""
+        """Nothing is conserved with faults of the instruments."""
         del t, y
         return {}
 
@@ -92,7 +92,7 @@ class NavigationErrors(AbstractSystem):
         turn = _cross_matrix(self.rate)
         axes = jnp.eye(3, dtype=w2.dtype).reshape(3, 3, *(1,) * len(runs))
         up = axes[2] * axes[2][:, None]
-        # The gradient of a point's attraction: it restores across, and drives off upwards.
+        # The gradient of a point's attraction, which restores across and repels upwards.
         attraction = w2 * (3.0 * up - axes)
         of_position = attraction - self.altitude_gain * up
         of_position = of_position - jnp.einsum("ij...,jk...->ik...", turn, turn)

@@ -64,7 +64,7 @@ class PlatformAxis(AbstractSystem):
         return linear_rate(*self._matrices(), y)
 
     def invariants(self, t: Scalar, y: PlatformState) -> dict[str, Array]:
-        """Nothing stays with a servo on."""
+        """Nothing is conserved with a servo on."""
         del t, y
         return {}
 
@@ -108,7 +108,7 @@ def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar
       book: roll outside, yaw, pitch inside.
 
     **Returns** the signals of roll, pitch and yaw. They are infinite in gimbal lock, at a yaw of 90
-    deg: `gimbal_lock_margin` tells how far that is.
+    deg: see `gimbal_lock_margin`.
     """
     check_components("resolve_signals: signals", signals, 3)
     s, c = jnp.sin(pitch), jnp.cos(pitch)

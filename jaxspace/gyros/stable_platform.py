@@ -128,7 +128,7 @@ class StablePlatform(AbstractSystem):
         )
 
     def invariants(self, t: Scalar, y: StablePlatformState) -> dict[str, Array]:
-        """Nothing stays with servos on."""
+        """Nothing is conserved with servos on."""
         del t, y
         return {}
 
@@ -166,8 +166,8 @@ class StablePlatform(AbstractSystem):
         return with_rank(self.vehicle_rate, rank) + swing * with_rank(self.sway, rank)
 
     def _rank(self) -> int:
-        own = (self.platform_inertia, self.torque, self.vehicle_rate, self.sway)
-        return max(x.ndim for x in own)
+        parameters = (self.platform_inertia, self.torque, self.vehicle_rate, self.sway)
+        return max(x.ndim for x in parameters)
 
     def _turn(self, t: Array, phi: Array, rates: Array) -> tuple[Vector, Vector]:
         """The platform's rate, and its change at constant rates of the gimbals."""

@@ -38,8 +38,8 @@ def empty_steps(
 ) -> tuple[Float[Array, " steps"], State | None]:
     """Memory for the ends of `limit` steps, like the times of the `clock`, (*runs,), and, for a
     `dense` output, the states at them. Raises `InputError` where the memory does not suffice."""
-    kept = (clock, *jax.tree.leaves(y)) if dense else (clock,)
-    check_memory("the steps of the run", limit, sum(x.size * x.dtype.itemsize for x in kept))
+    recorded = (clock, *jax.tree.leaves(y)) if dense else (clock,)
+    check_memory("the steps of the run", limit, sum(x.size * x.dtype.itemsize for x in recorded))
     ends = jnp.zeros((limit, *clock.shape), clock.dtype)
     return ends, empty_buffer(limit, y) if dense else None
 

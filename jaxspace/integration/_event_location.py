@@ -125,7 +125,7 @@ class FoundEvents(NamedTuple):
         """The state `y` of a second run to the event, with the numbers that the search met there.
 
         Two runs differ by the tolerance, and what jumps at the event must not have jumped yet: the
-        rate beyond it knows nothing of the time. The derivatives stay those of `y`."""
+        rate beyond it does not determine the time. The derivatives stay those of `y`."""
         if self.state is None:
             return y
         fixed = jax.lax.stop_gradient

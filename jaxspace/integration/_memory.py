@@ -7,7 +7,7 @@ import jax
 from ..core import InputError
 
 SHARE = 0.5
-"""Of the memory, for what is written down: a derivative holds it beside what it is filled from."""
+"""Share of the memory for recorded steps: a derivative holds the record and its source at once."""
 SMALL = 2**28
 """Bytes that any machine has: the memory is asked for beyond them alone."""
 

@@ -33,14 +33,14 @@ def _record(*args: Array, problem: Problem) -> list[Array]:
 
 
 def along(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
-    """The tangents of the saved states, for tangents with so many leading axes, the `columns`."""
+    """The tangents of the saved states, for tangents with `columns` as their leading axes."""
     args, record, tangents = problem.split(values)
     function = map_columns(lambda t: problem.forward(args, record, moving, t), columns)
     return function(tangents)
 
 
 def back(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
-    """The cotangents of the arguments that move, for cotangents with so many leading axes."""
+    """The cotangents of the arguments that move, for cotangents with leading axes."""
     args, record, cotangents = problem.split(values)
     function = map_columns(lambda c: problem.backward(args, record, moving, c), columns)
     return function(cotangents)

@@ -137,8 +137,8 @@ class Recording(NamedTuple):
         if layout.longest == 1:
             return added
 
-        def full(kept: Recording) -> Bool[Array, ""]:
-            room = layout.step_start(n + 1) - (kept.count + 1) * layout.state_size
+        def full(recording: Recording) -> Bool[Array, ""]:
+            room = layout.step_start(n + 1) - (recording.count + 1) * layout.state_size
             return taken & (n + 1 < layout.limit) & (room < 0)
 
         return jax.lax.while_loop(full, lambda kept: kept.thinned(layout), added)

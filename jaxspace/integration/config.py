@@ -100,7 +100,7 @@ def resolve(
     **Arguments**
 
     - `system`, `y0`: the system and its initial state (or its shapes), of one run or of many.
-    - `accuracy`: what the user asked for.
+    - `accuracy`: that of the user.
     - `starts`: returns the runs whose numbers show whether the system is stiff; called only if
       the rules get that far. `None` in missions, where the structure alone decides.
     - `restarts`: as in `IntegrationConfig`.

@@ -64,7 +64,7 @@ def _has_exact_part(system: AbstractSystem) -> bool:
 
 
 def takes_many_steps(turns: float, accuracy: Accuracy) -> bool:
-    """Whether so many radians take half of the steps that a run of this accuracy may take."""
+    """Whether this angle, rad, takes half of the steps that a run of this accuracy may take."""
     # An unknown tolerance counts as the default one.
     known = is_concrete(accuracy.rtol)
     rtol = float(np.min(np.asarray(accuracy.rtol))) if known else OF_TOLERANCE

@@ -38,7 +38,7 @@ class IntegrationResult(NamedTuple):
       of each run in units of the tolerance.
     - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
       for.
-    - `dense`: the steps, if asked for.
+    - `dense`: the steps, if requested.
     - `found`: the events that ended the runs, if events are sought."""
 
     states: State

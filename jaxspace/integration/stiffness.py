@@ -13,7 +13,7 @@ pass.
     symbol  meaning                                  unit
     f, y    vector field and state at the start
     w       fastest rate                             1/s
-    h       time between the states asked for        s
+    h       time between the save times              s
 """
 
 from collections.abc import Callable

@@ -110,9 +110,9 @@ def shared_errors(file: Parsed) -> list[str]:
     """Errors for absent entries that declarations take from other tables of the file."""
     result = []
     for path, maker in file.makers.items():
-        own = at(file.values, path)
+        value = at(file.values, path)
         for key, entry in maker.entries.items():
-            absent = entry.shared and not maker.bare and own.get(key) is None
+            absent = entry.shared and not maker.bare and value.get(key) is None
             if absent and entry.default is REQUIRED and at(file.values, entry.shared) is None:
                 line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
                 result.append(f"{line}; {who(path)} needs it.")
@@ -146,8 +146,12 @@ def object_errors(file: Parsed) -> list[str]:
 def _checks_itself(maker: Maker) -> bool:
     # A named constructor is bound to its class.
     cls = getattr(maker.make, "__self__", maker.make)
-    own = isinstance(cls, type) and issubclass(cls, AbstractParameters)
-    return own and ("__check_init__" in vars(cls) or "." in maker.name) and not maker.references
+    is_parameters = isinstance(cls, type) and issubclass(cls, AbstractParameters)
+    return (
+        is_parameters
+        and ("__check_init__" in vars(cls) or "." in maker.name)
+        and not maker.references
+    )
 
 
 def initial_errors(file: Parsed) -> list[str]:

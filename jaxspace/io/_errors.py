@@ -22,12 +22,12 @@ def without_repetition(lines: list[str]) -> list[str]:
     named = {
         line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
     }
-    kept: dict[str, str] = {}
+    first: dict[str, str] = {}
     for line in lines:
         key, gap, _ = line.partition(" is missing: ")
         if not (gap and named & set(key.split("."))):
-            kept.setdefault(key if gap else line, line)
-    return list(kept.values())
+            first.setdefault(key if gap else line, line)
+    return list(first.values())
 
 
 def shown(value: object) -> str:

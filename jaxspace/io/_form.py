@@ -127,12 +127,14 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     if kind == "system":
         # A system is a complete model, without bodies and effects.
         cls = catalog.systems[system]
-        own = Entry(_named(system, catalog.kinds[cls]), doc="the system and its parameters")
+        system_entry = Entry(
+            _named(system, catalog.kinds[cls]), doc="the system and its parameters"
+        )
         state = Entry(initial_kind(catalog, cls), doc="the initial state")
         return Table(
             {
                 **common,
-                "system": own,
+                "system": system_entry,
                 "initial": state,
                 "times": Entry(TIMES, doc="from when to when"),
                 "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
@@ -160,11 +162,11 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
 
 def _named(name: str, kind: Object) -> Object:
     """The ways to give a system, each with the entry `name`."""
-    own = {"name": Entry(OneName((name,)), doc="of the system")}
+    name_entry = {"name": Entry(OneName((name,)), doc="of the system")}
 
     def made(way: Maker) -> Maker:
         # A table with a name is never given by its only number alone.
-        return way._replace(entries={**own, **way.entries}, bare=False)
+        return way._replace(entries={**name_entry, **way.entries}, bare=False)
 
     return Object(tuple(made(way) for way in kind.ways))
 

@@ -200,9 +200,9 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFi
     cls = known[name]
     fields = file.catalog.kinds[cls].ways[0].entries
     # Measured values may stand in a file of their own.
-    own = FILE_KEYS if "values" in fields and "weights" not in fields else ()
+    file_keys = FILE_KEYS if "values" in fields and "weights" not in fields else ()
     for given in entry:
-        if given not in ("distribution", *fields, *own):
+        if given not in ("distribution", *fields, *file_keys):
             raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
     numbers: dict[str, Any] = {}
     entry = _with_file(key, dict(entry), files) if "file" in entry else entry
@@ -247,8 +247,8 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
                 raise ValueError(f"{key}.file: {what}.") from None
     if not values:
         raise ValueError(f"{key}.file: {path} holds no numbers{f' in {column}' * bool(column)}.")
-    kept = {name: value for name, value in entry.items() if name not in FILE_KEYS}
-    return {**kept, "values": values}
+    parameters = {name: value for name, value in entry.items() if name not in FILE_KEYS}
+    return {**parameters, "values": values}
 
 
 def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | list[float]:

@@ -57,11 +57,11 @@ def load(
     # This error alone, because any other about a later format would be a guess.
     if format_error(data):
         raise SceneError(path, format_error(data))
-    own = read_modules(modules)
-    if missing_module(data, own):
-        raise SceneError(path, missing_module(data, own))
+    user_modules = read_modules(modules)
+    if missing_module(data, user_modules):
+        raise SceneError(path, missing_module(data, user_modules))
     named = NamedFiles(Path(path).parent, files)
-    known = catalog(also, own).numbered(_named_effects(data))
+    known = catalog(also, user_modules).numbered(_named_effects(data))
     table, errors = form(data, known)
     # If the form is unknown nothing can be read, and any further error would be a guess.
     if errors:
@@ -90,7 +90,9 @@ def load(
         task, errors = read_task(file, reading.units)
     if errors:
         raise SceneError(path, errors)
-    return SceneFile(Path(path), text, file, inputs, outputs, reading.units, task, named, own)
+    return SceneFile(
+        Path(path), text, file, inputs, outputs, reading.units, task, named, user_modules
+    )
 
 
 def _rule_errors(until: Values | None, outputs: tuple[OutputSpec, ...], errors: list) -> list[str]:
@@ -174,5 +176,5 @@ def _named_effects(data: Values) -> list[str]:
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]
     ]
-    own = list(effects) if isinstance(effects, Mapping) else []
-    return [e for e in (*own, *active) if isinstance(e, str)]
+    names = list(effects) if isinstance(effects, Mapping) else []
+    return [e for e in (*names, *active) if isinstance(e, str)]

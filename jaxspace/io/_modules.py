@@ -63,7 +63,8 @@ def check_stored(record: Mapping[str, Any], given: Iterable[NamedFile]) -> None:
         if there.get(name) == here.get(name):
             continue
         was, now = (
-            f"SHA-256 {own[name][:16]}..." if name in own else "none" for own in (there, here)
+            f"SHA-256 {hashes[name][:16]}..." if name in hashes else "none"
+            for hashes in (there, here)
         )
         raise InputError(
             f"The module {name} is {now}: it must be the one of the store, {was} (--with {name}; "

@@ -48,19 +48,19 @@ def optimise(
     return made
 
 
-def _failed_start(found: Optimum) -> str:
+def _failed_start(optimum: Optimum) -> str:
     """Why the run from the start of a search has no finite numbers, in words; empty where that
     is not the fault of the run."""
     # The search itself saves only the ends of a run.
-    run = found.file.nominal_mission(samples=2)
+    run = optimum.file.nominal_mission(samples=2)
     bad = failed_phase(run)
     if bad:
         return f"The run from the start: {bad}"
-    missed = [name for name, met in zip(run.names, found.happened, strict=True) if not met]
+    missed = [name for name, met in zip(run.names, optimum.happened, strict=True) if not met]
     if not missed:
         return ""
     return (
-        f"Phase {missed[0]} misses its event with {found.steps} steps, and meets it at the "
+        f"Phase {missed[0]} misses its event with {optimum.steps} steps, and meets it at the "
         f"accuracy of the file: raise optimize.steps."
     )
 

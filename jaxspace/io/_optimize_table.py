@@ -67,17 +67,17 @@ class OneOutput(Kind):
         self.outputs, self.more = outputs, more
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        own: dict[str, Value] = {}
+        options: dict[str, Value] = {}
         if self.more and isinstance(value, Mapping):
-            own = {key: value[key] for key in self.more if key in value}
+            options = {key: value[key] for key in self.more if key in value}
             value = {key: x for key, x in value.items() if key not in self.more}
-            if not own:
+            if not options:
                 reading.errors.append(missing(path, f"one of {', '.join(self.more)}"))
         trial = Reading()
         read = self.outputs.read([value], path, trial)
         # A list of this one entry, whose number is not in the file.
         reading.errors += [line.replace(f"{path}.0", path, 1) for line in trial.errors]
-        return {**read[0], **own} if read else None
+        return {**read[0], **options} if read else None
 
     def expected(self) -> str:
         return self.outputs.expected()
@@ -140,8 +140,8 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
 
 def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> OutputSpec:
     # Left out, because on an output the same keys are requirements of a campaign.
-    own = {k: x for k, x in entry.items() if k not in LIMITS}
-    spec = read_output(key, own, file, units)
+    values = {k: x for k, x in entry.items() if k not in LIMITS}
+    spec = read_output(key, values, file, units)
     if spec.take:
         raise ValueError(f"{key}.take: a search sees the ends of phases alone, and no extreme.")
     if needs_nominal((spec,)) or "initial" in spec.arguments():

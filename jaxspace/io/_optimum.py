@@ -194,11 +194,13 @@ class Optimum:
         targets = (0.0, *(d.target for d in self.task.demands))
         rows = zip(self._specs, self._numbers, confirmed, targets, sizes, strict=True)
         clauses = []
-        for spec, own, other, target, size in rows:
-            allowed = MISS * max(abs(own), abs(other), abs(target)) + TOLERANCES * tolerance * size
+        for spec, computed, other, target, size in rows:
+            allowed = (
+                MISS * max(abs(computed), abs(other), abs(target)) + TOLERANCES * tolerance * size
+            )
             # Not a comparison that NaN would pass.
-            if not abs(own - other) <= allowed:
-                shown = [f"{spec.factor * x:.6g}" for x in (other, own)]
+            if not abs(computed - other) <= allowed:
+                shown = [f"{spec.factor * x:.6g}" for x in (other, computed)]
                 unit = f" {spec.unit}" if spec.unit else ""
                 clauses.append(f"{spec.name.replace('_', ' ')} {shown[0]}, not {shown[1]}{unit}")
         bad = failed_phase(run)

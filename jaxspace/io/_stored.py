@@ -25,7 +25,7 @@ def stored_scene(
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:
         raise InputError("the record holds no scene file: the campaign was made in Python.")
-    own = read_modules(modules)
-    check_stored(dispersion.attributes, own)
+    user_modules = read_modules(modules)
+    check_stored(dispersion.attributes, user_modules)
     path = str(dispersion.attributes.get("scene_file", "scene.toml"))
-    return load(path, modules=own, text=text, files=dispersion.attributes.get("files"))
+    return load(path, modules=user_modules, text=text, files=dispersion.attributes.get("files"))

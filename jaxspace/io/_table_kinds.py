@@ -119,10 +119,10 @@ class Object(Kind):
         # Only a missing key may be due to another way.
         if " is missing: " not in line or len(self.ways) == 1:
             return line
-        own = set(_required(self.ways[best].entries))
+        required = set(_required(self.ways[best].entries))
         others = [_required(w.entries) for k, w in enumerate(self.ways) if k != best]
         # A way with fewer keys than this one is no alternative.
-        others = [" with ".join(keys) for keys in others if keys and not set(keys) <= own]
+        others = [" with ".join(keys) for keys in others if keys and not set(keys) <= required]
         text = f"; another way is to give {', or '.join(dict.fromkeys(others))}" if others else ""
         return line.removesuffix(".") + text + "."
 

@@ -19,16 +19,16 @@ from .report import Row, drift_rows, number, state_rows, status_line
 WARNING, NO_NUMBER = "warning", "none"
 
 
-def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
+def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -> str:
     """One run of a campaign: its inputs beside the nominal ones, its outputs beside those of the
-    store (`kept`), the state at the end of every phase, and how it ended."""
+    store (`dispersion`), the state at the end of every phase, and how it ended."""
     units = {name: how.nominal.quantity.unit for name, how in file.inputs.items()}
     rows = [("input", "unit", "nominal", "this run")]
     for name, value in run.inputs.items():
         nominal = number(float(file.inputs[name].nominal)) if name in file.inputs else ""
         rows.append((name, units.get(name, ""), nominal, number(value)))
     lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", aligned(rows)]
-    stored = _row_of(kept, run.number)
+    stored = _row_of(dispersion, run.number)
     rows = [("output", "unit", "in the store", "here")]
     for spec in file.outputs:
         there = number(stored[spec.name]) if spec.name in stored else "-"
@@ -42,40 +42,40 @@ def replay_report(file: SceneFile, run: Replay, kept: Dispersion | None) -> str:
     return "\n".join([*lines, "", f"{status_line(run.status)} {run.refusal}".rstrip()])
 
 
-def _row_of(kept: Dispersion | None, run: int) -> dict[str, float]:
+def _row_of(dispersion: Dispersion | None, run: int) -> dict[str, float]:
     """The outputs of a run in a store; empty if the store does not have it."""
-    if kept is None or kept.numbers is None:
+    if dispersion is None or dispersion.numbers is None:
         return {}
-    where = np.flatnonzero(kept.numbers == run)
+    where = np.flatnonzero(dispersion.numbers == run)
     if not where.size:
         return {}
-    return {name: float(x[where[0]]) for name, x in kept.outputs.items()}
+    return {name: float(x[where[0]]) for name, x in dispersion.outputs.items()}
 
 
-def failures_report(file: SceneFile | None, kept: Dispersion, most: int = 20) -> str:
+def failures_report(file: SceneFile | None, dispersion: Dispersion, most: int = 20) -> str:
     """The failed runs of a store, by how they ended: number and reason of each, up to `most` of a
     kind, with what to do; and the runs that ended well with an output that is not a number.
 
     `file`: the scene of the store, which says which of its inputs a refused run has out of
     range."""
-    numbers = np.arange(kept.runs) if kept.numbers is None else kept.numbers
-    lines = [f"{int(np.count_nonzero(kept.good))} of {kept.runs} runs ended well."]
-    lines += [kept.missing_runs] if kept.missing_runs else []
+    numbers = np.arange(dispersion.runs) if dispersion.numbers is None else dispersion.numbers
+    lines = [f"{int(np.count_nonzero(dispersion.good))} of {dispersion.runs} runs ended well."]
+    lines += [dispersion.missing_runs] if dispersion.missing_runs else []
     # Read once, because each column comes from the disk.
-    inputs = dict(kept.inputs) if kept.failed else {}
+    inputs = dict(dispersion.inputs) if dispersion.failed else {}
     moments = {name: (float(np.mean(x)), float(np.std(x))) for name, x in inputs.items()}
-    for failure in kept.failed:
-        rows = np.flatnonzero(kept.status == failure.status)
+    for failure in dispersion.failed:
+        rows = np.flatnonzero(dispersion.status == failure.status)
         runs = "run" if failure.count == 1 else "runs"
         lines += ["", f"{failure.count} {runs}, {failure.status.name}: {failure.sentence}"]
         for row in rows[:most]:
-            own = {name: float(x[row]) for name, x in inputs.items()}
+            values = {name: float(x[row]) for name, x in inputs.items()}
             # The cause of a refusal is known; for other failures unusual inputs are the best hint.
             refused = failure.status == Status.REFUSED
-            reason = _refusal(file, own) if refused else _farthest(own, moments)
+            reason = _refusal(file, values) if refused else _farthest(values, moments)
             lines.append(f"  run {numbers[row]}: {reason}")
         lines += _rest(rows.size, most)
-    undefined = {name: np.isnan(x) & kept.good for name, x in kept.outputs.items()}
+    undefined = {name: np.isnan(x) & dispersion.good for name, x in dispersion.outputs.items()}
     rows = np.flatnonzero(np.any(list(undefined.values()), axis=0))
     if rows.size:
         runs = "run" if rows.size == 1 else "runs"
@@ -143,7 +143,7 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
 
 
 def moments_report(
-    title: str, found: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
+    title: str, moments: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
 ) -> str:
     """Mean and deviation of every output by a method without many runs, with a warning beside those
     that a sample of runs speaks against, and its reason below.
@@ -151,25 +151,25 @@ def moments_report(
     **Arguments**
 
     - `title`: the first line.
-    - `found`: the moments.
+    - `moments`: the moments.
     - `units`: of the outputs, by name.
     - `nominal`: values of the nominal run, with their units, by name."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "")]
-    for k, name in enumerate(found.names):
-        std = found.std(name)
-        numbers = (nominal[name][0], float(found.mean[k]), std)
+    for k, name in enumerate(moments.names):
+        std = moments.std(name)
+        numbers = (nominal[name][0], float(moments.mean[k]), std)
         cells = (number(x, 0.01 * std) if math.isfinite(x) else NO_NUMBER for x in numbers)
-        word = WARNING if name in found.warnings else ""
+        word = WARNING if name in moments.warnings else ""
         rows.append((name, units.get(name, ""), *cells, word))
-    warnings = [f"{WARNING}: {name}: {words}" for name, words in found.warnings.items()]
-    runs = "run" if found.runs == 1 else "runs"
+    warnings = [f"{WARNING}: {name}: {words}" for name, words in moments.warnings.items()]
+    runs = "run" if moments.runs == 1 else "runs"
     return "\n".join(
         [
-            f"{title}: {found.method}",
+            f"{title}: {moments.method}",
             aligned(rows),
             "",
             *warnings,
             *([""] if warnings else []),
-            f"{found.runs} {runs}, {found.seconds:.2g} s after compilation",
+            f"{moments.runs} {runs}, {moments.seconds:.2g} s after compilation",
         ]
     )

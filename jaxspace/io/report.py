@@ -105,8 +105,8 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     rows += output_rows(file.nominal_outputs(run, every=True))
     # Under a controller nothing is conserved, whatever the scene alone conserves.
     drift = run.drift() if isinstance(run, Trajectory) else {}
-    kept = [*drift_rows(drift), *error_rows(error, file.units)]
-    return "\n".join([file.title, aligned(rows), aligned(kept), status_line(run.status)])
+    checks = [*drift_rows(drift), *error_rows(error, file.units)]
+    return "\n".join([file.title, aligned(rows), aligned(checks), status_line(run.status)])
 
 
 def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
@@ -115,8 +115,8 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     lines = [file.title]
     for name, phase in run.items():
         lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
-        kept = phase.drift() if phase.control is None else {}
-        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(kept)]))
+        drift = phase.drift() if phase.control is None else {}
+        lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))
@@ -126,7 +126,7 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
 
 
 def optimum_report(
-    found: Optimum, confirmed: Sequence[float] = (), run: MissionTrajectory | None = None
+    optimum: Optimum, confirmed: Sequence[float] = (), run: MissionTrajectory | None = None
 ) -> str:
     """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
     the search ended.
@@ -135,7 +135,7 @@ def optimum_report(
 
     - `confirmed`: the outputs as a run at the accuracy of the file has them.
     - `run`: that run, whose phases make one more table."""
-    task, file = found.task, found.file
+    task, file = optimum.task, optimum.file
     # NaN is shown as a dash, where nothing has confirmed the optimum.
     checked = [*confirmed] or [math.nan] * (1 + len(task.demands))
     goal = task.objective
@@ -143,22 +143,22 @@ def optimum_report(
     label = _label(f"{verb} {goal.name}", goal.unit)
     lines = [file.title, aligned([
         ("", "found", "confirmed"),
-        (label, _or_dash(goal.factor * found.objective), _or_dash(goal.factor * checked[0])),
+        (label, _or_dash(goal.factor * optimum.objective), _or_dash(goal.factor * checked[0])),
     ])]  # fmt: skip
-    held = found.bound_derivatives
+    held = optimum.bound_derivatives
     rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
     for free in task.free:
-        numbers = (free.start, found.values[free.path], free.low, free.high)
+        numbers = (free.start, optimum.values[free.path], free.low, free.high)
         # By its bound, where one holds it.
         slope = goal.factor * held[free.path] / free.factor if free.path in held else math.nan
         shown = (number(free.factor * x) for x in numbers)
         rows.append((f"{free.path} [{free.unit or '1'}]", *shown, _or_dash(slope)))
     lines.append(aligned(rows))
     rows = [("constraint", "", "target", "found", "confirmed", "slope")]
-    derivatives = found.target_derivatives
+    derivatives = optimum.target_derivatives
     for k, demand in enumerate(task.demands):
         spec = demand.spec
-        numbers = (demand.target, found.constraints[k], checked[k + 1])
+        numbers = (demand.target, optimum.constraints[k], checked[k + 1])
         shown = [_or_dash(spec.factor * x) for x in numbers]
         # In the units that the table shows, above and below.
         slope = _or_dash(goal.factor * derivatives[k] / spec.factor)
@@ -166,20 +166,20 @@ def optimum_report(
         rows.append((_label(spec.name, spec.unit), name, *shown, slope))
     if task.demands:
         lines.append(aligned(rows))
-    if not found.infeasible:
+    if not optimum.infeasible:
         lines.append(
             f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
         )
     if run is not None:
-        lines.append(aligned(_phase_rows(found, run)))
-    lines.append(f"relative error of the steps: {found.error:.1e}")
-    return "\n\n".join([*lines, found.sentence()])
+        lines.append(aligned(_phase_rows(optimum, run)))
+    lines.append(f"relative error of the steps: {optimum.error:.1e}")
+    return "\n\n".join([*lines, optimum.sentence()])
 
 
-def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
+def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
     """For each phase, how its run ended, before its jump: those of a few outputs that the file
     has all for."""
-    file = found.file
+    file = optimum.file
     known = {s.name: s for s in applicable_outputs(file.parsed, file.units)}
     chosen = [known[name] for name in OF_PHASES if name in known]
     head = [_label(s.name, s.unit) for s in chosen]
@@ -187,22 +187,22 @@ def _phase_rows(found: Optimum, run: MissionTrajectory) -> list[Row]:
     # A body without propellant has a constant mass, which is not in the state.
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
-    numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in found.values.items()})
+    numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in optimum.values.items()})
     for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
         values = values_of(file, numbers, specs, states, ends)
         cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
-        own = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
-        rows.append((name, *cells, *own))
+        mass = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
+        rows.append((name, *cells, *mass))
     return rows
 
 
-def sensitivity_report(found: Optimum, count: int = 12) -> str:
+def sensitivity_report(optimum: Optimum, count: int = 12) -> str:
     """The numbers of the file that move the best objective most, by one percent of each."""
-    goal = found.task.objective
-    numbers = dict(measures(found.file.values))
-    slopes = found.sensitivities()
+    goal = optimum.task.objective
+    numbers = dict(measures(optimum.file.values))
+    slopes = optimum.sensitivities()
     moves = {p: 0.01 * goal.factor * float(numbers[p]) * x for p, x in slopes.items()}
     order = sorted(moves, key=lambda p: -abs(moves[p]))[:count]
     rows = [("one percent more of", f"moves {_label(goal.name, goal.unit)} by")]
@@ -240,8 +240,8 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
     for row in table:
         numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
         # An output that was given in Python has no nominal value here.
-        own = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
-        rows.append((row.name, row.unit, own, *numbers))
+        nominal_value = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
+        rows.append((row.name, row.unit, nominal_value, *numbers))
     warnings = [sentence for row in table if (sentence := row.warning)]
     return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
 
@@ -250,18 +250,20 @@ def requirement_table(result: Dispersion) -> str:
     """How often each requirement is violated, with its interval; empty without requirements. A
     failed run counts as a violation."""
     rows: list[Row] = [("output", "required", "violated", "share", "with 95 % confidence")]
-    for name, found in result.violations().items():
+    for name, violation in result.violations().items():
         required = f"{result.required(name)} {result.units.get(name, '')}".rstrip()
-        share, low, high = (f"{100.0 * x:.3g} %" for x in (found.value, found.low, found.high))
-        count = f"{found.count} of {found.runs}"
+        share, low, high = (
+            f"{100.0 * x:.3g} %" for x in (violation.value, violation.low, violation.high)
+        )
+        count = f"{violation.count} of {violation.runs}"
         rows.append((name, required, count, share, f"{low} to {high}"))
     return aligned(rows) if len(rows) > 1 else ""
 
 
 def footprint_table(result: Dispersion) -> str:
     """The ellipses of the landings; empty without landings."""
-    found = result.footprint()
-    return "" if found is None else aligned(found.words)
+    footprint = result.footprint()
+    return "" if footprint is None else aligned(footprint.words)
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
@@ -273,27 +275,27 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
     rows = []
     for name in result.outputs:
         try:
-            found = result.contributors(name, None)
+            contributors = result.contributors(name, None)
         # Raised for an output that is finite in few of the runs.
         except InputError:
             rows.append((name, "too few runs in which it is finite"))
             continue
-        rows.append((name, ", ".join(_causes(found, count))))
+        rows.append((name, ", ".join(_causes(contributors, count))))
     width = max(len(name) for name, _ in rows)
     return "\n".join(
         f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows
     )
 
 
-def _causes(found: Contributors, count: int) -> list[str]:
+def _causes(contributors: Contributors, count: int) -> list[str]:
     """The largest shares in words, those of all other inputs together, and what no input explains
     by itself."""
-    if not found.shares:
+    if not contributors.shares:
         return []
-    listed = dict(list(found.shares.items())[:count])
+    listed = dict(list(contributors.shares.items())[:count])
     # Shares below a percent are noise of the sampling.
     listed = {path: share for path, share in listed.items() if share >= 0.01}
-    others, rest = found.r_squared - sum(listed.values()), 1.0 - found.r_squared
+    others, rest = contributors.r_squared - sum(listed.values()), 1.0 - contributors.r_squared
     listed |= {"other inputs": others} if others >= 0.01 else {}
     causes = [f"{path} {100.0 * share:.0f} %" for path, share in listed.items()]
     if rest >= 0.01:

@@ -91,7 +91,7 @@ def least_squares(m: Square, b: Columns) -> Columns:
     return jnp.moveaxis(inverse @ jnp.moveaxis(b, front, back), back, front)
 
 
-# Singular values below so many roundings of the greatest one count as zero.
+# Singular values below this number of roundings of the greatest one count as zero.
 RANK = 1e4
 
 

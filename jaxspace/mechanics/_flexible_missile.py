@@ -133,7 +133,7 @@ class FlexibleMissile(AbstractSystem):
         return jnp.sqrt(self.thrust * (self.lever + engine["shift"]) / coupled)
 
     def invariants(self, t: Scalar, y: MissileState) -> dict[str, Array]:
-        """Nothing stays under thrust."""
+        """Nothing is conserved under thrust."""
         del t, y
         return {}
 

@@ -57,11 +57,11 @@ class AbstractLagrangian(AbstractDescription):
 
     def invariants(self, t: Scalar, y: GeneralisedState) -> dict[str, Array]:
         """The energy h and the momenta of cyclic coordinates, where they are found constant."""
-        kept = symmetries(self)
-        result = {"energy": self.energy(t, y)} if kept.time else {}
+        symmetry = symmetries(self)
+        result = {"energy": self.energy(t, y)} if symmetry.time else {}
         p = self.momenta(t, y)
         return result | {
-            f"momentum_{name}": p[i] for i, name in enumerate(self.names) if kept.cyclic[i]
+            f"momentum_{name}": p[i] for i, name in enumerate(self.names) if symmetry.cyclic[i]
         }
 
     def projected(self, t: Scalar, y: GeneralisedState) -> GeneralisedState | None:

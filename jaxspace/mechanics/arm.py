@@ -50,7 +50,7 @@ class ArmPendulum(AbstractSystem):
         return ArmState(y.velocity, jnp.stack(jnp.broadcast_arrays(ax, ay)))
 
     def invariants(self, t: Scalar, y: ArmState) -> dict[str, Array]:
-        """Nothing stays: the damping takes, the arm gives."""
+        """Nothing is conserved: the damping takes energy, and the arm does work."""
         del t, y
         return {}
 

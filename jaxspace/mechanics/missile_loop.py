@@ -94,7 +94,7 @@ class MissileLoop(AbstractSystem):
         return w * w * y.slosh + 2.0 * self.slosh_damping * w * y.slosh_rate
 
     def invariants(self, t: Scalar, y: MissileLoopState) -> dict[str, Array]:
-        """Nothing stays under thrust."""
+        """Nothing is conserved under thrust."""
         del t, y
         return {}
 

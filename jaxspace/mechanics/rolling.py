@@ -154,7 +154,7 @@ class Trailer(AbstractSystem):
         )
 
     def invariants(self, t: Scalar, y: TrailerState) -> dict[str, Array]:
-        """Nothing stays: the tow does work."""
+        """Nothing is conserved: the tow does work."""
         del t, y
         return {}
 

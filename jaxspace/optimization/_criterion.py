@@ -71,15 +71,16 @@ SENTENCES = {
 
 # How many of the constraints that are not met a sentence names.
 MOST_NAMED = 4
-# A violation below this part of the largest one, both scaled, is met as far as the search knows.
+# A constraint whose scaled violation is below this part of the largest one counts as met.
 MET = 1e-6
-# In sizes of the unknowns. A steady descent doubles its steps: it is there in some 35 of them.
+# In sizes of the unknowns. A descent that doubles its step each time is there after some 35.
 FARTHEST = 1e10
 
 
 def farthest(z: Float[Array, " n"]) -> Float[Array, ""]:
-    """How far scaled unknowns may go that start at z: beyond this an optimum is hardly meant, and a
-    step of their own size is rounding."""
+    """Largest size of the scaled unknowns of a search that starts at z.
+
+    Beyond it the objective most likely has no minimum, and rounding hides steps of unit size."""
     most = min(FARTHEST, 1.0 / float(jnp.finfo(z.dtype).eps))
     return most * jnp.maximum(1.0, jnp.max(jnp.abs(z)))
 
@@ -91,12 +92,13 @@ def stop_reason(
     infeasible: Bool[Array, ""],
     astray: Bool[Array, ""],
 ) -> Int[Array, ""]:
-    """The first of the reasons that holds; `infeasible`: whether the constraints are violated, and
-    no step reduces that (`_infeasibility.py`); `astray`: whether the unknowns are beyond
-    `farthest`."""
-    # The last one that holds wins: numbers that are not finite rule out every other reason.
+    """Why the search ended, where more than one reason may hold.
+
+    - `infeasible`: the constraints are violated, and no step reduces that (`_infeasibility.py`).
+    - `astray`: the unknowns are beyond `farthest`."""
+    # A later line overrules those above: numbers that are not finite overrule every other reason.
     reason = jnp.where(limited, StopReason.STEP_LIMIT, StopReason.NO_PROGRESS)
-    # More steps would not help.
+    # It overrules the limit of steps: more of them would not help.
     reason = jnp.where(infeasible, StopReason.INFEASIBLE, reason)
     reason = jnp.where(astray, StopReason.UNBOUNDED, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)
@@ -109,19 +111,19 @@ class Minimum(eqx.Module):
 
     - `x` and the `criterion` there.
     - `multipliers`: lambda and nu in the places of c and d, with 1 for f: grad f + lambda . grad c
-      - nu . grad d = 0. Of an infeasible problem they are weights of the search, and no prices.
-    - `gradient`: the largest component of that sum after the scaling of the search, of which the
-      tolerance is; `violation`: the largest of the constraints, in their own units.
+      - nu . grad d = 0. For an infeasible problem they are weights of the search without a meaning.
+    - `gradient`: the largest component of that sum in the scaled unknowns, which is compared with
+      the tolerance; `violation`: the largest of the constraints, in the units of the constraint.
     - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
-    - `gradient_error`: the relative difference of gradient and slope at the start, as far as it is
-      known; zero where it was not checked. Above 1e-3 the gradient is wrong.
+    - `gradient_error`: the relative difference between the gradient and finite differences at the
+      start; zero where it was not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
-    - `bound_multipliers`: the derivative of the objective by the place of each bound that holds x,
-      in its place in x; about zero elsewhere.
-    - `history`: objective, and scaled violation and gradient, after each round or step, (rows, 3),
-      NaN for those not taken.
-    - `search`: where the search stands, from which `minimise` can go on.
-    - `tolerance`: what was asked of the scaled gradient and violation.
+    - `bound_multipliers`: the derivative of the objective by each active bound, in the place of its
+      unknown in x; about zero elsewhere.
+    - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
+      steps not taken.
+    - `search`: the state of the search, from which `minimise` can go on.
+    - `tolerance`: the tolerance of the scaled gradient and violation.
     """
 
     x: Point
@@ -145,8 +147,8 @@ class Minimum(eqx.Module):
         return convergence_figure(self.history, title)
 
     def sentence(self, unmet: Sequence[str] | None = None) -> str:
-        """Why the search ended, in words, for a known result of one run: of one that stops short of
-        the tolerance what is missing, and what helps.
+        """Why the search ended, in words; of a search that stops short of the tolerance also what
+        is not met, and what helps. For a known result of one run.
 
         - `unmet`: a clause for each constraint that is not met, in place of its number here.
 
@@ -176,25 +178,29 @@ class Minimum(eqx.Module):
 
     def _infinite(self) -> str:
         """Clauses on the numbers that are not finite; or a note that a derivative is not."""
-        found = self.criterion
-        parts = [("The objective", "", found.objective)]
-        parts += [("", "equal_zero", found.equal_zero), ("", "non_negative", found.non_negative)]
+        criterion = self.criterion
+        parts = [("The objective", "", criterion.objective)]
+        parts += [
+            ("", "equal_zero", criterion.equal_zero),
+            ("", "non_negative", criterion.non_negative),
+        ]
         clauses = []
-        for own, name, values in parts:
+        for title, name, values in parts:
             if values is None:
                 continue
             for place, x in zip(_places(values), np.ravel(np.asarray(values)), strict=True):
                 if not np.isfinite(x):
-                    clauses.append(f"{own or name + place} is {x:g}")
+                    clauses.append(f"{title or name + place} is {x:g}")
         return listed(clauses) or "A derivative of the objective or of a constraint is not finite"
 
     @property
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
-        """Which equalities and which inequalities are not met, flat; of a known result of one run.
-        None where the search converged, or did not begin."""
+        """Which equalities and which inequalities are not met, flat, for a known result of one run.
+
+        No entry is true where the search converged, or did not begin."""
         parts = (self.criterion.equal_zero, self.criterion.non_negative)
         c, d = (np.zeros(0) if x is None else np.ravel(np.asarray(x)) for x in parts)
-        # In their own units they cannot be compared.
+        # Violations in different units cannot be compared: the weights of the search scale them.
         weight = np.ones(c.size + d.size)
         if self.search is not None:
             weight = np.asarray(self.search.weight)[1:]
@@ -203,18 +209,18 @@ class Minimum(eqx.Module):
         if int(self.reason) != StopReason.INFEASIBLE and self.tolerance is not None:
             met = max(met, float(self.tolerance))
         begun = int(self.reason) not in (StopReason.CONVERGED, StopReason.WRONG_GRADIENT)
-        # Not a comparison with NaN where a constraint is not finite: that one is not met either.
+        # `~(missed <= met)` is true for NaN too: a constraint that is not finite is not met.
         flags = begun & ~(missed <= met)
         return flags[: c.size], flags[c.size :]
 
 
-def worst_number(found: Minimum) -> str:
-    """Name of the number whose gradient differs most from differences at the start, for one run."""
+def worst_number(minimum: Minimum) -> str:
+    """Name of the value whose gradient differs most from finite differences, for one run."""
     names = ["the objective"]
     for name in ("equal_zero", "non_negative"):
-        values = getattr(found.criterion, name)
+        values = getattr(minimum.criterion, name)
         names += [] if values is None else [name + place for place in _places(values)]
-    return names[0] if found.search is None else names[int(found.search.worst)]
+    return names[0] if minimum.search is None else names[int(minimum.search.worst)]
 
 
 def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> list[str]:

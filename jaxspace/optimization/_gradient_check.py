@@ -23,7 +23,7 @@ from ..core import InputError
 GRADIENT_TOLERANCE = 1e-3
 """Measured for runs at the default tolerance: sound gradients agree with the difference to 1e-8,
 those by an interpolation without breaks to 1e-2; below 1e-3 a descent does not suffer."""
-DOUBT = 3.0
+ALLOWANCE = 3.0
 """Allowance for the errors of D(h) and D(h/2), in units of their difference. The part of rounding
 and of the tolerance of a run is effectively random."""
 PROBES = 4
@@ -80,10 +80,10 @@ def probed_error(
     mixture = jnp.cos(1.3 * jnp.arange(claimed.size, dtype=claimed.dtype))
     beyond, largest = _beyond(rows @ mixture, p, claimed @ mixture)
     error = _quotient(beyond, largest)
-    own, sizes = _beyond(rows, p, claimed)
-    worst = jnp.argmax(jnp.where(jnp.isfinite(own), own, 0.0))
+    errors, sizes = _beyond(rows, p, claimed)
+    worst = jnp.argmax(jnp.where(jnp.isfinite(errors), errors, 0.0))
     # If the mixture is wrong, the error of the named row is reported where it is larger.
-    named = jnp.maximum(error, _quotient(own[worst], sizes[worst]))
+    named = jnp.maximum(error, _quotient(errors[worst], sizes[worst]))
     return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
 
 
@@ -101,7 +101,7 @@ def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
     near = 2.0 * (4.0 * third - second - 3.0 * fourth)
     fine = jnp.where(p.inwards, near, third - fourth) / h
     slope = (4.0 * fine - coarse) / 3.0
-    beyond = jnp.maximum(jnp.abs(slope - claimed) - DOUBT * jnp.abs(fine - coarse), 0.0)
+    beyond = jnp.maximum(jnp.abs(slope - claimed) - ALLOWANCE * jnp.abs(fine - coarse), 0.0)
     return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
 
 

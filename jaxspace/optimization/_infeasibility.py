@@ -15,12 +15,12 @@ Source: Nocedal and Wright, Numerical Optimization, 17.2, 18.5 (stationary point
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-# A search by weights of 1e6 leaves a millionth of the objective's slope in r.
+# Bound on r. A search with penalty weights of 1e6 leaves a millionth of the objective's slope in r.
 VANISHED = 1e-3
-# A search that compares violations, which are flat at the least of them, comes as near to it as the
-# root of their rounding, and so does r to zero: in these roots of one rounding.
+# The violation is flat at its minimum, so a search that compares violations ends within the square
+# root of one rounding of it, and r as near to zero. This is the bound on r in such square roots.
 NEAREST = 30.0
-# So many sizes of the unknowns would be needed to meet the constraints by a slope this small.
+# A slope is small if meeting the constraints along it would take more than so many unit steps.
 FARTHEST = 10.0
 # Least violation, in roundings. Below it, rounding decides the signs that set the weights.
 ROUNDINGS = 1e4
@@ -29,7 +29,7 @@ ROUNDINGS = 1e4
 def unit_weights(
     equal: Float[Array, " equal"], above: Float[Array, " inequal"]
 ) -> tuple[Float[Array, " equal"], Float[Array, " inequal"]]:
-    """Weights of c and d, none of d negative, by the largest of them; zeros stay."""
+    """Weights of c and d divided by the largest of them, those of d not negative; zeros stay."""
     above = jnp.maximum(above, 0.0)
     largest = jnp.maximum(jnp.max(jnp.abs(equal), initial=0.0), jnp.max(above, initial=0.0))
     divisor = jnp.where(largest > 0.0, largest, 1.0)

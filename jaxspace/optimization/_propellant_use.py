@@ -4,9 +4,10 @@
     W_2 = g T/2 - D/T              vertical part of the impulse at the end
     U   = u_0 + sqrt(V^2 - c^2),   c = |W_1| + |W_2|,   V_1/V_2 = |W_1|/|W_2|
 
-The vertical parts bring the rocket to the height Y without climb; what is left of V goes into the
-horizontal velocity U, and both impulses have the same slope. For a given T the propellant is split.
-With T free the least c lies at a corner of |W_1| + |W_2|: one of the impulses vanishes.
+The vertical parts bring the rocket to the height Y with no vertical velocity there; the rest of V
+goes into the horizontal velocity U, and both impulses have the same slope. For a given T the
+propellant is split. If T is free, the least c lies at a corner of |W_1| + |W_2|, where one impulse
+vanishes.
 
     D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
     D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)
@@ -76,7 +77,8 @@ class PropellantUse(eqx.Module):
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:
             raise InputError("PropellantUse.sentence describes one known run: pick one.")
         if not bool(self.feasible):
-            gain, climb = float(self.first + self.last), float(self.nearest_climb)
+            gain = float(self.first + self.last)
+            climb = float(self.nearest_climb)
             reached = f"the nearest that it reaches is {climb:.6g} m above the release"
             return (
                 f"The propellant is too little to reach the height without climb: it gives "
@@ -120,7 +122,7 @@ def propellant_use(
     D, V, g = (as_float(x) + 0.0 * u0 for x in (climb, velocity_gain, gravity))
     free = duration is None
     T = _best_duration(w0, D, g) if duration is None else as_float(duration) + 0.0 * u0
-    # Their sum and difference are exact at the corners, where one of them must be exactly zero.
+    # Sum and difference of two terms, so that at a corner one impulse is exactly zero.
     up = D > 0.0
     mean = safe_divide(D, T)
     first = mean + 0.5 * g * T - w0
@@ -136,10 +138,10 @@ def propellant_use(
     share = jnp.where(size > 0.0, safe_divide(jnp.abs(first), size), 1.0)
     size = jnp.where(still, jnp.inf, size)
     feasible = size <= V
-    kept = jnp.minimum(size, V)
-    across = safe_sqrt(V * V - kept * kept)
+    vertical = jnp.minimum(size, V)
+    across = safe_sqrt(V * V - vertical * vertical)
     # Without propellant the impulse has no slope, and the angle is zero.
-    angle = jnp.arctan2(kept, jnp.where(V > 0.0, across, 1.0))
+    angle = jnp.arctan2(vertical, jnp.where(V > 0.0, across, 1.0))
     return PropellantUse(
         first=V * share,
         last=V * (1.0 - share),

@@ -133,7 +133,7 @@ def _search(
 
     profile, made = free_numbers(start)
 
-    def fly(x: Unknowns) -> FlightState:
+    def burnout(x: Unknowns) -> FlightState:
         flight = SteeredFlight(ascent.thrust, made(x["profile"]), ascent.gravity)
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
         # A flight that fails is no error here: its objective turns the line search back.
@@ -142,28 +142,28 @@ def _search(
         ).final
 
     def problem(x: Unknowns) -> Criterion:
-        end = fly(x)
+        end = burnout(x)
         miss = (apex(ascent, end)[1] - ascent.apex_height) / height
         return Criterion(
             objective=-end.u / speed, equal_zero=miss, non_negative=end.w / speed, report=end
         )
 
     # The corners of the steering are breaks: its gradient needs no check.
-    found = minimise(
+    minimum = minimise(
         problem,
         {"release": release_angle, "profile": profile},
         tolerance=tolerance,
         check_gradient=False,
     )
-    end = found.criterion.report
+    end = minimum.criterion.report
     return SteeringOptimum(
-        release_angle=found.x["release"],
-        steering=made(found.x["profile"]),
+        release_angle=minimum.x["release"],
+        steering=made(minimum.x["profile"]),
         burnout=end,
         apex_time=apex(ascent, end)[0],
         final_velocity=end.u,
-        height_derivative=found.multipliers.equal_zero * speed / height,
-        violation=found.violation,
-        gradient=found.gradient,
-        converged=found.converged,
+        height_derivative=minimum.multipliers.equal_zero * speed / height,
+        violation=minimum.violation,
+        gradient=minimum.gradient,
+        converged=minimum.converged,
     )

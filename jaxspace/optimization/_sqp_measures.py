@@ -1,5 +1,4 @@
-"""What a step of `_sqp.py` is measured by: violation, gradient of the Lagrangian, penalty,
-and its curvature by damped BFGS.
+"""Violation, gradient of the Lagrangian, penalty and damped BFGS curvature for `_sqp.py`.
 
 Source: Powell 1978 (damping)."""
 
@@ -11,7 +10,7 @@ from ._sqp_state import Found, Limits, SqpState, Values
 
 
 def scaled(found: Found, weight: Array, me: int) -> Values:
-    """Value, the first `me` constraints as equalities and the rest, times the `weight` of each."""
+    """Objective, the first `me` constraints as equalities and the rest, times their `weight`."""
     values, jacobian = weight * found.values, weight[:, None] * found.jacobian
     f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
     return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
@@ -29,9 +28,9 @@ def slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
 
 
 def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
-    """The largest component of the gradient that the bounds leave free, or of nu d."""
-    # By a projection: what pushes against a bound promises no descent. It is x - clip(x - slope)
-    # without the difference of large x, in which a small slope would vanish.
+    """The largest component of the projected gradient of the Lagrangian, or of nu d."""
+    # Projected on the bounds: a component that pushes against a bound allows no descent. It is
+    # x - clip(x - slope), without the difference of large x, which would lose a small slope.
     free = jnp.clip(slope(s.at, s.y, s.nu), s.x - limits.upper, s.x - limits.lower)
     loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
@@ -43,22 +42,23 @@ def penalty(c: Array, d: Array) -> Float[Array, ""]:
 
 
 def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Array:
-    """Powell's update of the curvature, which stays positive."""
+    """The BFGS curvature after a step p, damped so that it stays positive definite (Powell)."""
     change = slope(trial, y, nu) - slope(s.at, y, nu)
     B = s.B
-    own = p @ B @ p
+    curvature = p @ B @ p
     along = p @ change
     # The first step sets the size of the curvature.
     fresh = (s.calls == 1) & (along > 0.0)
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
-    own = jnp.where(fresh, p @ B @ p, own)
-    # Powell's numbers: a change below a fifth of the curvature at hand is mixed with it, so that B
-    # stays positive.
-    low = along < 0.2 * own
-    share = jnp.where(low, 0.8 * own / jnp.where(low, own - along, 1.0), 1.0)
+    curvature = jnp.where(fresh, p @ B @ p, curvature)
+    # Powell's numbers: where the new curvature along p is below a fifth of the old one, it is mixed
+    # with the old one, so that B stays positive definite.
+    low = along < 0.2 * curvature
+    share = jnp.where(low, 0.8 * curvature / jnp.where(low, curvature - along, 1.0), 1.0)
     change = share * change + (1.0 - share) * (B @ p)
-    bottom, top = own, p @ change
+    bottom = curvature
+    top = p @ change
     usable = (bottom > 0.0) & (top > 0.0)
     bottom, top = (jnp.where(usable, v, 1.0) for v in (bottom, top))
     q = B @ p
@@ -67,12 +67,14 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
 
 
 def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
-    """Whether the constraints are violated where no step reduces that: either their sum, which is
-    what the programmes reduce, or their sum of squares."""
-    at, holds = s.at, jnp.asarray(False)
+    """Whether no step reduces the violation of the constraints to first order.
+
+    The violation is their sum, which the quadratic programmes reduce, or their sum of squares."""
+    at = s.at
+    holds = jnp.asarray(False)
     free = (s.x > limits.lower) & (s.x < limits.upper)
-    # The multipliers of the last programme, of which the objective is a small part by then; they
-    # lose digits where its radius is small.
+    # Three sets of weights, since the first is inexact: the multipliers of the last programme, in
+    # which the objective is a small part by then, lose digits where its radius is small.
     for y, nu in ((s.pending.y, s.pending.nu), _of_the_sum(at, free), (at.c, -at.d)):
         y, nu = unit_weights(y, nu)
         gradient, weighted = at.J.T @ y - at.K.T @ nu, at.c @ y - at.d @ nu
@@ -82,16 +84,16 @@ def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
 
 
 def _of_the_sum(at: Values, free: Bool[Array, " n"]) -> tuple[Array, Array]:
-    """The weights by which the sum of the violations has the least slope in the `free` unknowns.
+    """Weights with which the sum of the violations has the least slope in the `free` unknowns.
 
-    The sign of what is violated; of what is met, where the sum has a kink, any from -1, of an
-    inequality from 0, to 1."""
+    The weight of a violated constraint is its sign. Where a constraint is met, the sum has a kink,
+    and the weight may lie between -1 (an inequality: 0) and 1."""
     met = ROUNDINGS * jnp.finfo(at.c.dtype).eps
     violated = jnp.concatenate([jnp.abs(at.c), -at.d]) > met
-    own = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)
+    signs = jnp.where(violated, jnp.concatenate([jnp.sign(at.c), jnp.ones_like(at.d)]), 0.0)
     kinks = ~violated & jnp.concatenate([jnp.ones_like(at.c, bool), at.d < met])
     rows = jnp.where(free, jnp.concatenate([at.J, -at.K]), 0.0)
-    among = jnp.linalg.lstsq(jnp.where(kinks, rows.T, 0.0), -(own @ rows))[0]
+    among = jnp.linalg.lstsq(jnp.where(kinks, rows.T, 0.0), -(signs @ rows))[0]
     least = jnp.concatenate([-jnp.ones_like(at.c), jnp.zeros_like(at.d)])
-    weights = own + jnp.clip(among, least, 1.0)
+    weights = signs + jnp.clip(among, least, 1.0)
     return weights[: at.c.size], weights[at.c.size :]

@@ -1,4 +1,4 @@
-"""State of a search by quadratic programmes, its start and its end (`_sqp.py`)."""
+"""State of a search by quadratic programmes (`_sqp.py`): its fields, its start and its end."""
 
 import functools
 from typing import Any, NamedTuple
@@ -27,7 +27,7 @@ class Values(NamedTuple):
 
 
 class Pending(NamedTuple):
-    """A step p whose end is not evaluated yet, and the multipliers of its programme."""
+    """A step p whose end point is not evaluated yet, and the multipliers of its programme."""
 
     p: Float[Array, " n"]
     y: Float[Array, " equal"]
@@ -43,9 +43,9 @@ class SqpState(NamedTuple):
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
-    - `probed`: values at the probes; `wrong`: the error of the gradient that they show, and
+    - `probed`: values at the probes; `wrong`: the error of the gradient against their differences;
       `worst`: the row of (f, c, d) where it is largest.
-    - `taken`: steps of this search; `steps`: those of the searches that it continues included."""
+    - `taken`: steps of this search; `steps`: also those of the searches that it continues."""
 
     x: Float[Array, " n"]
     at: Values
@@ -113,11 +113,14 @@ def begin(
     - `me`, `mi`: how many equalities and inequalities there are.
     - `report`: a tree of the shapes of what the problem reports.
     - `check`: whether the gradient is compared with differences first."""
-    n, rows = x.size, 1 + me + mi
+    n = x.size
+    rows = 1 + me + mi
     zeros = functools.partial(jnp.zeros, dtype=x.dtype)
     at = Values(zeros(()), zeros(me), zeros(mi), zeros(n), zeros((me, n)), zeros((mi, n)), report)
-    one, no = jnp.ones((), x.dtype), jnp.asarray(False)
-    calls, probed = jnp.asarray(-PROBES if check else 0), probes_of(x, limits)
+    one = jnp.ones((), x.dtype)
+    no = jnp.asarray(False)
+    calls = jnp.asarray(-PROBES if check else 0)
+    probed = probes_of(x, limits)
     return SqpState(
         x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
         (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),
@@ -129,15 +132,15 @@ def begin(
 
 
 def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
-    """Whether another evaluation is wanted."""
+    """Whether the search needs another evaluation."""
     missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
     sound = (s.wrong <= GRADIENT_TOLERANCE) & s.at.sound()
-    # A step within this radius changes hardly a digit of the scaled unknowns.
+    # A step within this radius changes only the last two digits of the scaled unknowns.
     least = 1e2 * jnp.finfo(s.x.dtype).eps
     goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
     return (s.calls <= 0) | (goes_on & ~astray(s, limits))
 
 
 def astray(s: SqpState, limits: Limits) -> Bool[Array, ""]:
-    """Whether the unknowns are farther than any optimum is meant to be."""
+    """Whether the unknowns are beyond `farthest`: the search diverges."""
     return jnp.max(jnp.abs(s.x)) > limits.farthest

@@ -132,20 +132,20 @@ def staging_with_losses(
     top, round_earth = (None if x is None else as_float(x) for x in (height, radius))
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)
-    found = _search(goal, limit)
+    minimum = _search(goal, limit)
     # A traced search does not say yet whether another one must follow it.
-    if is_traced(found.converged) or bool(found.minimum.violation <= limit):
-        return found
+    if is_traced(minimum.converged) or bool(minimum.minimum.violation <= limit):
+        return minimum
     fastest = _search(goal, limit, fastest=True)
     if not bool(fastest.converged):
-        return found
+        return minimum
     if bool(fastest.burnout.speed >= speed):
         # Within reach after all, but far from where the search began: the fastest is nearer.
         return _search(goal, limit, (fastest.stage_mass, fastest.minimum.x))
     return dataclasses.replace(
         fastest,
-        converged=found.converged,
-        minimum=found.minimum,
+        converged=minimum.converged,
+        minimum=minimum.minimum,
         velocity_price=jnp.inf + 0.0 * speed,
         greatest_speed=fastest.burnout.speed,
     )
@@ -165,11 +165,12 @@ def _search(
     if begin is not None:
         # A stage that vanished there may grow again.
         sizes = jnp.maximum(begin[0], 0.01 * sizes)
-    b, none = goal.design.structural_factor, jnp.zeros_like(goal.speed)
+    b = goal.design.structural_factor
+    none = jnp.zeros_like(goal.speed)
     start, low, high, scale = _unknowns(goal, sizes)
     if begin is not None and not goal.vertical:
         start["kick"] = begin[1]["kick"]
-    found = minimise(
+    minimum = minimise(
         _problem(goal, sizes, fastest),
         start,
         bounds=(low, high),
@@ -181,8 +182,8 @@ def _search(
         # A flight in so few steps is cheap to differentiate twice.
         exact_hessian=True,
     )
-    masses, flight = found.criterion.report
-    prices = found.multipliers.equal_zero
+    masses, flight = minimum.criterion.report
+    prices = minimum.multipliers.equal_zero
     speed_price = height_price = none
     if prices is not None and not fastest:
         speed_price = -prices[0] / goal.speed
@@ -191,7 +192,7 @@ def _search(
         stage_mass=masses,
         propellant=(1.0 - b) * masses,
         used=masses > 1e-6 * flight.initial_mass,
-        kick=_kick(goal, found.x),
+        kick=_kick(goal, minimum.x),
         initial_mass=flight.initial_mass,
         burnout=flight.end,
         burn_times=flight.burn_times,
@@ -199,8 +200,8 @@ def _search(
         losses=flight.ideal_velocity - (flight.end.speed - FIRST_SPEED),
         velocity_price=speed_price,
         height_price=height_price,
-        converged=found.converged,
-        minimum=found,
+        converged=minimum.converged,
+        minimum=minimum,
         greatest_speed=jnp.nan * goal.speed,
     )
 
@@ -212,9 +213,10 @@ def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
     u, b = design.exhaust_velocity, design.structural_factor
     # Short of the limit, at which masses grow without bound; shorter for the fastest rocket, whose
     # search begins at what its thrust lifts.
-    wanted = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
-    ratio = jnp.maximum(optimal_staging(u, b, wanted).mass_ratio, 1.05)
-    size, above = [], goal.payload
+    speed = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
+    ratio = jnp.maximum(optimal_staging(u, b, speed).mass_ratio, 1.05)
+    size = []
+    above = goal.payload
     for i in reversed(range(u.shape[0])):
         above = above + design.fixed_mass[i]
         size.append(above * (ratio[i] - 1.0) / (1.0 - b[i] * ratio[i]))
@@ -260,16 +262,16 @@ def _problem(goal: Goal, sizes: Array, fastest: bool) -> Callable[[Unknowns], Cr
         flight = flown(goal, masses, _kick(goal, x))
         end, mass = flight.end, flight.initial_mass
         faster = end.speed / goal.speed - 1.0
-        wanted = [] if fastest else [faster]
-        wanted += [] if vertical else [jnp.log(jnp.tan(0.5 * end.angle))]
-        wanted += [] if height is None else [(end.height - height) / tall]
+        zero = [] if fastest else [faster]
+        zero += [] if vertical else [jnp.log(jnp.tan(0.5 * end.angle))]
+        zero += [] if height is None else [(end.height - height) / tall]
         # The rocket lifts off, and the first stage outlasts the rise.
-        kept = [1.0 - LEAST_LIFT * mass * goal.gravity / goal.design.thrust[0]]
-        kept += [] if vertical else [flight.burn_times[0] / goal.rise - 1.0]
+        positive = [1.0 - LEAST_LIFT * mass * goal.gravity / goal.design.thrust[0]]
+        positive += [] if vertical else [flight.burn_times[0] / goal.rise - 1.0]
         # A fall towards the centre of the planet would be faster than every ascent.
-        kept += [end.height / tall] if fastest else []
+        positive += [end.height / tall] if fastest else []
         objective = -faster if fastest else jnp.log(mass / goal.payload)
-        equal = jnp.stack(wanted) if wanted else None
-        return Criterion(objective, equal, jnp.stack(kept), (masses, flight))
+        equal = jnp.stack(zero) if zero else None
+        return Criterion(objective, equal, jnp.stack(positive), (masses, flight))
 
     return problem

@@ -245,13 +245,13 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
 
     # Equal b_i mu_i for all stages: feasible if anything is.
     start = jnp.sqrt(jnp.where(near, u / jnp.sum(u), most / velocity_limit(u, b)))
-    found = minimise(
+    minimum = minimise(
         lambda q: Criterion(jnp.sum(log_stage_masses(q)[2])),
         start,
         tolerance=1e-12,
         check_gradient=False,
     )
-    s, short, log_masses = log_stage_masses(found.x)
+    s, short, log_masses = log_stage_masses(minimum.x)
     # A descent reaches the bound to its tolerance only.
     used = u * s > 1e-9 * v
     # The multiplier from the stage with the largest share, where it is best conditioned.
@@ -263,7 +263,7 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
         payload_ratio=jnp.exp(-log_mass),
         multiplier=1.0 / (u * jnp.expm1(-short))[leader],
         used=used,
-        feasible=found.converged & (v < velocity_limit(u, b)),
+        feasible=minimum.converged & (v < velocity_limit(u, b)),
     )
 
 

@@ -114,7 +114,8 @@ def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
     # T = t_b, if at all), then rises up to vertical flight. Only the rising part is optimal.
     lowest_time = lax.stop_gradient(increasing_root(lambda T: _slope(fixed, T), earliest, latest))
     vertical = burnout_state(fixed, 0.5 * jnp.pi, lambda t: 0.5 * jnp.pi + 0.0 * t)
-    lowest, highest = _apex_height(fixed, lowest_time), apex(fixed, vertical)[1]
+    lowest = _apex_height(fixed, lowest_time)
+    highest = apex(fixed, vertical)[1]
     reached = possible & (ascent.apex_height >= lowest) & (ascent.apex_height < highest)
     target = jnp.where(
         reached, ascent.apex_height, _apex_height(fixed, 0.5 * (lowest_time + latest))

@@ -198,7 +198,7 @@ def _step(x: Scalar, g2: Scalar, g3: Scalar, t: Scalar, conic: _Conic) -> Scalar
     late = q * x + e * g3 - t
     rho = q + e * g2
     slope = e * g1
-    # Laguerre's method with n = 5 gives d; the Taylor series about x, solved once more with this d,
+    # Laguerre's method with n = 5 gives d; the Taylor series about x, solved again with this d,
     # brings the error to fourth order.
     d = -5.0 * late / (rho + jnp.sqrt(jnp.abs(16.0 * rho * rho - 20.0 * late * slope)))
     return -late / (rho + 0.5 * d * (slope + d / 3.0 * e * (g0 - 0.25 * d * beta * g1)))

@@ -32,7 +32,7 @@ class KeplerMotion(AbstractClosedForm):
         h = cross(r, v)
         eps = 64.0 * float(jnp.finfo(r.dtype).eps)
         straight = dot(h, h) <= eps * eps * dot(r, r) * dot(v, v)
-        # Elliptic and hyperbolic functions only for the rare run that asks for them.
+        # Elliptic and hyperbolic functions only for the rare run that needs them.
         return jax.lax.cond(
             jnp.any(straight),
             lambda: straight & _passes_centre(r, v, mu, duration),

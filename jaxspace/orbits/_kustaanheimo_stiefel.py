@@ -104,7 +104,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         energy = jnp.maximum(jnp.abs(z0[8]), jnp.abs(z1[8]))
         # On an ellipse of constant size: w itself is small about the apoapsis.
         w2 = w2 + 0.5 * energy * r
-        # E is zero on a parabola, whose energy is judged by a hundredth of the attraction.
+        # E is zero on a parabola: a hundredth of the attraction keeps the error of E in proportion.
         energy = energy + 0.01 * self.mu / r
         of_energy = x[8] / energy
         return jnp.sqrt(dot4(x[:4], x[:4]) / r + dot4(x[4:8], x[4:8]) / w2 + of_energy * of_energy)
@@ -131,9 +131,9 @@ def _has_potential(rest: AbstractSystem, z: jax.ShapeDtypeStruct) -> bool:
 
     def both(t: Scalar, v: Vector, r: Vector, arrays: AbstractSystem) -> tuple[Array, ...]:
         system = eqx.combine(arrays, static)
-        kept = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
+        invariants = system.invariants(t, BodyState(r, jnp.zeros_like(r)))
         a = system.vector_field(t, BodyState(r, v)).velocity
-        return (a, kept["energy"]) if "energy" in kept else (a,)
+        return (a, invariants["energy"]) if "energy" in invariants else (a,)
 
     jaxpr = jax.make_jaxpr(both)(time, y.velocity, y.position, shapes).jaxpr
     moved = depending_on(jaxpr, jaxpr.invars[:2])

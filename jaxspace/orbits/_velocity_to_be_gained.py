@@ -1,4 +1,4 @@
-"""The velocity to be gained: what the speed lacks on the way to an orbit of given semi-major axis.
+"""The velocity to be gained: the missing speed on the way to an orbit of given semi-major axis.
 
     v_g = v_r - |v|,    v_r^2 = mu (2/r - 1/a)
         = (v_r^2 - v^2) / (v_r + |v|)                         without cancellation near cut-off
@@ -7,12 +7,12 @@
     v_g      velocity to be gained: the burn ends where it is zero              m/s
     v_r      speed that the orbit requires at the present distance (vis-viva)   m/s
     r, v     distance from the centre, velocity                                 m, m/s
-    a        semi-major axis that is asked for                                  m
+    a        required semi-major axis                                           m
 
 Valid for a burn along the velocity, or close to it: there is then the energy of the orbit to gain,
 and its plane and shape follow from the steering. Beyond r = 2 a no speed is on the orbit: v_r^2 is
 negative there, v_g = -(|v_r|^2 + v^2) / (|v_r| + |v|), and the sign still says that the energy is
-beyond the one asked for.
+beyond the required one.
 
 Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics, chapter 11 (v_g =
 v_r - v, cut-off where it vanishes); vis-viva: Thomson 4.7.

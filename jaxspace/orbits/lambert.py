@@ -189,7 +189,7 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     rise = dot(chord, (start + end) * (1.0 / (r1 + r2)))
     per_r2 = 1.0 / r2
     i1, i2, r1, r2, c, rise = barrier((start * (1.0 / r1), end * per_r2, r1, r2, c, rise))
-    # What it lacks to i2 is along i1: neither the cross product nor the component along t1 has it.
+    # Its difference to i2 is along i1: neither the cross product nor the component along t1 has it.
     toward = jnp.where(c < r2, chord * per_r2, i2)
     t1, t2, way = _along(i1, i2, toward, normal)
     s = 0.5 * (r1 + r2 + c)

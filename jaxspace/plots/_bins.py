@@ -1,4 +1,4 @@
-"""Bins that any values have, also those that differ by rounding alone."""
+"""Bins of a histogram, also for values that differ by rounding alone."""
 
 import numpy as np
 

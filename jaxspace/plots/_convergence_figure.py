@@ -1,4 +1,4 @@
-"""A figure of how a search went: objective, violation and gradient after each of its steps."""
+"""Figure of a search: objective, violation and gradient after each of its steps."""
 
 from typing import TYPE_CHECKING
 

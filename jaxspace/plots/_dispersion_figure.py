@@ -195,7 +195,7 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
         axes.set_yticks([])
         return
     inputs = list(result.shares)
-    # By chance a share of nothing may come out below zero.
+    # A share of zero may be estimated below zero.
     shares = [100.0 * max(share, 0.0) for share in result.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
@@ -226,10 +226,10 @@ def summary(row: "Row") -> str:
     return words + (f"; beyond the bins: {row.missing()}" if row.missing() else "")
 
 
-def explained(found: "Contributors") -> str:
+def explained(contributors: "Contributors") -> str:
     """The sum of the shares and the unexplained rest, in words."""
-    part = f"{100.0 * max(found.r_squared, 0.0):.1f} % of the variance by inputs one by one"
-    return part + ("" if found.r_squared >= 0.9995 else "; rest: products, higher powers")
+    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % of the variance by inputs one by one"
+    return part + ("" if contributors.r_squared >= 0.9995 else "; rest: products, higher powers")
 
 
 def contributors_or_none(dispersion: "Dispersion", name: str, count: int) -> "Contributors | None":

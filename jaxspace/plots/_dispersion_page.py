@@ -189,11 +189,11 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
         # As many cells as below, so that the columns stay.
         return ["", *["none"] * 5]
     limit = dispersion.percentile(row.name, 0.995)
-    own = row.shown(nominal[row.name]) if row.name in nominal else "–"
+    nominal_value = row.shown(nominal[row.name]) if row.name in nominal else "–"
     spans = ((row.low, row.high), (limit.low, limit.high), (row.min, row.max))
     # One break, which is not within a number.
     shown = [" … ".join(row.shown(x) for x in span) for span in spans]
-    return [own, row.shown(row.mean), row.shown(row.std), *shown]
+    return [nominal_value, row.shown(row.mean), row.shown(row.std), *shown]
 
 
 def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:

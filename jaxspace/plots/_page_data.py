@@ -159,9 +159,9 @@ def _ellipses(
     scale = float(np.sqrt(2.0 * np.log(1.0 / (1.0 - HELD))))
     centre, half = [], []
     for row in x:
-        own = row[~np.isnan(row)]
-        width = scale * float(np.std(own, ddof=1)) if own.size > 2 else 0.0
-        centre.append(float(own.mean()) if own.size else None)
+        finite = row[~np.isnan(row)]
+        width = scale * float(np.std(finite, ddof=1)) if finite.size > 2 else 0.0
+        centre.append(float(finite.mean()) if finite.size else None)
         half.append(width if width > 0.0 else None)
     return {
         "centre": centre,
@@ -174,13 +174,13 @@ def _ellipses(
 def _one_sided(values: np.ndarray) -> bool:
     """Whether the runs lie to one side of their mean, by the skewness of those that are there:
     1 of the size of a normal number, 2 of an exponential law."""
-    own = values[~np.isnan(values)]
-    deviation = np.std(own) if own.size else 0.0
+    finite = values[~np.isnan(values)]
+    deviation = np.std(finite) if finite.size else 0.0
     if not deviation > 0.0:
         return False
-    skewness = float(np.mean(((own - own.mean()) / deviation) ** 3))
+    skewness = float(np.mean(((finite - finite.mean()) / deviation) ** 3))
     # Of a normal law it scatters by sqrt(6/n): what stands out by chance claims nothing.
-    return abs(skewness) > max(0.6, 4.0 * math.sqrt(6.0 / own.size))
+    return abs(skewness) > max(0.6, 4.0 * math.sqrt(6.0 / finite.size))
 
 
 def _phase(x: np.ndarray) -> np.ndarray:

@@ -179,8 +179,8 @@ def _picked(times: np.ndarray, rate: float) -> np.ndarray:
     long one, and more of them for a body that turns at up to this rate, rad/s."""
     span = abs(times[-1] - times[0])
     most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
-    wanted = np.linspace(times[0], times[-1], int(min(len(times), most)))
-    return np.unique(np.searchsorted(times, wanted).clip(0, len(times) - 1))
+    even = np.linspace(times[0], times[-1], int(min(len(times), most)))
+    return np.unique(np.searchsorted(times, even).clip(0, len(times) - 1))
 
 
 def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.ndarray]:
@@ -219,8 +219,8 @@ def _momentum(system: Any, ts: Any, states: Any) -> Any:
     if not getattr(states, "parts", None):
         inertia = _inertia(system, states)
         return None if inertia is None else states.attitude.rotate(inertia.times(states.omega))
-    kept = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
-    return kept.get("rotational_momentum")
+    invariants = jax.vmap(system.invariants, in_axes=(0, -1), out_axes=-1)(jnp.asarray(ts), states)
+    return invariants.get("rotational_momentum")
 
 
 def _inertia(system: Any, states: Any) -> Any:
@@ -284,7 +284,7 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
 
 
 def _faces(phase: Any) -> list[dict[str, Any]]:
-    """The body as its inertia tells; a top on its tip; a box where nothing is known."""
+    """The shape of the body from its inertia; a top on its tip; a box if nothing is known."""
     if hasattr(phase.system, "weight_moment"):
         return top_faces()
     inertia = _inertia(phase.system, phase.initial)

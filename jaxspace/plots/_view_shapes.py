@@ -76,10 +76,10 @@ def revolved(profile: list[tuple[float, float]]) -> list[dict[str, Any]]:
         for k in range(SIDES):
             corners = [(r, a[k], z), (r, a[k + 1], z), (s, a[k + 1], w), (s, a[k], w)]
             # A circle of no radius is one corner.
-            kept = [
+            distinct = [
                 c for c, at_axis in zip(corners, (0, r == 0, s == 0, 0), strict=True) if not at_axis
             ]
-            points = [(q * np.cos(b), q * np.sin(b), h) for q, b, h in kept]
+            points = [(q * np.cos(b), q * np.sin(b), h) for q, b, h in distinct]
             faces.append({"points": points, "kind": "mark" if k == 0 else "face"})
     return faces
 

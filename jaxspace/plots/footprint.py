@@ -99,10 +99,10 @@ def footprint_figure(
 def _footprint(
     axes: "Axes",
     dispersion: "Dispersion",
-    found: "Footprint",
+    footprint: "Footprint",
     nominal: tuple[float, float] | None,
 ) -> None:
-    east, north = found.points
+    east, north = footprint.points
     size, alpha = (14.0, 0.6) if east.size < 500 else (5.0, 0.3)
     axes.scatter(
         *(east, north, size),
@@ -113,11 +113,11 @@ def _footprint(
         rasterized=east.size > 5000,
         label=f"{east.size} landings",
     )
-    for ellipse, style in zip(found.ellipses, ("-", "--", ":"), strict=True):
+    for ellipse, style in zip(footprint.ellipses, ("-", "--", ":"), strict=True):
         share, inside = (f"{100.0 * x:.3g} %" for x in (ellipse.probability, ellipse.inside))
         label = f"ellipse of {share} ({inside} of the runs)"
         axes.plot(*ellipse.outline(), color=COLOURS[0], linestyle=style, linewidth=1.6, label=label)
-    axes.plot(*found.ellipses[0].centre, "+", color=COLOURS[0], markersize=11, label="mean")
+    axes.plot(*footprint.ellipses[0].centre, "+", color=COLOURS[0], markersize=11, label="mean")
     if nominal is not None:
         axes.plot(*nominal, "D", color=COLOURS[2], fillstyle="none", label="nominal run")
     axes.plot(0.0, 0.0, "^", color=COLOURS[1], markersize=10, label="rail")
@@ -125,9 +125,9 @@ def _footprint(
     if radius is not None:
         turn = np.linspace(0.0, 2.0 * np.pi, 241)
         circle = radius * np.sin(turn), radius * np.cos(turn)
-        label = f"required: within {radius:g} {found.unit}"
+        label = f"required: within {radius:g} {footprint.unit}"
         axes.plot(*circle, color=BAD, linewidth=1.2, linestyle="-.", label=label)
-    dress(axes, "", f"east of the rail [{found.unit}]", f"north of the rail [{found.unit}]")
+    dress(axes, "", f"east of the rail [{footprint.unit}]", f"north of the rail [{footprint.unit}]")
     # A metre is a metre in both directions.
     axes.set_aspect("equal", adjustable="datalim")
     _geography(axes, dispersion)
@@ -172,8 +172,8 @@ def _geography(axes: "Axes", dispersion: "Dispersion") -> None:
     beside = axes.secondary_yaxis("right", functions=_line(*latitude))
     above.set_xlabel("longitude [deg]", fontsize=9)
     beside.set_ylabel("latitude [deg]", fontsize=9)
-    for own, axis in ((above, above.xaxis), (beside, beside.yaxis)):
-        own.tick_params(labelsize=8)
+    for panel, axis in ((above, above.xaxis), (beside, beside.yaxis)):
+        panel.tick_params(labelsize=8)
         # Never as a difference from a number at the end of the axis.
         axis.set_major_formatter(ScalarFormatter(useOffset=False))
     above.locator_params(axis="x", nbins=5)

@@ -22,6 +22,7 @@ from ._thrust_profile import ThrustProfile as ThrustProfile
 from .gravity_turn import GravityTurn as GravityTurn
 from .gravity_turn import GravityTurnState as GravityTurnState
 from .jet_damping import JetDamping as JetDamping
+from .jet_damping import spin_angle as spin_angle
 from .variable_mass import MassStream as MassStream
 
 if TYPE_CHECKING:

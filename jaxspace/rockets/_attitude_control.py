@@ -40,9 +40,9 @@ class AttitudeControl(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        wanted = y.attitude.rotate_back(self.steering.direction(t, y))
+        direction = y.attitude.rotate_back(self.steering.direction(t, y))
         # The sine of the error, smooth everywhere; a body that points backwards gets no torque.
-        error = cross(axis(2, jnp.ones_like(wanted[0])), wanted)
+        error = cross(axis(2, jnp.ones_like(direction[0])), direction)
         return Load(torque_B=self.stiffness * error - self.damping * y.omega)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:

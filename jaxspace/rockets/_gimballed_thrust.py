@@ -65,9 +65,9 @@ class Gimbal(AbstractParameters):
         """The tangents of the nozzle's angles about x and y, at the time `t`, s: smooth, and never
         beyond the limit."""
         # In body axes, where the error about x and y is what the nozzle can correct.
-        wanted = y.attitude.rotate_back(self.steering.direction(t, y))
-        about_x = -self.gain * wanted[1] - self.damping * y.omega[0]
-        about_y = self.gain * wanted[0] - self.damping * y.omega[1]
+        direction = y.attitude.rotate_back(self.steering.direction(t, y))
+        about_x = -self.gain * direction[1] - self.damping * y.omega[0]
+        about_y = self.gain * direction[0] - self.damping * y.omega[1]
         most = jnp.tan(self.limit)
         # Smooth, because a hard stop would be a kink that step control has to resolve.
         held = jnp.sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
@@ -236,6 +236,6 @@ class GimballedThrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # As those of the point's motor, whose law may have corners, too.
-        own = self.motor().breaks()
+        motor_breaks = self.motor().breaks()
         law = self.gimbal.steering.breaks()
-        return own if law is None else joined_breaks(own, law)
+        return motor_breaks if law is None else joined_breaks(motor_breaks, law)

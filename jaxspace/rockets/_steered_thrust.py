@@ -180,9 +180,9 @@ class SteeredThrust(AbstractEffect):
         return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
-        own = self._motor().breaks()
+        motor_breaks = self._motor().breaks()
         law = self.steering.breaks()
-        return own if law is None else joined_breaks(own, law)
+        return motor_breaks if law is None else joined_breaks(motor_breaks, law)
 
     def _motor(self) -> Thrust:
         # A throttle that is always there is a factor; the flow falls with the thrust.

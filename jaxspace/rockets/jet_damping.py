@@ -27,7 +27,7 @@ stays, and more where l/k does). The exhaust leaves straight out of the nozzle, 
 swirl of its own.
 """
 
-__all__ = ["jet_damping_ratio", "spin_angle", "spin_ratio"]
+__all__ = ["jet_damping_ratio", "spin_ratio"]
 
 from collections.abc import Callable
 from typing import Any, final
@@ -72,20 +72,20 @@ def jet_damping_ratio(
     **Raises** `InputError` where a function is given, for a mass ratio that is not positive.
     """
     xi = as_float(mass_ratio)
-    kept = (
+    ratio = (
         1.0
         if gyration is None
         else (gyration(xi[None])[0] / gyration(jnp.ones_like(xi)[None])[0]) ** 2
     )
     if not isinstance(lever_over_gyration, Callable):
-        return _power(xi, as_float(lever_over_gyration) ** 2 - 1.0) / kept
+        return _power(xi, as_float(lever_over_gyration) ** 2 - 1.0) / ratio
     check_positive("mass_ratio", mass_ratio)
     # (l/k)^2 d(xi)/xi over the logarithm of xi, in which it is smooth.
     x, weights = np.polynomial.legendre.leggauss(NODES)
     x, weights = (jnp.asarray(a, xi.dtype).reshape(-1, *(1,) * xi.ndim) for a in (x, weights))
     half = -0.5 * jnp.log(xi)
     squares = lever_over_gyration(jnp.exp(-half * (1.0 + x))) ** 2
-    return jnp.exp(-half * jnp.sum(weights * squares, axis=0)) / (xi * kept)
+    return jnp.exp(-half * jnp.sum(weights * squares, axis=0)) / (xi * ratio)
 
 
 def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:

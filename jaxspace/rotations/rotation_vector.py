@@ -10,7 +10,7 @@
     omega    angular velocity in body axes                   rad/s
 
 Source: Thomson 1.5 (where two finite turns differ from their sum); Bortz (1971), IEEE Trans. AES 7,
-61. The first form is singular at a whole turn, from which no rate can be told; the second nowhere.
+61. The first form is singular at a whole turn, where the rate is undefined; the second nowhere.
 """
 
 __all__ = ["omega_from_rotation_vector_rate", "rotation_vector_rate"]

@@ -6,7 +6,7 @@ not depend on it. Split: this motion as the drift, all other effects as the kick
 Regularised: the variables of the one effect that has them, perturbed by all others.
 
 Each function returns the capability and an empty text, or `None` and the reason for it, so that an
-error message can say why a scene refuses.
+error message can give the reason.
 """
 
 import dataclasses
@@ -137,7 +137,8 @@ def body_motion(
         return None, f"{type(others[0]).__name__} has no closed form"
     if len(exact) > 1:
         return None, f"{type(exact[1]).__name__} is a second effect with a closed form"
-    # A mass is constant: whatever changes it has no closed form, and cannot be a kick.
+    # With a constant mass alone: an effect that changes it has no closed form, and cannot be a
+    # kick.
     if not set(scene.parts) <= TRANSLATION | ROTATION | {"mass"}:
         return None, "it integrates further parts"
     orbit = exact[0].closed_form() if exact else None
@@ -162,7 +163,7 @@ def scene_decoupled(scene: AbstractScene) -> FreeTurn | None:
 def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     """Drift and kick of a scene; the loads of the kick may depend on position and attitude only."""
     exact, others = _separate(scene.effects)
-    # What a kick changes, or what changes during it.
+    # Parts that a kick changes, or that change during it.
     moving = {"velocity", "omega", "mass", "parts", "mass_rate", "inertia", "momentum"}
     for effect, reading in zip(scene.effects, scene.readings, strict=True):
         if effect.closed_form() is None and moving & (reading.needs | reading.adds):
@@ -182,7 +183,7 @@ def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None,
     """Regularised variables of the one effect that has them, perturbed by the others."""
     central = [e for e in scene.effects if e.regularised(None) is not None]
     others = tuple(e for e in scene.effects if e.regularised(None) is None)
-    # The variables are those of a position and a velocity: nothing else can perturb them.
+    # The variables are those of a position and a velocity, which accelerations alone perturb.
     readings = list(zip(scene.effects, scene.readings, strict=True))
     for effect, reading in readings:
         alien = [part for part in PARTS if part in reading.needs - TRANSLATION]

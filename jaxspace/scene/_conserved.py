@@ -23,7 +23,7 @@ from ..core.vectors import cross, dot, matvec
 from ._interface import AbstractScene
 
 ALL_KEPT = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
-# What turns the body, or moves in it, and leaves the orbit alone.
+# Contributions that turn the body, or move in it, without an effect on the orbit.
 TURNING = frozenset({"torque", "inertia", "momentum", "parts"})
 
 

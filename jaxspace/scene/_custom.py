@@ -15,7 +15,7 @@ from ..core import InputError, Scalar, quantity
 from ..core.shapes import check_components
 from ..core.vectors import dot, norm
 
-# What an effect may keep.
+# Quantities that an effect may keep.
 KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_momentum")
 VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
@@ -67,7 +67,7 @@ class Custom(AbstractEffect):
 
     def __check_init__(self):
         unknown = sorted(self.keeps - set(KEPT))
-        # A misspelt word would otherwise be a quantity that is not listed, without an error.
+        # Checked, because a misspelt word would otherwise be ignored.
         if unknown:
             raise InputError(f"Custom.keeps names {unknown}: it may name {', '.join(KEPT)}.")
         if "energy" in self.keeps and self.energy is None:
@@ -119,7 +119,7 @@ def _power(
 ) -> tuple[Array, Array, Array]:
     """Power of the load, rate of the energy and the size of what they are made of, W/kg, at the
     rates of `y` and at others, which lead."""
-    # One rate at a time: the power of an orbit would hide that of a turn.
+    # One rate at a time, because the power of an orbit would hide that of a rotation.
     states = [
         dataclasses.replace(each, **{other: None if x is None else jnp.zeros_like(x)})
         for each in (y, _with_other_rates(y))

@@ -16,7 +16,7 @@ from ._interface import AbstractScene
 class EffectRow(NamedTuple):
     """One effect of a scene.
 
-    - `effect`: its name; `reads`, `adds`: parts of the state, and what its load contributes.
+    - `effect`: its name; `reads`, `adds`: parts of the state, and contributions of its load.
     - `operations`: floating-point operations of one evaluation that it costs.
     - `share`: their share in the whole scene.
     """
@@ -55,7 +55,7 @@ def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
 
 
 def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) -> list[EffectRow]:
-    """The arithmetic of each effect of a scene: what an evaluation saves without it.
+    """The arithmetic of each effect of a scene: the saving of an evaluation without it.
 
     **Arguments**
 

@@ -21,8 +21,8 @@ def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
     **Returns** an effect of the same class where it has a parameter for this, so that it keeps its
     closed form and its regularised variables, else a `Scaled`.
     """
-    own = effect.scaled(factor)
-    return Scaled(effect, factor) if own is None else own
+    product = effect.scaled(factor)
+    return Scaled(effect, factor) if product is None else product
 
 
 @final
@@ -47,14 +47,14 @@ class Scaled(AbstractEffect):
         return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))
 
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar | None:
-        own = self.effect.potential(t, y, body)
-        return None if own is None else self.factor * own
+        energy = self.effect.potential(t, y, body)
+        return None if energy is None else self.factor * energy
 
     def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
         held = self.effect.constrained(t, y, rate)
         if held is rate:
             return rate
-        return jax.tree.map(lambda free, own: free + self.factor * (own - free), rate, held)
+        return jax.tree.map(lambda free, guided: free + self.factor * (guided - free), rate, held)
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
         # Not scaled: these parts are a state of the effect, and no load.

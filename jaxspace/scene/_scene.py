@@ -66,7 +66,7 @@ class Scene(AbstractScene):
     - `carry`: parts of the state to integrate although no effect needs them: `("attitude",)` lets a
       body turn freely.
 
-    Raises `InputError` when an effect needs what the body lacks; the message names both."""
+    Raises `InputError` when an effect needs what the body does not have; the message names both."""
 
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=_as_effects)
     body: AbstractBody = RigidBody()
@@ -114,7 +114,7 @@ class Scene(AbstractScene):
     @property
     def parts(self) -> tuple[str, ...]:
         """The parts that a state of this scene holds, in the order of `BodyState`."""
-        # A scene of nothing is a point that moves on.
+        # A scene without effects is a point in uniform motion.
         empty = not self.effects and not self.carry
         return read_effects(self.effects, self.body, TRANSLATION if empty else self.carry).parts
 
@@ -137,7 +137,7 @@ class Scene(AbstractScene):
                 raise InputError(
                     f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
                 )
-        # A part without a role would be integrated at a cost, or silently dropped.
+        # A part without a role would be integrated in vain, or dropped without an error.
         idle = [part for part in y.present if part not in parts]
         if idle:
             raise InputError(
@@ -170,7 +170,7 @@ class Scene(AbstractScene):
         # Static, and before the loads, whose error about a missing part would name no effect.
         self.check_state(y)
         load = self.loads(t, y)
-        # What stays `None` is absent in the derivative as it is in the state.
+        # Parts that are `None` are absent in the derivative, as in the state.
         velocity = attitude = omega = mass = None
         if y.velocity is not None:
             if load.acceleration_N is None and load.force_N is None:
@@ -191,7 +191,7 @@ class Scene(AbstractScene):
         parts = None if y.parts is None else _rates_of(y.parts, load.parts_rate or {})
         rate = BodyState(y.velocity, velocity, attitude, omega, mass, parts)
         for effect in self.effects:
-            # Last, because a guide answers to the sum of all loads.
+            # Last, because a guide reacts to the sum of all loads.
             rate = effect.constrained(t, y, rate)
         return rate
 
@@ -202,7 +202,7 @@ class Scene(AbstractScene):
 
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
         """Whether more propellant was burnt than the body carries, all of a mass is gone, or an
-        effect describes the state no more; `None` where nothing of this can be."""
+        effect no longer describes the state; `None` where none of this is possible."""
         flags = [self._burnt_out(y), *(e.outside(t, y, self.body) for e in self.effects)]
         flags = [flag for flag in flags if flag is not None]
         return functools.reduce(operator.or_, flags) if flags else None
@@ -284,7 +284,7 @@ class Scene(AbstractScene):
         return {name: part for e in self.effects for name, part in e.switches().items()}
 
 
-# What turns the body.
+# Contributions that turn the body.
 TURNING = frozenset({"torque", "inertia", "momentum"})
 SUMMED = ("acceleration_N", "force_N", "torque_B", "mass_rate", "inertia_B", "momentum_B")
 

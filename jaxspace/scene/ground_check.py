@@ -14,8 +14,8 @@
 Source: Thomson 4.7, 4.13.
 
 Between two saved times a periapsis was passed where the orbits of both say so: a thrust bends one
-of the two, and a launch or a landing has its periapsis before or behind. A state that is saved
-below the ground counts where it is so deep that no pole of a planet lies there.
+of the two, and a launch or a landing has its periapsis before or behind. A saved state
+below the ground counts if it is deeper than the flattening of a planet.
 """
 
 import math

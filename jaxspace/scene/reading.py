@@ -1,8 +1,8 @@
 """The parts that effects read and add, from traces of their loads, once for each structure.
 
-A load is traced in a state that holds as little as it can do with: nothing, a place with its
-velocity, an orientation with its rate, a mass, then two of them, then all. What it reads are the
-parts from which some operation leads to its result; what it adds is what its result holds.
+A load is traced in the smallest sufficient state: of no parts, a position with its velocity, an
+attitude with its rate, a mass, then two of them, then all. It reads the parts on which its result
+depends, and adds the parts that its result holds.
 """
 
 import dataclasses
@@ -29,7 +29,7 @@ TRANSLATION = frozenset({"position", "velocity"})
 ROTATION = frozenset({"attitude", "omega"})
 MASS = frozenset({"mass"})
 
-# What a load may hold: the word for it, the field, and the parts of the state that it changes.
+# The contributions of a load: word, field, and the parts of the state that it changes.
 CONTRIBUTIONS = {
     "acceleration": ("acceleration_N", TRANSLATION),
     "force": ("force_N", TRANSLATION),
@@ -73,7 +73,7 @@ def read_effects(
     - `effects`, `body`: of a scene; their arrays may be traced.
     - `present`: parts that the state holds in any case.
 
-    **Raises** what a load raises that cannot be traced in any state."""
+    **Raises** the error of a load that cannot be traced in any state."""
     return _read((tuple(effects), body), frozenset(present))
 
 
@@ -90,7 +90,7 @@ def _read(
     for runs in _runs(scene):
         try:
             return _traced(scene, present, runs)
-        # Whatever an array of weights raises that meets another number of runs than its own.
+        # Any error of arrays whose numbers of runs differ.
         except Exception as error:
             failure = failure or error
     assert failure is not None
@@ -114,14 +114,14 @@ def _traced(
     runs: tuple[int, ...],
 ) -> SceneReading:
     arrays, rest = eqx.partition(scene, _is_shape)
-    own = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
-    dtype = own[0] if own else jnp.zeros(()).dtype
+    dtypes = [x.dtype for x in jax.tree.leaves(arrays) if jnp.issubdtype(x.dtype, jnp.floating)]
+    dtype = dtypes[0] if dtypes else jnp.zeros(()).dtype
     traces: list[_Trace] = []
     parts: set[str] = set()
 
     def act(y: BodyState, arrays: PyTree, t: Scalar) -> list[list[Array]]:
         effects, body = eqx.combine(arrays, rest)
-        # What turns a body without inertia is told by the scene, by name: here it may turn.
+        # The scene reports a torque on a body without inertia by name: here it may turn.
         if not body.has_inertia():
             body = RigidBody(body.constant_mass(), jnp.ones(3, dtype))
         result, held = _together(effects, t, y, body, present)
@@ -199,7 +199,7 @@ def _together(
             traces.append(trace)
             parts = _in_pairs(parts | trace.parts)
             own = {**own, **trace.own}
-        # An effect may do something else where another one brings a part: until all agree.
+        # Repeated until all agree, because an effect may use a part that another one brings.
         if (parts, frozenset(own)) == before:
             if failure is not None:
                 raise failure
@@ -232,7 +232,7 @@ def _alone(
             load = effect.load(t, state, body)
             # A rate is of the same kind as the state itself.
             rate = effect.constrained(t, state, state)
-        # Whatever it raises that meets a part which is not there.
+        # Any error for a part that is absent.
         except Exception as error:
             failure = error
             continue

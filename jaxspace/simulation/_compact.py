@@ -223,5 +223,5 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         zero, zero, one, one, zero,
     )  # fmt: skip
     # The scan has a fixed length: a loop that ends at the event would have no reverse mode.
-    last, kept = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
-    return (last.t, last.v, last.hit), kept
+    last, saved = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
+    return (last.t, last.v, last.hit), saved

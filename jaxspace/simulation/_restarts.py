@@ -131,22 +131,24 @@ def states_between(
     system: AbstractSystem,
     y0: State,
     ts: Float[Array, "times *#runs"],
-    found: Restarts,
+    restarts: Restarts,
     config: IntegrationConfig,
     run_axes: int,
 ) -> tuple[State, Int[Array, "*runs"], dict[str, Array]]:
     """The states at the save times `ts`, (times, *runs), status and work.
 
     The times end with the run; at a save time with a restart the state is that after it."""
-    sign = jnp.where(found.end < ts[0], -1.0, 1.0).astype(ts.dtype)
-    happened = found.which >= 0
+    sign = jnp.where(restarts.end < ts[0], -1.0, 1.0).astype(ts.dtype)
+    happened = restarts.which >= 0
 
     def one(carry: tuple[State, Array, Array], t: Array) -> tuple[tuple, tuple]:
         y, t_before, status = carry
-        passed = happened & (sign * found.ts <= sign * t) & (sign * found.ts >= sign * t_before)
+        passed = (
+            happened & (sign * restarts.ts <= sign * t) & (sign * restarts.ts >= sign * t_before)
+        )
         # The last restart since the save time before, if there is one.
         index = passed.shape[0] - 1 - jnp.argmax(passed[::-1], axis=0)
-        restarted, t_restart = pick((found.after, found.ts), index, run_axes)
+        restarted, t_restart = pick((restarts.after, restarts.ts), index, run_axes)
         jumped = jnp.any(passed, axis=0)
         y = jax.tree.map(lambda a, b: jnp.where(jumped, a, b), restarted, y)
         start = jnp.where(jumped, t_restart, t_before)
@@ -156,30 +158,33 @@ def states_between(
         return (y, t, status), (y, result.stats)
 
     # A scan over save times, because the interval before each has another length in every run.
-    start = (y0, ts[0], found.status)
+    start = (y0, ts[0], restarts.status)
     (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)
-    work = {name: jnp.stack([x, found.stats[name]]) for name, x in _total(stats).items()}
+    work = {name: jnp.stack([x, restarts.stats[name]]) for name, x in _total(stats).items()}
     return states, status, _total(work)
 
 
-def collected(found: Restarts, events: tuple[Event, ...], run_axes: int) -> tuple[Crossings, ...]:
+def collected(
+    restarts: Restarts, events: tuple[Event, ...], run_axes: int
+) -> tuple[Crossings, ...]:
     """The restarts of each event with a jump, as its `Crossings`."""
     return tuple(
-        _of_event(found, number, event.capacity, run_axes)
+        _of_event(restarts, number, event.capacity, run_axes)
         for number, event in enumerate(events)
         if event.then is not None
     )
 
 
-def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Crossings:
+def _of_event(restarts: Restarts, number: int, capacity: int, run_axes: int) -> Crossings:
     # The restarts by this event come first, in their order.
-    order = jnp.argsort(found.which != number, axis=0, stable=True)[:capacity]
-    both = found.ts, found.before, found.after
+    order = jnp.argsort(restarts.which != number, axis=0, stable=True)[:capacity]
+    both = restarts.ts, restarts.before, restarts.after
     ts, before, after = jax.vmap(lambda index: pick(both, index, run_axes))(order)
-    rising = jnp.take_along_axis(found.rising, order, axis=0)
+    rising = jnp.take_along_axis(restarts.rising, order, axis=0)
     used = (
-        jnp.arange(capacity, dtype=jnp.int32).reshape(-1, *(1,) * run_axes) < found.counts[number]
+        jnp.arange(capacity, dtype=jnp.int32).reshape(-1, *(1,) * run_axes)
+        < restarts.counts[number]
     )
 
     def leaf(x: Array) -> Array:
@@ -190,9 +195,9 @@ def _of_event(found: Restarts, number: int, capacity: int, run_axes: int) -> Cro
         leaf(ts),
         jax.tree.map(leaf, before),
         rising & used,
-        found.counts[number],
-        found.overflow[number],
-        found.status,
+        restarts.counts[number],
+        restarts.overflow[number],
+        restarts.status,
         jax.tree.map(leaf, after),
     )
 

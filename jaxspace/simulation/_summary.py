@@ -199,7 +199,7 @@ def _state_table(
 ) -> list[Row]:
     """A line for each block: its name, unit and shape, and its numbers in each of the `states`.
 
-    Of runs, the least and the greatest of each component."""
+    For several runs, the least and the greatest value of each component."""
     if run_axes:
         heads = ("least, at the end", "greatest")
     else:

@@ -70,8 +70,8 @@ def check_num_saved(num_saved: int) -> None:
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     """Call `check_values` of the system, which raises `InputError`, at the start of a run."""
-    own = type(system).check_values is not AbstractSystem.check_values
-    if own and not is_traced((system, ts, y0)):
+    checks_values = type(system).check_values is not AbstractSystem.check_values
+    if checks_values and not is_traced((system, ts, y0)):
         # Indexed by NumPy, because JAX would compile the indexing.
         system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
 
@@ -150,8 +150,8 @@ def check_structure(
 
 
 def _check_axes(system: AbstractSystem, y0: PyTree, derivative: PyTree) -> None:
-    """Raise `InputError` for a derivative of one run with axes that the state lacks, which would
-    be taken for runs."""
+    """Raise `InputError` for a derivative of one run with axes that the state does not have, which
+    would be taken for runs."""
     if jax.tree.structure(derivative) != jax.tree.structure(y0):
         return
     leaves = jax.tree_util.tree_flatten_with_path(y0)[0]

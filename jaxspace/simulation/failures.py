@@ -36,8 +36,8 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
         return scaled(result, nan_unless(status <= Status.EVENT))
     if isinstance(result, MissionResult):
         # By its own phases, because a branch may succeed where another one fails.
-        own = result.without_branches()
-        final, end = nan_where_failed((own.final, own.end), own.status)
+        main = result.without_branches()
+        final, end = nan_where_failed((main.final, main.end), main.status)
         phases = [reached(phase) for phase in result.phases]
         branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
         ends = {"final": final, "end": end, "branches": branches}
@@ -63,8 +63,8 @@ def loud(result: T) -> T:
 
     def leaf(x: Array) -> Array:
         # Numbers that all runs share fail with any of them.
-        own = x.shape[x.ndim - factor.ndim :] == factor.shape
-        return x * (factor if own else jnp.min(factor)).astype(x.dtype)
+        has_runs = x.shape[x.ndim - factor.ndim :] == factor.shape
+        return x * (factor if has_runs else jnp.min(factor)).astype(x.dtype)
 
     return _with_numbers(result, eqx.combine(jax.tree.map(leaf, floats), integers))
 
@@ -153,10 +153,10 @@ NUMBERS = (
 def _numbers(result: Any) -> dict[str, Any]:
     """The arrays of a trajectory that the run has computed."""
     fields = {f.name for f in dataclasses.fields(result)}
-    found = {name: getattr(result, name) for name in NUMBERS if name in fields}
-    if "phases" in found:
-        found["phases"] = [_numbers(phase) for phase in found["phases"]]
-    return found
+    fields_of = {name: getattr(result, name) for name in NUMBERS if name in fields}
+    if "phases" in fields_of:
+        fields_of["phases"] = [_numbers(phase) for phase in fields_of["phases"]]
+    return fields_of
 
 
 def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
@@ -164,5 +164,5 @@ def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
     numbers = dict(numbers)
     if "phases" in numbers:
         pairs = zip(result.phases, numbers["phases"], strict=True)
-        numbers["phases"] = tuple(_with_numbers(phase, own) for phase, own in pairs)
+        numbers["phases"] = tuple(_with_numbers(phase, changed) for phase, changed in pairs)
     return dataclasses.replace(result, **numbers)

@@ -100,8 +100,8 @@ class AbstractMissionResult(eqx.Module):
 
     def _with_phases(self, phases: dict[str, Any], **fields: Any) -> Any:
         # A list of results, or a tuple of trajectories.
-        own = (tuple if isinstance(self.phases, tuple) else list)(phases.values())
-        return dataclasses.replace(self, phases=own, names=tuple(phases), **fields)
+        same_kind = (tuple if isinstance(self.phases, tuple) else list)(phases.values())
+        return dataclasses.replace(self, phases=same_kind, names=tuple(phases), **fields)
 
 
 @final
@@ -123,11 +123,11 @@ class MissionResult(AbstractMissionResult):
     branch_names: tuple[str, ...] = eqx.field(static=True, default=())
 
 
-def status_of_all(own: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> Int[Array, "*runs"]:
+def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> Int[Array, "*runs"]:
     """The status of a mission with its `branches`: the first failure, or else its own status."""
 
     def with_branch(status: Array, branch: BranchEnd) -> Array:
         # The success of a branch says nothing about the mission.
         return combine_status(status, combine_status(branch.status, status))
 
-    return functools.reduce(with_branch, branches, own)
+    return functools.reduce(with_branch, branches, main)

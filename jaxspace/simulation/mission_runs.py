@@ -46,9 +46,9 @@ class OwnTimes(NamedTuple):
         times = self.times.astype(t0.dtype).reshape(-1, *(1,) * t0.ndim)
         x = safe_divide(times - t0, t1 - t0)
         # NaN becomes zero, because the end of a failed run must not change the steps of the others.
-        own = jnp.where(x > 0.0, jnp.minimum(x, 1.0), 0.0)
+        shares = jnp.where(x > 0.0, jnp.minimum(x, 1.0), 0.0)
         even = jnp.linspace(0.0, 1.0, self.along, dtype=t0.dtype).reshape(-1, *(1,) * t0.ndim)
-        return jnp.concatenate([own, jnp.broadcast_to(even, (self.along, *t0.shape))])
+        return jnp.concatenate([shares, jnp.broadcast_to(even, (self.along, *t0.shape))])
 
 
 # The axis of times has no name, because each phase has its own number of them.

@@ -52,8 +52,8 @@ def resolve_phases(
             configs.append(phase.system.config(y, accuracy))
         else:
             # The rate of rotation at the start of the mission stands for later phases.
-            own = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
-            configs.append(resolve(phase.system, y, own, restarts=restarts))
+            phase_accuracy = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
+            configs.append(resolve(phase.system, y, phase_accuracy, restarts=restarts))
         # The jump takes the state at the end of the phase, broadcast to the runs of its system.
         left.append(whole)
         if phase.then is not None:

@@ -264,8 +264,8 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
 # itself.
 @eqx.filter_jit
 def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
-    kept = run.along(lambda system, t, y: system.invariants(t, y))
-    return {name: relative_change(values, run.run_axes) for name, values in kept.items()}
+    invariants = run.along(lambda system, t, y: system.invariants(t, y))
+    return {name: relative_change(values, run.run_axes) for name, values in invariants.items()}
 
 
 # One program, too: a step has hundreds of operations.

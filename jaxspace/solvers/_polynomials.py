@@ -58,9 +58,9 @@ def _without_drag(weights: list[Fraction]) -> tuple[float, ...]:
     *others, before, _ = map(float, weights)
     result = []
     for n in range(-8, 9):
-        kept = [*others, before + n * math.ulp(before)]
-        last = float(weights[-1] + missing(kept) / len(kept))
-        result.append((*kept, last))
+        rounded_weights = [*others, before + n * math.ulp(before)]
+        last = float(weights[-1] + missing(rounded_weights) / len(rounded_weights))
+        result.append((*rounded_weights, last))
     return min(result, key=lambda rounded: abs(missing(list(rounded))))
 
 

@@ -1,5 +1,5 @@
-"""Questions about a run: what its accuracy costs, which effects matter, its small motions, and how
-it changes with its inputs."""
+"""Studies of a run: cost of accuracy, influence of effects, small motions, and sensitivities to its
+inputs."""
 
 from typing import TYPE_CHECKING
 

@@ -1,11 +1,11 @@
 """Cost of accuracy in time, measured on the run in question.
 
-The true error of every setting is taken against the closed form where the system has one.
-Otherwise the reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 times the
-steps of a run; or the exponential method for a stiff run that DOP853 does not bring to its end, or
-another adaptive method of the table. The reference is compared with itself
-at ten times its tolerance. The gradient is that of one number of the final state with respect to
-the initial state, by reverse mode, with every block of the initial state in units of its own size.
+The error of every setting is that relative to the closed form, if the system has one. Otherwise the
+reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 times the steps of a
+run; or the exponential method for a stiff run that DOP853 does not bring to its end, or another
+adaptive method of the table. The reference is compared with itself at ten times its tolerance. The
+gradient is that of one number of the final state with respect to the initial state, by reverse
+mode, with every block of the initial state in units of its own size.
 """
 
 from collections.abc import Callable, Sequence
@@ -48,9 +48,9 @@ def accuracy_cost(
     - `system`, `y0`, `ts`: as in `simulate`; or a mission, its state and the time of its start,
       s, as in `simulate_mission`.
     - `tolerances`: relative ones, as in `Accuracy.rtol`.
-    - `methods`: those that `Accuracy.method` and scene files take: solvers, "auto" and
-      "closed_form". By default the methods that "auto" may stand for in this run, and "auto" itself
-      for a mission, whose phases it serves by different methods.
+    - `methods`: as for `Accuracy.method` and in scene files: solvers, "auto" and "closed_form". By
+      default the methods that "auto" may select for this run, and "auto" itself for a mission,
+      whose phases may have different methods.
     - `precisions`: "float64", "float32" or both.
     - `gradient`: whether to measure the gradient of `output` with respect to the initial state.
     - `output`: a number of the final state; by default the sum of all its numbers, each over the
@@ -80,7 +80,7 @@ def accuracy_cost(
     for precision in precisions:
         case = Case.of(system, y0, ts, precision, max_steps)
         reachable = [r for r in tolerances if r >= least_tolerance(precision)]
-        # From loose to tight, as the curves of a work-precision diagram run.
+        # From loose to tight, as in a work-precision diagram.
         reachable.sort(reverse=True)
         if len(reachable) < len(tolerances):
             notes.append(

@@ -26,8 +26,8 @@ class Case(NamedTuple):
         cls, system: Runnable, y0: State, ts: Array, precision: str, max_steps: int = MAX_STEPS
     ) -> "Case":
         """The case in the `precision`."""
-        # Arrays are arguments of the programs: with constants the compiler would compute beforehand
-        # what is to be timed.
+        # Arrays are arguments of the programs, because the compiler would evaluate constants, and
+        # with them what is to be timed.
         parts = eqx.partition(in_precision((system, y0, ts), precision), eqx.is_array)
         return cls(*parts, max_steps)
 
@@ -36,8 +36,8 @@ class Case(NamedTuple):
         return eqx.combine(arrays, self.static)
 
     def run(self, method: Method, room: int = 1) -> Callable[[PyTree[Array], Scalar], RunOutcome]:
-        """The run as a function of its arrays and the tolerance; it may take `room` times as many
-        steps as a run."""
+        """The run as a function of its arrays and the tolerance, with `room` times the steps of a
+        run."""
 
         def run(arrays: PyTree[Array], rtol: Scalar) -> RunOutcome:
             accuracy = accuracy_of(method, rtol, room * self.max_steps)

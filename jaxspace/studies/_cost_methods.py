@@ -28,7 +28,7 @@ def _methods_of_phases(mission: Mission, y0: State, rtol: float) -> list[Method]
 def default_methods(
     system: Runnable, y0: State, ts: Array, tolerances: Sequence[float]
 ) -> tuple[Method, ...]:
-    """The methods that "auto" may stand for; for a mission those that serve all of its phases."""
+    """The methods that "auto" may select; for a mission those that apply to all of its phases."""
     if not isinstance(system, Mission):
         # The loosest tolerance is among them, so that every table has the method for it.
         ends = (max(*tolerances, TOLERANCES[0]), min(tolerances))
@@ -37,7 +37,7 @@ def default_methods(
         return HIGH_ORDER, LOW_ORDER, CLOSED_FORM
     chosen = _methods_of_phases(system, y0, min(tolerances))
     same = all(isinstance(method, type(HIGH_ORDER)) for method in chosen)
-    # Where phases differ, no method but "auto" stands for what "auto" takes.
+    # If the phases have different methods, only "auto" itself selects them all.
     return (HIGH_ORDER, LOW_ORDER) if same else (HIGH_ORDER, LOW_ORDER, "auto")
 
 
@@ -46,7 +46,7 @@ def methods_by_name(
 ) -> dict[str, Method]:
     """The methods by name.
 
-    **Raises** `InputError` for what is no method, and for a closed form that there is not."""
+    **Raises** `InputError` for an unknown method, and for a closed form of a system without one."""
     exact = all(s.closed_form() is not None for s in systems_of(system))
     result: list[Method] = []
     for method in methods:
@@ -70,7 +70,7 @@ def methods_by_name(
 
 
 def _has_error_estimate(method: Method) -> bool:
-    """Whether it is a solver whose steps a tolerance controls or judges."""
+    """Whether it is a solver with an error estimate, for which a tolerance has a meaning."""
     if not isinstance(method, diffrax.AbstractSolver):
         return False
     return isinstance(method, diffrax.AbstractAdaptiveSolver) or solver_traits(method).fixed_step

@@ -21,15 +21,15 @@ from ._runs import Program, RunOutcome, aot_compile, blocks, distance
 from ._scene_effects import Runnable
 from .cost_table import CLOSED_FORM, Method, method_name
 
-# Of the duration: where a closed form is cut in two. In no simple ratio to the rest, so that no
-# whole number of revolutions hides an error.
+# Fraction of the duration at which a closed form is divided: in no simple ratio to the rest, so
+# that no whole number of revolutions hides an error.
 FIRST_PART = 0.381966
 # Of the tightest tolerance: rounding may keep a run from the first of these.
 TIGHTER = (1e-2, 1e-1, 1.0)
-# Of the steps of a run, tried where they run out: a reference may take longer than the runs that it
-# judges.
+# Factors of the steps of a run, tried where they run out: a reference may take longer than the runs
+# that are compared with it.
 ROOM = (1, 8, 64)
-# The methods that are given all of this room before another one is tried.
+# Number of methods that are tried with all of these factors, before any other one.
 PREFERRED = type(HIGH_ORDER) | type(STIFF)
 
 
@@ -99,7 +99,7 @@ def reference_of(
         other = _in_two_parts(case)
     else:
         other = program.call(case.arrays, 10.0 * rtol).final
-    # Nothing is known better than its last digit.
+    # No number is known better than its last digit.
     error = float(np.maximum(distance(other, outcome.final), np.finfo(float).eps))
     output = _scaled_sum(outcome.final) if output is None else output
     programs = {key: Programs(run, None) for key, run in compiled.items()}
@@ -116,10 +116,10 @@ def reference_of(
 
 def _candidates(by_name: dict[str, Method]) -> dict[str, Method]:
     """The methods that may serve as the reference, by name, the preferred one first."""
-    # The method for stiff runs ends one that an explicit method does not.
+    # The method for stiff runs completes those that an explicit method does not.
     stiff = {k: m for k, m in by_name.items() if isinstance(m, type(STIFF))}
-    # One of the others may end where these do not, as on an orbit through the centre. Fixed steps
-    # are none: the tolerance does not change them.
+    # Another method may complete a run that these do not, such as an orbit through the centre.
+    # Fixed steps are excluded, because the tolerance does not change them.
     adaptive = {
         k: m
         for k, m in by_name.items()

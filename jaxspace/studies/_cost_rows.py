@@ -47,7 +47,7 @@ def cost_rows(
         rtol = FIXED_STEP_RTOL if tolerance is None else tolerance
         run, seconds = timed(programs.run.call, repeats, case.arrays, rtol)
         status = Status(int(run.status))
-        # Outside of the timed program: invariants are no part of a run.
+        # Outside of the timed program, because invariants are not computed in a run.
         drift = drifts(case.arrays, run.phases)
         row = Cost(
             method=name,
@@ -95,8 +95,8 @@ def _drifts(
     """The largest relative change of every invariant, over all phases of a mission."""
     largest: dict[str, Array] = {}
     for phase, (ts, states) in zip(systems_of(system), phases, strict=True):
-        kept = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
-        for name, values in kept.items():
+        invariants = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
+        for name, values in invariants.items():
             change = jnp.max(relative_change(values, 0))
             largest[name] = jnp.maximum(change, largest[name]) if name in largest else change
     return largest

@@ -68,18 +68,18 @@ def effect_budget(
     check_positive("repeats", repeats)
     phases_of = phases_by_effect(scene)
     y0, ts = check_start(scene, y0, ts)
-    own = as_accuracy(accuracy)
-    if own.rtol is None:
+    resolved = as_accuracy(accuracy)
+    if resolved.rtol is None:
         # Here and not in the run, which takes the tolerance as a traced number.
-        own = dataclasses.replace(own, rtol=DEFAULT_RTOL[state_dtype(y0).name])
+        resolved = dataclasses.replace(resolved, rtol=DEFAULT_RTOL[state_dtype(y0).name])
     is_attitude = name == "attitude"
-    runs = scaled_runs(scene, y0, ts, of_final, own, tuple(phases_of), is_attitude)
+    runs = scaled_runs(scene, y0, ts, of_final, resolved, tuple(phases_of), is_attitude)
     nominal = runs.run()
     if not nominal.status.good:
         raise SimulationError(nominal.status.sentence)
-    # A tolerance only judges fixed steps: twice as many show the error of the integration.
-    if not isinstance(own.method, str) and solver_traits(own.method).fixed_step:
-        twice = dataclasses.replace(own, method=refine(own.method, 2))
+    # A tolerance does not change fixed steps: twice as many show the error of the integration.
+    if not isinstance(resolved.method, str) and solver_traits(resolved.method).fixed_step:
+        twice = dataclasses.replace(resolved, method=refine(resolved.method, 2))
         finer = scaled_runs(scene, y0, ts, of_final, twice, runs.names, is_attitude).run()
     else:
         least = 2.0 * least_tolerance(state_dtype(y0))
@@ -97,7 +97,7 @@ def effect_budget(
         return table
 
     def plain_run(system: Runnable) -> tuple[np.ndarray, Status, float]:
-        return timed_run(system, y0, ts, of_final, own, repeats)
+        return timed_run(system, y0, ts, of_final, resolved, repeats)
 
     return verified(table, runs, negligible(table, runs), scene, plain_run)
 

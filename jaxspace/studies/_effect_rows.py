@@ -9,7 +9,8 @@ from ._scaled_runs import ScaledOutcome, ScaledRuns
 from ._scene_effects import Runnable, effect_names, scenes
 from .budget_table import Influence
 
-# Of the influence: where the prediction is off by more, the run without the effect counts.
+# Fraction of the influence: where the prediction deviates by more, the run without the effect
+# counts.
 NONLINEAR = 0.1
 
 
@@ -34,7 +35,7 @@ def influence_of(
     predicted = -runs.run(along=name).derivative
     without = runs.run(without=(name,))
     linear = float(np.linalg.norm(predicted))
-    # Where it cannot be left out, the first order is all that is known.
+    # Without a run that omits the effect, only the first order is known.
     if not without.status.good:
         change = tuple(predicted.ravel().tolist())
         failure = without.status.sentence
@@ -55,7 +56,7 @@ def shares_of(system: Runnable, nominal: ScaledOutcome) -> dict[str, float]:
     saved: dict[str, float] = {}
     total = 0.0
     for k, _, scene in scenes(system):
-        # Counted in double precision, whose programs are the ones that users run.
+        # Counted in double precision, in which most users run.
         ts, states = in_precision(nominal.phases[k], "float64")
         y = jax.tree.map(lambda x: x[..., 0], states)
         rows = budget(in_precision(scene, "float64"), ts[0], y)

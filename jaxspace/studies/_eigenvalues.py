@@ -3,11 +3,10 @@
     d(lambda_i) = w_i dA v_i            v_i, w_i: right and left eigenvectors, w_i v_i = 1
 
 Where eigenvalues are equal but have as many eigenvectors, the slope of each is the mean of their
-slopes: that of either one-sided derivative of the ordered values, in the mean. Where eigenvectors
-meet as well, as those of a free translation or at the border between ringing and decay, the
-eigenvalue moves as a root of the change: its slope is not finite, and zero along what moves nothing
-of it. The values themselves are right at all of these places, to the root of a rounding at the
-last.
+slopes, which is the mean of either one-sided derivative of the ordered values. Where eigenvectors
+coincide as well, as for a free translation or at critical damping, the eigenvalue changes as a root
+of the perturbation: its slope is not finite, and zero along directions that do not change it. The
+values are right at all of these places, in the last case to the root of a rounding.
 
 Source: Magnus (1985), On differentiating eigenvalues and eigenvectors, Econometric Theory 1, 179.
 """
@@ -18,7 +17,7 @@ from jaxtyping import Array, Complex, Float
 
 Square = Float[Array, "... n n"]
 
-# Eigenvalues closer than so many roundings of the matrix are equal.
+# Eigenvalues closer than this number of roundings of the matrix are equal.
 EQUAL = 1e3
 # Eigenvectors belong to a multiple root where the inverse of their matrix has rows longer than
 # this power of a rounding.

@@ -34,7 +34,7 @@ class Blocks(NamedTuple):
     def of(cls, system: AbstractSystem, y: State, t: Scalar) -> "Blocks":
         carried = jax.tree.leaves(run_axes_of(system, lambda _: 0))
         if any(carried):
-            # What all runs share meets the runs of the parameters.
+            # Shared arrays are broadcast to the runs of the parameters.
             system, y = add_batch_axis((system, y))
         rate = jax.eval_shape(system.vector_field, t, y)
         paths, structure = jax.tree_util.tree_flatten_with_path(y, is_leaf=on_group)
@@ -153,7 +153,7 @@ def forced(
             if isinstance(given, str):
                 value = jnp.asarray(getattr(result, given), u.dtype)
                 value = value.reshape(value.shape + (1,) * (part.ndim - value.ndim))
-                # Added to what the system has, because u is a small change about it.
+                # Added to the value in the system, because u is a small change about it.
                 result = eqx.tree_at(lambda s, n=given: getattr(s, n), result, value + part)
             else:
                 result = given(result, part)

@@ -6,7 +6,7 @@
 
     symbol   meaning                                                unit
     e, e+    error of the state before and behind the jump          of the state
-    d        how much later than the mean's the end of a phase is   s
+    d        delay of the end of a phase behind that of the mean    s
     g, j     condition of the event, jump                           any, state
     f-, f+   vector fields before and behind the end                state/s
 
@@ -36,7 +36,7 @@ class MissionCovariance(NamedTuple):
     """The covariance of a mission.
 
     - `phases`: of the states of each phase, (n, n, times, *runs), at the times of the mean.
-    - `final`: of the state behind the last jump, as it is when each run gets there, (n, n, *runs).
+    - `final`: of the state after the last jump, at the time of each run, (n, n, *runs).
     - `time`: the variance of the time of the end, s^2, (*runs,)."""
 
     phases: tuple[Float[Array, "n n times *#runs"], ...]
@@ -101,7 +101,7 @@ class _Mapped(eqx.Module):
         _, slope = jax.jvp(
             lambda t, y: event.value(system, t, y), (t, mean), (jnp.ones_like(t), rate)
         )
-        # At a graze the time has no derivative: the event is then taken to come when it does.
+        # At a graze the time has no derivative: no delay is assumed.
         return jnp.where(slope != 0.0, -along / jnp.where(slope != 0.0, slope, 1.0), 0.0)
 
 

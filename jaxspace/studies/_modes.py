@@ -159,7 +159,7 @@ class Modes(eqx.Module):
         weight = np.diag([1.0] * n + [0.0])
         # Of (P - s W) x = 0 about a place where P - s W is regular: 1/(s - place) are eigenvalues.
         scale = max(float(np.max(np.abs(pencil[:n, :n]))), 1e-300)
-        # In no simple ratio to the matrix, so that the place is hardly a zero itself.
+        # In no simple ratio to the matrix, so that the place is unlikely to be a zero.
         place = 0.377 * scale
         inverse = np.linalg.eigvals(np.linalg.solve(pencil - place * weight, weight))
         # The others lie at infinity.
@@ -261,7 +261,7 @@ def equilibrium(system: AbstractSystem, y: State, t: Scalar = 0.0, steps: int = 
             return blocks.rate(x, moved, system.vector_field(t, moved))
 
         a = jacobian(field, zero)
-        # Of the root alone the derivative matters: that of the matrix is multiplied by zero there.
+        # Without derivatives of the matrix, which are multiplied by zero at the root.
         inverse = jnp.linalg.pinv(jax.lax.stop_gradient(a))
         x = zero
         for _ in range(repeated):

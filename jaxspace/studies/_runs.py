@@ -1,5 +1,4 @@
-"""One run of a system or a mission as a compiled program: what it leaves, how long it takes, how
-much memory it needs."""
+"""One run of a system or a mission as a compiled program: its result, time and memory."""
 
 import time
 from collections.abc import Callable
@@ -60,7 +59,7 @@ def run_once(
     - `ts`: the save times of a system, or the time at which a mission starts, s.
     - `accuracy`: tolerance and method.
 
-    **Returns** its outcome. A failed run says so in its status, and nothing is raised."""
+    **Returns** its outcome. A failed run has the status for it, and raises no error."""
     run = run_either(system, y0, ts, accuracy=accuracy, throw=False)
     phases = run.phases if isinstance(run, MissionTrajectory) else (run,)
 
@@ -99,8 +98,8 @@ class Program(NamedTuple):
     """A compiled function.
 
     - `call`: runs it.
-    - `seconds`: what compiling it took, s.
-    - `memory`: that it needs, bytes; `None` where this is not known."""
+    - `seconds`: time of its compilation, s.
+    - `memory`: required memory, bytes; `None` if it is unknown."""
 
     call: Callable[..., Any]
     seconds: float
@@ -128,8 +127,8 @@ def aot_compile(function: Callable[..., PyTree[Array]], *arguments: PyTree[Array
 
 def timed(call: Callable[..., Tree], repeats: int, *arguments: PyTree) -> tuple[Tree, float]:
     """The result, and the median time, s, of up to `repeats` calls after a first one."""
-    # Once untimed, because a first call also loads the program; and until the numbers are there,
-    # because jax returns before.
+    # Once untimed, because a first call also loads the program; and with a wait for the numbers,
+    # because JAX returns before they are computed.
     result = jax.block_until_ready(call(*arguments))
     times: list[float] = []
     while len(times) < repeats and (not times or sum(times) < ENOUGH):

@@ -98,11 +98,11 @@ def scaled_runs(
         arrays: PyTree[Array], factors: list[Array], direction: list[Array], rtol: Array
     ) -> tuple[Array, Array, RunOutcome]:
         system, y0, ts = eqx.combine(arrays, static)
-        own = dataclasses.replace(accuracy, rtol=rtol)
+        tightened = dataclasses.replace(accuracy, rtol=rtol)
 
         def value_of(factors: list[Array]) -> tuple[Array, RunOutcome]:
             scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
-            outcome = run_once(scaled, y0, ts, own)
+            outcome = run_once(scaled, y0, ts, tightened)
             return outcome.value(output), outcome
 
         return jax.jvp(value_of, (factors,), (direction,), has_aux=True)

@@ -1,4 +1,4 @@
-"""State-transition matrices: what a run becomes when its initial state or a parameter changes.
+"""State-transition matrices: derivatives of a run by its initial state and parameters.
 
     Phi(t)   = d y(t) / d p            first order      (rows, columns, times, *runs)
     Psi(t)   = d^2 y(t) / d p^2        second order     (rows, columns, columns, times, *runs)
@@ -176,8 +176,8 @@ def sensitivity(
         "throw": throw,
     }
     leaves, structure = jax.tree.flatten((system, y0))
-    # Numbers in the place of the arrays: what is compiled depends on which of them are picked, and
-    # not on the function that picks them.
+    # Numbers in place of the arrays, so that the compiled program depends on the selected arrays,
+    # and not on the function that selects them.
     picked = wrt(*jax.tree.unflatten(structure, range(len(leaves))))
     numbers, shape = jax.tree.flatten(picked)
     if not numbers or not all(isinstance(n, int) for n in numbers):
@@ -234,7 +234,7 @@ def _derivatives(
             moved[n] = leaf
         near, start = jax.tree.unflatten(structure, moved)
         run = run_either(near, start, ts, **options)
-        # What is no array goes around the transformations.
+        # Leaves that are no arrays are passed around the transformations.
         arrays, static = eqx.partition(run, eqx.is_array)
         held.append(static)
         return _parts(run), arrays

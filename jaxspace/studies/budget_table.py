@@ -1,4 +1,4 @@
-"""The table of what each effect does to an output."""
+"""The table of the influence of each effect on an output."""
 
 __all__ = ["Influence"]
 

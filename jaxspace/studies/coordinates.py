@@ -40,7 +40,7 @@ class Coordinates(NamedTuple):
         paths = [path for path, _ in jax.tree_util.tree_flatten_with_path(tree)[0]]
         counts = [trailing] * len(paths) if isinstance(trailing, int) else list(trailing)
         names = [name_of(path) for path in paths] if names is None else names
-        # Of a block with several leaves the first one speaks.
+        # The first leaf decides for a block with several.
         firsts = np.cumsum([0, *(len(jax.tree.leaves(block)) for block in blocks)])
         shapes = []
         behind = []

@@ -1,4 +1,4 @@
-"""The table of what accuracy costs."""
+"""The table of the cost of accuracy."""
 
 __all__ = ["Cost"]
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 CLOSED_FORM = "closed_form"
 
-# What a run may take by default.
+# The default of the steps of a run.
 MAX_STEPS = Accuracy().max_steps
 
 # "auto" and "closed_form", or a solver, as in `Accuracy.method`.
@@ -30,7 +30,7 @@ Method: TypeAlias = str | diffrax.AbstractSolver
 
 
 class Cost(NamedTuple):
-    """One setting: what it reaches and what it takes.
+    """One setting: its error and its cost.
 
     - `method`, `precision`, `tolerance`: the setting; a closed form and a fixed-step method have no
       tolerance.
@@ -117,7 +117,7 @@ class AccuracyCost:
         return min(allowed, key=lambda row: row.seconds)
 
     def cheapest(self, error: float = 1e-8, precision: str | None = None) -> Accuracy:
-        """The `Accuracy` of `cheapest_row`, to hand to `simulate`.
+        """The `Accuracy` of `cheapest_row`, for `simulate`.
 
         Arguments and errors as in `cheapest_row`."""
         row = self.cheapest_row(error, precision)
@@ -147,8 +147,8 @@ class AccuracyCost:
         rows = [head, *(_cells(row, self.reference_error, gradient) for row in self.rows)]
         lines = [aligned(rows, left=2)]
         if self.reference:
-            own = self.reference_error
-            good = f"good to about {own:.1g}" if math.isfinite(own) else "of an error not known"
+            error = self.reference_error
+            good = f"good to about {error:.1g}" if math.isfinite(error) else "of an error not known"
             lines.append(f"Errors are against {self.reference}, itself {good}.")
         return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 
@@ -191,7 +191,7 @@ def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
     """The text of a row.
 
     A star marks a failed run, a less-than sign an error below that of the reference."""
-    # What is not a number is not known: a dash.
+    # A dash for NaN, which stands for an unknown number.
     error = "-"
     if not math.isnan(row.error):
         below = "< " if row.error < least_error else ""

@@ -9,7 +9,7 @@
     OpenRocket       data of a simulation, with a         Mach number, and axial or drag coefficient
                      heading `# Time (s),...`             of the ascent, with and without thrust
 
-A table of one's own takes any of these names. Columns in degrees are called so, all others are as
+A user's own table may have any of these names. Columns in degrees are called so, all others are as
 the programs write them: `CP (m)` and `CP (cm)` are not inches. Columns of other names are left out.
 Separators are commas, semicolons or tabulators; with the latter two a decimal comma may stand.
 
@@ -32,7 +32,7 @@ from ._separated import separated
 DEGREE = np.pi / 180.0
 INCH = 0.0254
 
-# Of a table, by its keys: `_aerodynamic_table` has their meaning.
+# The keys of a table, with the meaning that `aerodynamic_table` gives them.
 COEFFICIENTS = (
     *("axial", "axial_burning", "base", "drag", "drag_burning", "lift", "normal", "normal_slope"),
     *("centre", "pitch", "side", "yaw", "roll_moment", "pitch_damping", "roll_damping"),
@@ -75,7 +75,7 @@ TIME = "time (s)"
 CLIMB = "vertical velocity"
 HEIGHT = "altitude"
 THRUST = "thrust"
-# Of the Mach numbers of a flight: what lies closer is one point.
+# Mach numbers of a flight that lie closer than this become one point.
 APART = 0.01
 
 

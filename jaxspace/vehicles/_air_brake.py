@@ -1,4 +1,4 @@
-"""Air brakes: plates that a servo pushes into the flow, by a share between shut and open.
+"""Air brakes: plates that a servo opens into the flow, by a share from 0 (shut) to 1 (open).
 
     F = -rho/2 |w| C_D(M) A s w          w = v - v_air,   M = |w|/c
 

@@ -15,9 +15,9 @@ from ._hermite import monotone_slopes
 
 AXES = ("mach", "angle", "roll", "reynolds")
 UNITS = {"mach": "", "angle": " rad", "roll": " rad", "reynolds": ""}
-# What the parts of an airframe cannot give.
+# Coefficients that the parts of an airframe do not give.
 AXIAL = ("axial", "axial_burning")
-# Stored as they are.
+# Coefficients that are stored without a division by sin(alpha).
 PLAIN = ("roll_moment", "pitch_damping", "roll_damping")
 
 
@@ -84,7 +84,7 @@ def _folded(columns: dict[str, np.ndarray], name: str) -> tuple[dict[str, np.nda
             columns["angle"],
             "at most pi rad",
         )
-        # The other side of the plane, which the roll gives.
+        # Negative angles are the other side of the plane of the flow, which the roll covers.
         ahead = columns["angle"] >= 0.0
         columns = {key: x[ahead] for key, x in columns.items()}
         columns["angle"] = np.minimum(columns["angle"], np.pi)
@@ -96,7 +96,7 @@ def _folded(columns: dict[str, np.ndarray], name: str) -> tuple[dict[str, np.nda
     if "reynolds" in given:
         check(columns["reynolds"] > 0.0, f"{name}: reynolds", columns["reynolds"], "positive")
         rest = [columns[key] for key in given if key != "reynolds"]
-        # One of them for each point: a number of the height at which the table was made.
+        # One Reynolds number for each point follows from the height at which the table was made.
         if np.unique(np.stack(rest), axis=1).shape[1] == columns["mach"].size:
             given.remove("reynolds")
     return columns, given
@@ -148,7 +148,7 @@ def _stored(
     for k in (0, -1):
         if angle.size == 1 or 0.0 < angle[k] < np.pi:
             continue
-        # Ahead and from behind no roll is defined: what is left of it there would be no function.
+        # At 0 and pi no roll is defined, and the coefficients there must not depend on it.
         for key, x in result.items():
             result[key] = x.copy()
             # The last roll is the first one again.

@@ -70,7 +70,7 @@ RMS = {
     "moderate": (8.6, 9.6, 10.6, 10.1, 8.0, 6.6, 5.0, 4.2, 2.7, 0.0, 0.0, 0.0),
     "severe": (15.6, 17.6, 23.0, 23.6, 22.1, 20.0, 16.0, 15.1, 12.1, 7.9, 6.2, 5.1),
 }
-# Of the same severity: the mean wind at 20 ft, 15, 30 and 45 knots.
+# The mean wind at 20 ft for these severities: 15, 30 and 45 knots.
 WINDS = {name: k * 15.0 * 1852.0 / 3600.0 for k, name in enumerate(RMS, 1)}
 
 

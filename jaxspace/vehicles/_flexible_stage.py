@@ -1,6 +1,6 @@
 """A flexible stage that flies: bending, a swivelling engine, slosh and an autopilot as one effect.
 
-    axes: z forward, x and y across; both planes (z, x) and (z, y) are alike
+    axes: z forward, x and y across; both planes (z, x) and (z, y) are equal
     (d, q, s)~ = (d, q, s)' + W z x (d, q, s)          rates in axes that do not roll
     (d, q, s)~~ as in the plane: see `jaxspace.mechanics.missile_loop.MissileLoop`
     F_B = m F/(m + m_s) z + (F [(1 - C_2) d + y_h'] + f),   M_B = z x I_0 (th + C_2 d)~~
@@ -147,13 +147,13 @@ class FlexibleStage(AbstractEffect):
         if mass is not None and body.has_inertia():
             moment = body.inertia(mass).matrix()[0, 0]
             pairs["moment of inertia across its axis"] = (moment, missile.inertia, "kg m^2")
-        for name, (given, own, kg) in pairs.items():
-            if given is None or not (is_concrete(given) and is_concrete(own)):
+        for name, (given, expected, kg) in pairs.items():
+            if given is None or not (is_concrete(given) and is_concrete(expected)):
                 continue
-            if jnp.any(jnp.abs(given - own) > AGREE * own):
+            if jnp.any(jnp.abs(given - expected) > AGREE * expected):
                 raise InputError(
                     f"The {name} of the body is {given} {kg}: it must be that of the beam of "
-                    f"FlexibleStage, {own} {kg}."
+                    f"FlexibleStage, {expected} {kg}."
                 )
 
 

@@ -43,7 +43,7 @@ def monotone_slopes(x: Known, y: Known) -> Known:
 
     **Returns** the slopes, of the shape of `y`; at the ends those of the parabola through three
     nodes, held to three times the mean slope there and to its sign."""
-    # In NumPy where all is known: a table is made once, and each operation would be compiled.
+    # By NumPy where all is known, because jax would compile each operation for one call.
     xp = np if is_concrete(x) and is_concrete(y) else jnp
     x, y = xp.asarray(x), xp.asarray(y)
     x = x.reshape(*x.shape, *(1,) * (y.ndim - x.ndim))

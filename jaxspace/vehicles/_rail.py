@@ -40,14 +40,14 @@ class Rail(AbstractEffect):
         del t
         d = self._along(y.position)
         along = dot(d, rate.velocity)
-        # Until the thrust exceeds the weight, the vehicle stands on its stop and does not slide
+        # Until the thrust exceeds the weight, the vehicle rests on its stop and does not slide
         # down.
         held = (along < 0.0) & (dot(d, y.velocity) <= 0.0)
-        kept = {"velocity": jnp.where(held, 0.0, along) * d}
+        rates = {"velocity": jnp.where(held, 0.0, along) * d}
         if rate.omega is not None:
             # Times zero keeps the runs and the precision of the rate.
-            kept["omega"] = 0.0 * rate.omega
-        return dataclasses.replace(rate, **kept)
+            rates["omega"] = 0.0 * rate.omega
+        return dataclasses.replace(rate, **rates)
 
     @event("m", direction=1, needs=("position",))
     def rail_exit(self, t: Scalar, y: BodyState) -> Scalar:

@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 
-# Of the transverse sequence: what it takes of both states, and their stationary covariance.
+# Weights of both states in the transverse sequence, and their stationary covariance.
 TAKEN = np.array([np.sqrt(3.0), 1.0 - np.sqrt(3.0)])
 STATIONARY = np.array([[0.5, 0.25], [0.25, 0.25]])
 
@@ -39,7 +39,7 @@ def normal_numbers(seed: Scalar, shape: tuple[int, ...]) -> Float[Array, "..."]:
     are zero."""
     seed = lax.stop_gradient(jnp.asarray(seed))
     bits = lax.bitcast_convert_type(seed.astype(jnp.float32), jnp.uint32)
-    # Of one kind whatever the settings are, so that a seed means the same everywhere.
+    # The generator is fixed whatever the settings, so that a seed means the same everywhere.
     root = jax.random.key(0, impl="threefry2x32")
 
     def drawn(number: Array) -> Array:
@@ -80,7 +80,7 @@ def transverse(steps: np.ndarray, z: Float[Array, "nodes 2 *runs"]) -> Float[Arr
     - `steps`: known distances between the nodes over the correlation length, (steps,).
     - `z`: two standard normal numbers for each node."""
     keep = np.exp(-steps)[:, None, None] * (np.eye(2) + steps[:, None, None] * [[0, 0], [1, 0]])
-    # In double precision: the covariance of a small step is what differences leave.
+    # In double precision, because the covariance of a small step is a small difference.
     covariance = STATIONARY - keep @ STATIONARY @ np.swapaxes(keep, 1, 2)
     fresh = np.linalg.cholesky(covariance)
     start = np.linalg.cholesky(STATIONARY)

@@ -15,7 +15,7 @@ def separated(lines: list[str], *words: str) -> Iterator[list[str]]:
     heading = next((line for line in lines if any(word in line.lower() for word in words)), "")
     mark = next(mark for mark in ";\t," if mark in heading + ",")
     for line in lines:
-        # Each by itself, so that an open quotation ends with its line.
+        # Line by line, so that an unclosed quotation ends with its line.
         try:
             yield next(csv.reader([line], delimiter=mark), [])
         except csv.Error:

@@ -34,7 +34,7 @@ FASTEST = 150.0
 """m/s: no wind has been measured that is faster."""
 FREEZING = 273.15
 
-# By how a name begins: what it is, and its units.
+# The quantity of a column and its units, by the beginning of the name.
 PRESSURES = {"hpa": 100.0, "mbar": 100.0, "mb": 100.0, "pa": 1.0}
 HEIGHTS = {"m": 1.0, "km": 1e3, "ft": 0.3048, "kft": 304.8}
 SPEEDS = {
@@ -122,7 +122,7 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
             f"{path} has no level of an atmosphere or a wind: it must have heights with pressure "
             f"and temperature, or with direction and speed."
         )
-    # From where it blows: the air moves the other way.
+    # The direction is where the wind comes from: the air moves the other way.
     angle = np.radians(direction)
     return SoundingFile(
         heights, pressure, temperature, above, -speed * np.sin(angle), -speed * np.cos(angle)

@@ -15,7 +15,7 @@
     z_0, z_C    station of the table, centre of mass                             m
     Re          rho |w| L/mu,  mu = 1.458e-6 T^1.5/(T + 110.4)                   1
 
-What the table lacks comes from the parts of the airframe, where these are given: the normal force
+What is not in the table comes from the parts of the airframe, if these are given: the normal force
 with its damping, the damping alone, the roll by canted fins. With a motor that burns C_A is that of
 a base filled by the jet.
 

@@ -31,8 +31,8 @@ from .local_air import AbstractWind, check_nodes
 
 @final
 class UncertainWind(AbstractWind):
-    """A mean wind and what is not known of it. The numbers z are its inputs in a campaign, one by
-    one, or all by one `seed` (`of_seed`); with zeros it is the mean wind."""
+    """A mean wind with random errors. In a campaign the numbers z are inputs, one by one, or all by
+    one `seed` (`of_seed`); with zeros it is the mean wind."""
 
     heights: Float[Array, "nodes *#runs"] = quantity("m", doc="above sea level, ascending")
     east: Float[Array, "nodes *#runs"] = quantity(

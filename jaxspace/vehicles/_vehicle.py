@@ -57,7 +57,7 @@ from .local_air import LocalAir
 
 @final
 class Vehicle(AbstractParameters):
-    """A rocket: its body, its motor, and what the air sees of it."""
+    """A rocket: its body, its motor, and its aerodynamics."""
 
     body: AbstractBody
     motor: Thrust
@@ -285,7 +285,7 @@ class Vehicle(AbstractParameters):
         assert loaded is not None and dry is not None
         speed = self.motor.exhaust_velocity * jnp.log(loaded / dry)
         thrown = speed**2 / (2.0 * STANDARD_GRAVITY)
-        # Gravity falls with the height; a throw that is fast enough never comes back.
+        # Because gravity falls with the height, a throw that is fast enough never comes back.
         left = jnp.where(thrown < RADIUS, 1.0 - thrown / RADIUS, 0.0)
         return speed * self.motor.burn_time + thrown / left
 
@@ -322,7 +322,7 @@ class Vehicle(AbstractParameters):
         coasting = self.coasting_drag
         if self.drag is None and self.table is not None and "axial_burning" in self.table.names:
             coasting = self.table.ahead(False)
-        # Without power `_drag` has taken it already.
+        # Without power `_drag` uses that coefficient from the start.
         if not powered or coasting is None:
             return None, None
         return coasting, self.motor.burnout()

@@ -115,8 +115,8 @@ class AerodynamicTable(AbstractParameters):
         - `area`, m^2; `length`, m; `station`, m: to which they refer.
         - `name`: of the table, for errors.
 
-        **Raises** `InputError` with the point that the grid lacks or has twice, or the value that
-        no coefficient can have.
+        **Raises** `InputError` with the point that is missing or twice in the grid, or the value
+        that no coefficient can have.
         """
         axes, names, data = on_grid(columns, name)
         mach, angle, roll, reynolds = (jnp.asarray(axes[key]) for key in AXES)
@@ -199,6 +199,6 @@ def read_aerodynamics(
       counts, or of the point about which the moments of the file are.
 
     **Raises** `InputError` with the file and its row for what is no number, a missing column, or a
-    point that the grid lacks or has twice; `OSError` for a file that cannot be opened.
+    point that is missing or twice in the grid; `OSError` for a file that cannot be opened.
     """
     return AerodynamicTable.of_file(path, area, length, station)

@@ -126,7 +126,7 @@ class RadiusChange(AbstractSurface):
 
     def centre(self) -> Scalar:
         ratio = self.fore_radius / self.aft_radius
-        # (1 - q)/(1 - q^2) = 1/(1 + q): no hole where the radius stays.
+        # (1 - q)/(1 - q^2) is written 1/(1 + q), which is finite for equal radii.
         return self.fore_end - self.length / 3.0 * (1.0 + 1.0 / (1.0 + ratio))
 
 
@@ -164,7 +164,7 @@ class FinSet(AbstractSurface):
 
     def slope(self, mach: Scalar) -> Scalar:
         n = self.count
-        # Fins in the wake of each other from five on (Niskanen 3.2.2).
+        # From five fins on they lie in each other's wake (Niskanen 3.2.2).
         losses = jnp.select(
             [n == 5.0, n == 6.0, n == 7.0, n == 8.0], [2.37, 2.74, 2.99, 3.24], 0.5 * n
         )

@@ -119,7 +119,7 @@ class LaunchSite(AbstractParameters):
 
     @output("m")
     def drift(self, position: Vector, began: BodyState) -> Scalar:
-        """Way over the ground from the start of the phase to its end, straight, m."""
+        """Straight distance over the ground from the start of the phase to its end, m."""
         return over_ground(position - began.position)
 
     @property
@@ -198,7 +198,7 @@ def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
     """The names of the phases of a flight with these parachutes, in their order."""
     names = ["rail", "ascent"]
     for number, chute in enumerate(recovery, 1):
-        # By whether it is given and not by its value, which may be another one in every run.
+        # By whether a lag is given and not by its value, which may differ between the runs.
         names += [] if chute.lag is None else [f"wait {number}"]
         names.append(f"parachute {number}")
     return names
@@ -263,13 +263,13 @@ def sounding_flight(
     for number, chute in enumerate(recovery):
         drag = Parachute(chute.drag_area, air=air)
         hanging = scene(drag, carry=("mass",))
-        # Under a parachute hangs a point: the rotation ends with the ascent.
+        # Under a parachute the rocket is a point: the rotation ends with the ascent.
         turn = as_point if number == 0 else None
         if chute.lag is not None:
             phases.append(Phase(flying, chute.lag, turn, next(names)))
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
-        # The last parachute hangs until the ground, each other one until the next opens.
+        # The last parachute lasts to the ground, each other one until the next opens.
         below = as_float(0.0) if number == last else recovery[number + 1].height
         phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names)))
         flying = hanging

@@ -59,7 +59,7 @@ class Case:
         value, slopes = self.truth()
         sizes = []
         for number, f in enumerate(value):
-            # An infinite slope says nothing about finite changes.
+            # An infinite slope gives no measure of finite changes.
             row = slopes[number] if slopes else ()
             parts = (abs(s * x) for s, x in zip(row, self.inputs, strict=bool(row)))
             sizes += [size for size in [abs(f) + sum(p for p in parts if p < math.inf)]]

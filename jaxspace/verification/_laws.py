@@ -255,11 +255,11 @@ def inner(a: State, b: State) -> Scalar:
     return jnp.sum(jnp.stack(jax.tree.leaves(products)))
 
 
-def distance(found: State, truth: State) -> float:
+def distance(computed: State, truth: State) -> float:
     """The largest difference of two trees, relative to the size of its block; infinite for what is
     not a number."""
     apart = jax.tree.map(
-        lambda a, b: jnp.max(jnp.abs(a.astype(b.dtype) - b)) / _size(b), found, truth
+        lambda a, b: jnp.max(jnp.abs(a.astype(b.dtype) - b)) / _size(b), computed, truth
     )
     worst = float(jnp.max(jnp.stack(jax.tree.leaves(apart))))
     return worst if math.isfinite(worst) else math.inf

@@ -8,7 +8,8 @@ from jaxtyping import Array
 from ..bodies.atmosphere import exponential_density
 from ..optimization import optimal_staging
 from ..optimization.steering import minimum_time_steering
-from ..rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
+from ..rockets import spin_angle
+from ..rockets.jet_damping import jet_damping_ratio, spin_ratio
 from ..rockets.rocket_equation import (
     coast_height,
     mass_ratio_for,

@@ -58,8 +58,8 @@ def run_cases(
             groups.setdefault(case.function, []).append(case)
     with ThreadPoolExecutor(THREADS) as pool:
         jobs = [pool.submit(_run_group, f, g, precision, where) for f, g in groups.items()]
-        found = {result.name: result for job in jobs for result in job.result()}
-    rows = tuple(found.get(case.name) or CaseResult.left_out(case) for case in cases)
+        results = {result.name: result for job in jobs for result in job.result()}
+    rows = tuple(results.get(case.name) or CaseResult.left_out(case) for case in cases)
     return Verification(rows, precision, where.device_kind, time.perf_counter() - started)
 
 
@@ -148,7 +148,7 @@ def _judge(
     )
 
 
-def _slope_error(found: np.ndarray, truth: np.ndarray, inputs: np.ndarray) -> float:
+def _slope_error(computed: np.ndarray, truth: np.ndarray, inputs: np.ndarray) -> float:
     """The largest error of derivatives, (outputs, inputs), relative to the largest of its output.
 
     Those by inputs far from one, which have large units, count as derivatives by their logarithm.
@@ -157,7 +157,7 @@ def _slope_error(found: np.ndarray, truth: np.ndarray, inputs: np.ndarray) -> fl
     overall = _size(truth * weights)
     return max(
         difference(a * weights, b * weights, _size(b * weights, overall))
-        for a, b in zip(found, truth, strict=True)
+        for a, b in zip(computed, truth, strict=True)
     )
 
 
@@ -167,12 +167,12 @@ def _size(numbers: np.ndarray, otherwise: float = 1.0) -> float:
     return float(np.max(finite, initial=0.0)) or otherwise
 
 
-def difference(found: np.ndarray, truth: np.ndarray, size: float) -> float:
+def difference(computed: np.ndarray, truth: np.ndarray, size: float) -> float:
     """The largest |found - truth| over `size`; infinite where one is infinite or not a number and
     the other is not the same."""
-    found, truth = np.asarray(found, float), np.asarray(truth, float)
+    computed, truth = np.asarray(computed, float), np.asarray(truth, float)
     finite = np.isfinite(truth)
-    same = np.array_equal(found[~finite], truth[~finite], equal_nan=True)
-    if not same or not np.all(np.isfinite(found[finite])):
+    same = np.array_equal(computed[~finite], truth[~finite], equal_nan=True)
+    if not same or not np.all(np.isfinite(computed[finite])):
         return float("inf")
-    return float(np.max(np.abs(found[finite] - truth[finite]), initial=0.0)) / size
+    return float(np.max(np.abs(computed[finite] - truth[finite]), initial=0.0)) / size

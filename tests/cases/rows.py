@@ -458,7 +458,7 @@ VARIABLE_MASS = (
     Row(
         *("7.9", "Spinning rocket: rates in closed form", "T7.9"),
         "rockets.SpinningRocket rockets.jet_damping.spin_ratio "
-        "rockets.jet_damping.spin_angle bodies.BurningBody",
+        "rockets.spin_angle bodies.BurningBody",
     ),
     Row(
         *("7.10", "Angle of attack of that rocket, small angles and full attitude", "T7.10-P8"),
@@ -469,7 +469,7 @@ VARIABLE_MASS = (
         "7.10 P7",
         "Angle of spin through a central nozzle",
         "T7.10-7",
-        "rockets.jet_damping.spin_angle",
+        "rockets.spin_angle",
     ),
     Row(
         *("7.10 P1, P2", "Sprinkler", "T7.10-P1 T7.10-P2"),

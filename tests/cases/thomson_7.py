@@ -30,8 +30,8 @@ from jaxspace.bodies import BurningBody, InertiaTensor, Load, PrincipalInertia, 
 from jaxspace.bodies.newton_euler import angular_acceleration
 from jaxspace.core.vectors import cross, norm
 from jaxspace.orbits.elements import angular_momentum
-from jaxspace.rockets import JetDamping, SpinningRocket
-from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_angle, spin_ratio
+from jaxspace.rockets import JetDamping, SpinningRocket, spin_angle
+from jaxspace.rockets.jet_damping import jet_damping_ratio, spin_ratio
 from jaxspace.rockets.sprinkler import sprinkler_moment, sprinkler_speed
 from jaxspace.rotations import Quaternion, from_euler_angles, to_euler_angles
 from jaxspace.rotations.euler_angles import omega_from_euler_rates

@@ -260,6 +260,7 @@ FORMS = (
         equinoctial,
         _names("EquinoctialElements.of_state"),
         [(*on_conic(0.3, 1.0, 0.2), 1.0), (*CIRCLE, 1.0), POLAR, (*on_conic(0.99, 2.0), 1.0)],
+        vectors=(3, 3, 1),
     ),
     Form(
         of_equinoctial,
@@ -275,6 +276,7 @@ FORMS = (
         modified_equinoctial,
         _names("ModifiedEquinoctialElements.of_state"),
         [(*on_conic(0.3, 1.0, 0.2), 1.0), (*CIRCLE, 1.0), POLAR, (*on_conic(1.5, 1.0), 1.0)],
+        vectors=(3, 3, 1),
     ),
     Form(
         of_modified_equinoctial,

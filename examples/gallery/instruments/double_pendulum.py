@@ -1,4 +1,5 @@
-"""Poincare section of a double pendulum
+"""See where chaos begins
+Poincare section of a double pendulum
 
 Each time the upper rod swings through the vertical to the right, the lower
 one's angle and rate leave a dot (9.3). With little energy every motion stays

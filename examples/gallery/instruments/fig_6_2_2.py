@@ -1,4 +1,5 @@
-"""Fig. 6.2-2: a gyro after an impulse
+"""Strike a gyro
+Fig. 6.2-2: a gyro after an impulse
 
 The end of the axis of a gyro in gimbals without mass, struck about the inner
 axis: it runs round a circle of the size $M/H$ at the nutation frequency."""

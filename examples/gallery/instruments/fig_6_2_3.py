@@ -1,4 +1,5 @@
-"""Fig. 6.2-3: a gyro under a steady moment
+"""Push a gyro
+Fig. 6.2-3: a gyro under a steady moment
 
 The end of the axis of a gyro in gimbals without mass under a moment about the
 inner axis, applied at rest: a cycloid, which is a steady precession and a

@@ -1,4 +1,5 @@
-"""Fig. 6.8-3: a platform under a torque
+"""Hold a platform still
+Fig. 6.8-3: a platform under a torque
 
 The gyro of a stable platform about one axis, after a torque of 0.01 N m is
 applied: without servo it nutates about $Tt/h$, with a servo it takes the

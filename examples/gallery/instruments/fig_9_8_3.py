@@ -1,4 +1,5 @@
-"""Fig. 9.8-3: drift of a satellite with whip antennas
+"""Know how antennas tilt a spin
+Fig. 9.8-3: drift of a satellite with whip antennas
 
 The rate at which the bending of antennas tilts the axis of a spinning
 satellite, against its tilt: it peaks at the resonance, where the cosine of

@@ -1,4 +1,5 @@
-"""Gimbal walk
+"""Know the drift of gimbals with mass
+Gimbal walk
 
 The outer gimbal of a nutating gyro whose gimbals have mass: with every
 nutation it comes back a little beside where it was. The line is the mean

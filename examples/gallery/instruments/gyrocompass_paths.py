@@ -1,4 +1,5 @@
-"""The path of a gyrocompass's axis
+"""Find north
+The path of a gyrocompass's axis
 
 The end of the axis, released 5 degrees off the meridian (6.5): without
 damping it goes round an ellipse about its rest, slightly above the horizon;

@@ -1,4 +1,5 @@
-r"""A bead on a turning hoop
+r"""See a rest lose its stability
+A bead on a turning hoop
 
 Where the bead rests against the rate of the hoop, in units of the rate
 $\sqrt{g/r}$ at which the bottom becomes unstable, and the squared frequency

@@ -1,4 +1,5 @@
-"""Mode shapes of a missile and root locus of its autopilot
+"""Choose the gain of an autopilot
+Mode shapes of a missile and root locus of its autopilot
 
 The first bending shapes of a free beam, and the roots of a flexible missile
 with a swivelling engine as the gain of its autopilot grows, with the gyro at

@@ -1,4 +1,5 @@
-"""Errors of an inertial navigator over a day
+"""Navigate for a day
+Errors of an inertial navigator over a day
 
 A strapdown navigator in an aircraft at 200 m/s, whose gyros drift by 0.01
 deg/h and whose accelerometers have a bias of 50 micro-g: Schuler's period of

@@ -1,4 +1,5 @@
-"""Response of a rate gyro
+"""Measure a rate
+Response of a rate gyro
 
 The gimbal of a rate gyro after a step of the rate of its case (6.6), over
 the angle that it reaches in the end, and its answer to rates that swing. With

@@ -1,4 +1,5 @@
-r"""Resonance of a softening spring
+r"""Find the amplitude of a soft spring
+Resonance of a softening spring
 
 The amplitude of $m\ddot y + c\dot y + ky - by^3 = F\sin pt$ against the
 frequency of the force, by harmonic balance (6.3 P3, P4): the curve leans over

@@ -1,4 +1,5 @@
-r"""A disk on an incline rolls along a cycloid
+r"""Roll a disk down an incline
+A disk on an incline rolls along a cycloid
 
 A thin disk that turns about its vertical while it rolls on an incline (9.9)
 does not run away downhill: it comes back to rest again and again, on the

@@ -1,4 +1,5 @@
-r"""Roots of a trailer
+r"""Load a trailer so that it follows
+Roots of a trailer
 
 The roots of a trailer behind a hitch that yields, as its wheel moves back
 from the mass centre: unstable for $ac < \rho^2$, whatever the speed and the

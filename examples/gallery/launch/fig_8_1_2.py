@@ -1,4 +1,5 @@
-"""Velocity at burnout
+"""Know the speed at burnout
+Velocity at burnout
 
 A single stage that rises vertically (8.1): speed at burnout over the share of
 the mass that is left, for three specific impulses; thrust over weight 1.5

@@ -1,4 +1,5 @@
-r"""Linear-tangent steering
+r"""Steer to the greatest speed at a height
+Linear-tangent steering
 
 The ascent with the greatest velocity at the apex (8.3): 3 g for 160 s from
 900 m/s, to 183 km. Left: the burn, the coast, and the direction of the

@@ -1,4 +1,5 @@
-"""Propellant used at the start
+"""Split the propellant for a target above
+Propellant used at the start
 
 A target above the release, the duration free (8.4): final velocity over the
 share of the propellant that is used at the start, for some durations. The

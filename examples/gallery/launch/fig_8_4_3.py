@@ -1,4 +1,5 @@
-"""Propellant used at the end
+"""Split the propellant for a target below
+Propellant used at the end
 
 A target below the release, the duration free (8.4): the impulse belongs at
 the lower place, which is the end. Curves end where the share cannot lift the

@@ -1,4 +1,5 @@
-"""Propellant split
+"""Split the propellant when time is short
+Propellant split
 
 A duration that is prescribed and shorter than the free fall from the target
 (8.4): both impulses have vertical work to do, and the best split,

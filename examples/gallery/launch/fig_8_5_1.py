@@ -1,4 +1,5 @@
-"""Gravity turns
+"""Turn by gravity alone
+Gravity turns
 
 The thrust along the velocity, which gravity alone bends (8.5): paths with
 1.5 times the weight as thrust, from 120 m/s at angles of 2 to 30 degrees to

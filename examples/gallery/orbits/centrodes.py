@@ -1,4 +1,5 @@
-"""Centrodes of a ladder
+"""Find the centre of a plane motion
+Centrodes of a ladder
 
 The point of a sliding ladder that is at rest for a moment runs on a circle
 about the corner in space, and on a circle through the ladder's ends in the

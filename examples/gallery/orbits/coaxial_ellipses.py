@@ -1,4 +1,5 @@
-"""Transfer between coaxial ellipses
+"""Go from one ellipse to another
+Transfer between coaxial ellipses
 
 Two impulses take a satellite from the perigee of an ellipse to the apogee of
 another one on the same line of apsides (4.12), along half an ellipse that

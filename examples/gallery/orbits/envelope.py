@@ -1,4 +1,5 @@
-"""Envelope of trajectories
+"""Know what a throw can reach
+Envelope of trajectories
 
 Throws at one speed to all sides reach no farther than an ellipse, one focus
 of which is the centre of the Earth and the other the place of the throw

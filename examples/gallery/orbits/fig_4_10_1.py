@@ -1,4 +1,5 @@
-r"""Fig. 4.10-1: launches along the horizon
+r"""Choose the speed of a horizontal launch
+Fig. 4.10-1: launches along the horizon
 
 From one place, for several speeds: $e = \lvert\lambda - 1\rvert$. Below
 $\lambda = 1$ the burnout is the apoapsis, above it the periapsis; from

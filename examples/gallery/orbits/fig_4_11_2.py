@@ -1,4 +1,5 @@
-"""Fig. 4.11-2: what a transfer costs
+"""Know what a change of orbit costs
+Fig. 4.11-2: what a transfer costs
 
 Both impulses of the Hohmann transfer between circles, in units of the speed
 on the first one. It costs as much as escape at a ratio of 3.304, and most at

@@ -1,4 +1,5 @@
-r"""Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
+r"""Read speed and heading along an orbit
+Fig. 4.13-2 and 4.13-3: speed and heading along an orbit
 
 The angle $\beta$ of the path above the horizon against $\lambda = rv^2/\mu$,
 on lines of one eccentricity, which an orbit runs along, and on lines of one

@@ -1,4 +1,5 @@
-r"""Fig. 4.13-4 and 4.13-5: time of flight from the periapsis
+r"""Find the time since the periapsis
+Fig. 4.13-4 and 4.13-5: time of flight from the periapsis
 
 Against the true anomaly, in units of $\sqrt{r_p^3/\mu}$, for ellipses, the
 parabola and hyperbolas by one formula."""

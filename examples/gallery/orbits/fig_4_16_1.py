@@ -1,4 +1,5 @@
-"""Fig. 4.16-1: interception
+"""Choose the path of an interception
+Fig. 4.16-1: interception
 
 Conics from one place to another that is 120 degrees on and 1.5 times as far,
 in different times: the shorter the time, the straighter the path."""

@@ -1,4 +1,5 @@
-"""Fig. 4.16-2: what an interception costs
+"""Choose the time of an interception
+Fig. 4.16-2: what an interception costs
 
 The first impulse, from the circle through the start, against the time
 until the target is met, for several angles of transfer to 1.5 times the

@@ -1,4 +1,5 @@
-"""Fig. 4.16-3: phasing
+"""Catch up on one's own orbit
+Fig. 4.16-3: phasing
 
 A satellite catches up with another on its own circle by waiting N turns on an
 ellipse whose period differs. Both impulses in units of the circular speed

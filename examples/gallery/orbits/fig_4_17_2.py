@@ -1,4 +1,5 @@
-r"""Fig. 4.17-2: range of a ballistic flight
+r"""Know how far a burnout carries
+Fig. 4.17-2: range of a ballistic flight
 
 The angle at the Earth's centre against the angle of the path at burnout, for
 several $\lambda = Rv^2/\mu$. The dashed line joins the longest ranges: for

@@ -1,4 +1,5 @@
-"""Fig. 4.18-1: what the Earth's bulge does to an orbit
+"""Choose a sun-synchronous inclination
+Fig. 4.18-1: what the Earth's bulge does to an orbit
 
 Mean rates of the node and of the periapsis by J2, in degrees a day, against
 the inclination, 500 km high. The dotted line is the rate of the Sun: where

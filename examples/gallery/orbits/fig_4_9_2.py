@@ -1,4 +1,5 @@
-r"""Fig. 4.9-2: shape of the orbit from the burnout
+r"""Read an orbit off its burnout
+Fig. 4.9-2: shape of the orbit from the burnout
 
 Eccentricity and true anomaly of the burnout against its speed,
 $\lambda = rv^2/\mu$, for several angles $\beta$ of the path above the

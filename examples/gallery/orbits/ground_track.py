@@ -1,4 +1,5 @@
-"""Ground track of a Molniya orbit
+"""See what a satellite passes over
+Ground track of a Molniya orbit
 
 Two revolutions of half a sidereal day each, seen from the turning Earth: for
 hours the satellite hangs over the north. A dot every hour."""

@@ -1,4 +1,5 @@
-"""H 5.6: pseudo-potentials
+"""Tell whether a circular orbit is stable
+H 5.6: pseudo-potentials
 
 $U + L^2/(2r^2)$ for attractions $k/r^n$ with the same circular orbit at
 $r = 1$. Up to $n = 3$ the circle lies in a hollow; beyond it stands on a

@@ -1,4 +1,5 @@
-r"""H 5.7: closed orbits and orbits that turn
+r"""Find the laws under which orbits close
+H 5.7: closed orbits and orbits that turn
 
 The angle between periapsis and apoapsis for attractions $k/r^n$, from nearly
 circular orbits, where it is $\pi/\sqrt{3 - n}$, to long ones. Two lines are

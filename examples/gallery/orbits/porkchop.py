@@ -1,4 +1,5 @@
-"""Fig. 4.16-4: porkchop from the Earth to Mars
+"""Find the transfer window
+Fig. 4.16-4: porkchop from the Earth to Mars
 
 Total impulse at departure and arrival over their days, for planets on circles
 in one plane: 200 000 transfers at once by `lambert`."""

@@ -1,4 +1,5 @@
-r"""Rosettes of power laws
+r"""Follow an orbit under another law of attraction
+Rosettes of power laws
 
 Orbits under attractions $k/r^n$, let go along the horizon at 0.6 of the speed
 of the circle. The angle between periapsis and apoapsis, by quadrature, is

@@ -1,4 +1,5 @@
-"""Rattle of a settling coin
+"""Watch a coin settle
+Rattle of a settling coin
 
 A half dollar that spins down under a small resistance of its contour: as it
 settles its contact runs round faster and faster, and stops at once at the end

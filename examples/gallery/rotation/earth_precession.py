@@ -1,4 +1,5 @@
-"""Precession of the equinoxes
+"""Follow the pole of the Earth
+Precession of the equinoxes
 
 The moon and the sun pull at the Earth's equatorial bulge (5.15): the pole
 goes round that of the ecliptic in 26,000 years, against the spin, and twice

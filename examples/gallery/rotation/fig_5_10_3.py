@@ -1,4 +1,5 @@
-"""Fig. 5.10-3: polhodes on Poinsot's ellipsoid
+"""See where a spin can go
+Fig. 5.10-3: polhodes on Poinsot's ellipsoid
 
 The angular velocities of one energy form an ellipsoid in the body, on which
 each motion keeps to one closed curve: about the axis of greatest moment

@@ -1,4 +1,5 @@
-"""Fig. 5.10-4: herpolhode
+"""Follow the angular velocity in space
+Fig. 5.10-4: herpolhode
 
 The path of the angular velocity in the invariable plane, which lies across
 the angular momentum: it goes to and fro between two circles, known in closed

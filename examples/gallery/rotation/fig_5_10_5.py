@@ -1,4 +1,5 @@
-"""Fig. 5.10-5: polhodes along the three axes
+"""Tell which spins are stable
+Fig. 5.10-5: polhodes along the three axes
 
 Seen along the axes of greatest and least moment the polhodes are ellipses:
 small disturbances of these spins stay small. Seen along the middle axis they

@@ -1,4 +1,5 @@
-"""Fig. 5.11-1 to 5.11-3: rates of a free asymmetric body
+"""Get the rates of a free body
+Fig. 5.11-1 to 5.11-3: rates of a free asymmetric body
 
 Moments $A > B > C$. Below $h^2 = 2TB$ the motion circles the axis of least
 moment, above it that of greatest moment. On the border the body approaches

@@ -1,4 +1,5 @@
-r"""Fig. 5.13-2: the cubic of the heavy top
+r"""Find how far a top nods
+Fig. 5.13-2: the cubic of the heavy top
 
 $\dot u^2 = f(u) = (\alpha - \beta u)(1 - u^2) - (\gamma - Nu)^2$ with
 $u = \cos\theta$: the axis swings between the two roots within -1 and 1; the

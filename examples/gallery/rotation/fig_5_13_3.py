@@ -1,4 +1,5 @@
-"""Fig. 5.13-3 to 5.13-5: waves, cusps, loops
+"""Let a heavy top go
+Fig. 5.13-3 to 5.13-5: waves, cusps, loops
 
 The path of a top's axis on the sphere. Let go at rest it falls, and comes to
 a cusp again and again; a push forwards makes waves, one backwards makes

@@ -1,4 +1,5 @@
-"""Fig. 5.14-2: moment for a steady precession
+"""Hold a steady precession
+Fig. 5.14-2: moment for a steady precession
 
 The moment that keeps a spinning body at one angle, against the rate of
 precession. Each moment below the summit belongs to two rates, a slow one and

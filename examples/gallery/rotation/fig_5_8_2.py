@@ -1,4 +1,5 @@
-r"""Fig. 5.8-2: cones of a free symmetric body
+r"""Compute the cones of a free body
+Fig. 5.8-2: cones of a free symmetric body
 
 The axis, the angular velocity and the angular momentum lie in one plane.
 Against the angle $\theta$ between axis and momentum: the half-angles of the

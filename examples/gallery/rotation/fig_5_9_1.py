@@ -1,4 +1,5 @@
-"""Fig. 5.9-1 and 5.9-2: direct and retrograde precession
+"""See the cones roll
+Fig. 5.9-1 and 5.9-2: direct and retrograde precession
 
 The body cone (red), about the axis, rolls without slip on the space cone
 (blue), about the momentum; they touch along the angular velocity. The space

@@ -1,4 +1,5 @@
-"""A gyro on a string
+"""Hang a gyro on a string
+A gyro on a string
 
 A spinning wheel hangs by one end of its axle from a string and goes round
 (5.14 P20). The spin that a steady motion needs, against the rate at which it

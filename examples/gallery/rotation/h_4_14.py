@@ -1,4 +1,5 @@
-r"""H 4.14 to 4.16: Binet's diagrams
+r"""See the angular momentum from the body
+H 4.14 to 4.16: Binet's diagrams
 
 In the axes of the body the angular momentum lies on a sphere, since its size
 stays, and on the ellipsoid of its energy, whose semi-axes are $\sqrt{2TI}$.

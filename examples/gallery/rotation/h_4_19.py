@@ -1,4 +1,5 @@
-r"""H 4.19: pseudo-potential of the top
+r"""See why a top nods
+H 4.19: pseudo-potential of the top
 
 $V' = (p_\phi - p_\psi\cos\theta)^2/(2I_1\sin^2\theta) + mgh\cos\theta$: the
 axis stays where $V'$ lies below the energy. The dots are the turning points

@@ -1,4 +1,5 @@
-r"""H 4.20: steady precession against spin
+r"""Choose the spin for a steady precession
+H 4.20: steady precession against spin
 
 At each angle a slow and a fast precession, from the least spin on; a hanging
 top (above 90 degrees) precesses at any spin, to either side. The dashed line

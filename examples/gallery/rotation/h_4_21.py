@@ -1,4 +1,5 @@
-"""H 4.21 to 4.24: the four paths of a top's axis
+"""Choose the path of a top's axis
+H 4.21 to 4.24: the four paths of a top's axis
 
 Nutation against precession for one spin and several first rates of
 precession: steady at its own rate, else waves, cusps and loops between two

@@ -1,4 +1,5 @@
-r"""H 4.25: the sleeping top
+r"""Put a top to sleep
+H 4.25: the sleeping top
 
 The pseudo-potential of a top that spins upright: above the critical spin,
 $2\sqrt{mghI_1}/I_3$, it has a hollow at the vertical, and the top sleeps;

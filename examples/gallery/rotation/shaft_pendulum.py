@@ -1,4 +1,5 @@
-r"""A disk on a stem that is pinned to a turning shaft
+r"""Find where a disk on a turning shaft rests
+A disk on a stem that is pinned to a turning shaft
 
 The disk hangs along the shaft up to the rate $\psi'^2 = 4ga/(4a^2-r^2)$ and
 stands out from it beyond (5.14 P12): the rest splits in two. Left, the places

@@ -1,4 +1,5 @@
-"""Spherical pendulum from above
+"""Swing a pendulum around the vertical
+Spherical pendulum from above
 
 The bob of a pendulum that swings around the vertical as well (Ex. 9.8-1),
 seen from above: between two circles it goes on an ellipse that turns forward,

@@ -1,4 +1,5 @@
-"""An air brake to an apogee
+"""End a climb at a height
+An air brake to an apogee
 
 A sounding rocket whose motor, mass and drag scatter: how high a thousand
 flights climb, with the gains of a first guess, and with those of a descent

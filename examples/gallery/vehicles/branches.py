@@ -1,4 +1,5 @@
-"""Parts that come down apart
+"""Bring every part down
+Parts that come down apart
 
 A two-stage sounding rocket: a spring drives the empty first stage off, which
 comes down under a parachute from 2 km; at the apogee the payload leaves the
@@ -64,9 +65,8 @@ booster = parachute("booster", lower, 2e3)
 sustainer = Mission([climb], start=upper, name="sustainer")
 ascent = Phase(scene(0.012, first), burnout, branches=[booster, sustainer])
 mass = jnp.array(FIRST + PROPELLANT[0] + rest)
-start = BodyState(jnp.zeros(3), jnp.array([4.0, 0.0, 35.0]), mass=mass)
-mission = Mission([ascent])
-flight = simulate_mission(mission, start, accuracy=1e-6, num_saved=60)
+y0 = BodyState(jnp.zeros(3), jnp.array([4.0, 0.0, 35.0]), mass=mass)
+flight = simulate_mission(Mission([ascent]), y0, accuracy=1e-6, num_saved=60)
 
 figure, axes = plt.subplots(figsize=(5.8, 4.2))
 names = ("sustainer", "booster", "sustainer.stage", "sustainer.payload")

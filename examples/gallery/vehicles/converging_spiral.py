@@ -1,4 +1,5 @@
-r"""The spiral of a rocket's axis
+r"""Let the jet damp a coning stage
+The spiral of a rocket's axis
 
 The axis of a spinning rocket that starts with a transverse rate, seen from
 behind in space (7.10 P8), with $l^2/k^2 = 4$: jet damping draws the circle of

@@ -1,4 +1,5 @@
-"""Epicycle of a misaligned thrust
+"""Know what a misaligned thrust does
+Epicycle of a misaligned thrust
 
 The axis of a spinning missile whose thrust has an arm, seen from behind in
 space (7.4 P6): a bias and two circles, one at the rate of spin, one at that

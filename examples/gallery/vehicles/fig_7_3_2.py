@@ -1,4 +1,5 @@
-r"""Fig. 7.3-2: angle of attack of a spinning body
+r"""Know how far a blow tilts the axis
+Fig. 7.3-2: angle of attack of a spinning body
 
 The tip of the axis of a free symmetric body that has got a transverse rate,
 seen along its first direction: a circle of the radius $\omega_0/(nC/A)$

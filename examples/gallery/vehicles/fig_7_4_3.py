@@ -1,4 +1,5 @@
-"""Fig. 7.4-3: a spin axis that stands askew
+"""Spin about an axis that is not principal
+Fig. 7.4-3: a spin axis that stands askew
 
 A nearly symmetric body spins about an axis that is 0.05 rad from its
 principal one. Seen in space, the marked axis circles the principal one once

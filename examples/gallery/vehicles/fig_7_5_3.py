@@ -1,4 +1,5 @@
-"""Fig. 7.5-3: yo-yo
+"""Stop a spin by a yo-yo
+Fig. 7.5-3: yo-yo
 
 Spin of a satellite of 100 kg m² and tension of the cord while two masses of
 0.6 kg unwind: the spin falls to zero at the cord length $l_0$, whatever it

@@ -1,4 +1,5 @@
-"""Fig. 7.6-4: attitude drift by structural damping
+"""Know how soon a spin goes flat
+Fig. 7.6-4: attitude drift by structural damping
 
 The angle between a slender body's axis and its momentum against time, in
 units of the drift constant K: the body ends in a flat spin, which it

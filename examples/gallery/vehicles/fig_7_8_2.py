@@ -1,4 +1,5 @@
-"""Fig. 7.8-2: jet damping of a rocket without spin
+"""Let the jet damp a turn
+Fig. 7.8-2: jet damping of a rocket without spin
 
 The rate of turn over that at ignition against the mass that is left, for
 exits at $l/k$ radii of gyration behind the centre of mass. Lines: closed

@@ -1,4 +1,5 @@
-r"""Fig. 7.9-3: transverse rate of a spinning rocket with jet damping
+r"""Choose an exit that damps the coning
+Fig. 7.9-3: transverse rate of a spinning rocket with jet damping
 
 The path of $\omega_x + i\omega_y$ in body axes while 80 percent of the mass
 burn, for exits on a ring within the radius of gyration about the axis, on it,

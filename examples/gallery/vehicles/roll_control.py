@@ -1,4 +1,5 @@
-"""Roll held by canards
+"""Keep a rocket from rolling
+Roll held by canards
 
 A sounding rocket whose tail fins stand askew by half a degree, more or less,
 in a thousand flights: without a controller it spins up with its speed (grey),

@@ -1,4 +1,5 @@
-r"""Stability map of the gravity gradient
+r"""Hold a satellite by gravity
+Stability map of the gravity gradient
 
 A body at rest in the axes of its circular orbit (7.4 P14), by its inertia
 ratios:

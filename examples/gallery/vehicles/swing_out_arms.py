@@ -1,4 +1,5 @@
-"""Despin by arms that swing out
+"""Slow a spin by arms
+Despin by arms that swing out
 
 Four hinged arms along the axis of a spinning satellite are let go (7.6 P3):
 the spin falls as they swing out, and the energy that it loses is their

@@ -1,4 +1,5 @@
-"""Wobble of the thrown disk
+"""See a thrown plate wobble
+Wobble of the thrown disk
 
 A thin plate has $C = 2A$: thrown with a small tilt, its axis wobbles twice
 for every turn of the mark on its rim, as Feynman saw in the cafeteria."""

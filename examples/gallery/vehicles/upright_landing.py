@@ -1,4 +1,5 @@
-"""An upright landing
+"""Land upright on a pad
+An upright landing
 
 A stage of a tonne lands by an engine that is throttled and turned at limited
 rates, in winds that scatter. On the left the paths of some flights, in the
