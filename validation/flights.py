@@ -36,9 +36,21 @@ and drag that are not thinned.
 ROCKETS = Path(__file__).parents[1] / "examples" / "model_rockets"
 # Of `measured.APOGEES`: source, the share that is allowed, and why.
 SOURCES = (
-    ("RocketPy 1.13, the same numbers", 0.002, "0.2 percent: models that differ, as above"),
-    ("RocketPy's page", 0.04, "4 percent: other winds, and older versions of RocketPy"),
-    ("altimeter", 0.1, "10 percent: to which mass, thrust, drag and wind were known"),
+    (
+        "RocketPy 1.13, the same numbers",
+        0.002,
+        "our judgement, 0.2 percent: models that differ, as above",
+    ),
+    (
+        "RocketPy's page",
+        0.04,
+        "our judgement, 4 percent: other winds, and older versions of RocketPy",
+    ),
+    (
+        "altimeter",
+        0.1,
+        "our judgement, 10 percent: to which mass, thrust, drag and wind were known",
+    ),
 )
 # Of the tables by the Mach number and by time, so that all rockets are one batch.
 POINTS = 37
