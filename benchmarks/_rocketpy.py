@@ -2,7 +2,7 @@
 
 `python benchmarks/_rocketpy.py` prints apogee above the ground, when it is reached, where the
 flight ends, and the seconds a flight takes, as JSON; with a number behind it, of so many flights up
-to the apogee alone."""
+to the apogee alone; with `measured` behind it, the apogees of the flights that were measured."""
 
 import json
 import sys
@@ -18,22 +18,35 @@ from rockets import HERE, ROCKETS, WIND, curve
 NOSES = {"von_karman": "von karman", "ogive": "tangent"}
 
 
-def environment(given: dict):
-    """Its site, with the standard atmosphere and the wind."""
+def environment(rocket: dict):
+    """Its site, with its sounding, or with the standard atmosphere and the wind."""
     import rocketpy
 
+    given = rocket["site"]
     air = rocketpy.Environment(
         latitude=given["latitude"], longitude=0.0, elevation=given["elevation"], datum="WGS84"
     )
     heights, east, north = WIND
+    state = {"pressure": None, "temperature": None}
+    if "air" in rocket:
+        table = np.loadtxt(HERE / rocket["air"], delimiter=",", skiprows=1)
+        heights, pressure, celsius, angle, speed = table.T
+        # From where it blows.
+        east, north = -speed * np.sin(np.radians(angle)), -speed * np.cos(np.radians(angle))
+        state = {"pressure": pairs(heights, 100.0 * pressure)}
+        state["temperature"] = pairs(heights, celsius + 273.15)
     air.set_atmospheric_model(
         type="custom_atmosphere",
-        pressure=None,
-        temperature=None,
-        wind_u=list(zip(heights, east, strict=True)),
-        wind_v=list(zip(heights, north, strict=True)),
+        **state,
+        wind_u=pairs(heights, east),
+        wind_v=pairs(heights, north),
     )
     return air
+
+
+def pairs(x, y) -> list[list[float]]:
+    """A table as RocketPy takes it."""
+    return np.column_stack([x, y]).tolist()
 
 
 def drag(given):
@@ -43,8 +56,9 @@ def drag(given):
     mach, values = curve(given)
     if len(mach) == 1:
         return float(values[0])
-    points = np.column_stack([mach, values]).tolist()
-    return rocketpy.Function(points, "Mach", "C", interpolation="linear", extrapolation="constant")
+    return rocketpy.Function(
+        pairs(mach, values), "Mach", "C", interpolation="linear", extrapolation="constant"
+    )
 
 
 def rocket(given: dict):
@@ -55,7 +69,7 @@ def rocket(given: dict):
     nozzle = given["exit_station"]
     motor = rocketpy.SolidMotor(
         thrust_source=str(HERE / given["motor_file"]),
-        burn_time=given["burn_time"],
+        burn_time=given.get("burn_time"),
         dry_mass=given["case_mass"],
         dry_inertia=given["case_inertia"],
         center_of_dry_mass_position=given["case_station"] - nozzle,
@@ -99,7 +113,7 @@ def rocket(given: dict):
             length=tail["length"],
             position=tail["fore_end"],
         )
-    for k, (area, lag, below) in enumerate(given["parachutes"]):
+    for k, (area, lag, below) in enumerate(given.get("parachutes", ())):
         trigger = "apogee" if below is None else below
         # Without the noise of the barometer, so that a flight is the same every time.
         made.add_parachute(
@@ -115,7 +129,7 @@ def flight(given: dict, made=None, air=None, *, to_apogee: bool = False, inclina
     site = given["site"]
     return rocketpy.Flight(
         rocket=made or rocket(given),
-        environment=air or environment(site),
+        environment=air or environment(given),
         rail_length=site["rail_length"],
         inclination=site["inclination"] if inclination is None else inclination,
         heading=site["heading"],
@@ -168,7 +182,7 @@ def seconds(flights: int) -> dict[str, float]:
     import rocketpy
 
     given = ROCKETS["Calisto"]
-    made, air, site = rocket(given), environment(given["site"]), given["site"]
+    made, air, site = rocket(given), environment(given), given["site"]
 
     def fly(inclination: float, **tolerances) -> float:
         flown = rocketpy.Flight(
@@ -198,8 +212,21 @@ def seconds(flights: int) -> dict[str, float]:
     }
 
 
+def measured() -> dict[str, float]:
+    """The apogees above the ground, m, of the flights of `measured`, corrected."""
+    from measured import FLIGHTS
+
+    def apogee(given: dict) -> float:
+        found = flight(given, corrected(rocket(given)), to_apogee=True)
+        return float(found.apogee - given["site"]["elevation"])
+
+    return {name: apogee(given) for name, given in FLIGHTS.items()}
+
+
 if __name__ == "__main__":
-    if len(sys.argv) > 1:
+    if sys.argv[1:] == ["measured"]:
+        print(json.dumps(measured(), indent=4))
+    elif len(sys.argv) > 1:
         print(json.dumps(seconds(int(sys.argv[1]))))
     else:
         found = {

@@ -99,7 +99,7 @@ def theirs() -> dict:
     from _rocketpy import environment, flight, rocket
 
     given = calisto()
-    made, air = rocket(given), environment(given["site"])
+    made, air = rocket(given), environment(given)
     nominal = flight(given, made, air)
     nose, fins, tail = (surface for surface, _ in made.aerodynamic_surfaces)
     loose = stochastic.StochasticRocket(made)

@@ -261,14 +261,16 @@ def test_runs_that_miss_the_tolerance_are_refined():
 def stops(samples):
     mission, y0 = rarely_fast(samples)
     stop = Event(lambda t, y: t - 2.0, direction=1, within=DURATION, samples=4)
-    return Mission([Phase(mission.phases[0].system, stop)]), y0
+    system = mission.phases[0].system
+    # Up to the event the runs of a block share their steps; from there on they follow a plan.
+    return Mission([Phase(system, stop, name="search"), Phase(system, 1.0, name="plan")]), y0
 
 
 def test_a_mission_with_an_event_is_cut_into_chunks_alike():
     """The search for events shares adaptive steps within a block, so that a block must be the same
     runs, also when it is repeated because some of them missed the tolerance."""
     inputs = {"luck": Uniform(0.0, 1.0), "x0": Uniform(0.5, 1.0), "v0": Constant(0.0)}
-    campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.end})
+    campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.phases[0].ts[-1]})
     one, two = (
         disperse(campaign, 600, seed=1, chunk=100),
         disperse(campaign, 600, seed=1, chunk=768),
@@ -277,10 +279,10 @@ def test_a_mission_with_an_event_is_cut_into_chunks_alike():
     assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations[~fast].max())
     for name in ("x", "t"):
         np.testing.assert_array_equal(one.outputs[name], two.outputs[name])
-    assert np.all(one.status == Status.EVENT)
+    assert np.all(one.status <= Status.EVENT)
     np.testing.assert_allclose(one.outputs["t"], 2.0, rtol=1e-9)
     np.testing.assert_allclose(
-        one.outputs["x"], one.inputs["x0"] * np.cos(np.where(fast, 6.0, 2.0)), rtol=0.0, atol=1e-8
+        one.outputs["x"], one.inputs["x0"] * np.cos(np.where(fast, 9.0, 3.0)), rtol=0.0, atol=1e-8
     )
 
 

@@ -2,15 +2,19 @@
 
 import json
 import re
+from types import SimpleNamespace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
 from jaxspace.io.report import dispersion_report
 from jaxspace.plots import dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
+from jaxspace.vehicles.landings import landing
 
 # Long and short semi-axis of one deviation, m, and the bearing of the long one, deg.
 LONG, SHORT, BEARING = 300.0, 100.0, 120.0
@@ -33,6 +37,30 @@ def campaign(**changes):
     record = {"requirements": {"distance": [None, 1500.0]}}
     inputs = {"a": along, "b": across}
     return Dispersion(inputs, outputs, status, np.ones(RUNS, int), units, 3, 1.0, record)
+
+
+def test_the_outputs_of_a_campaign_in_python():
+    """Of two flights, one of which comes down where it started."""
+    top = jnp.array([[30.0, 0.0], [40.0, 0.0], [900.0, 100.0]])
+    end = jnp.array([[330.0, 0.0], [-360.0, 0.0], [0.0, 0.0]])
+    states = [BodyState(jnp.stack([0.0 * x, x], axis=1), x[:, None]) for x in (0.0 * top, top)]
+    final = BodyState(end, jnp.array([[3.0, 0.0], [0.0, 0.0], [-4.0, -5.0]]))
+    phases = [SimpleNamespace(states=state) for state in states]
+    run = SimpleNamespace(phases=phases, final=final, end=jnp.array([90.0, 20.0]))
+    found = landing(run, {})
+    expected = {
+        "east": [330.0, 0.0],
+        "north": [-360.0, 0.0],
+        "distance": [np.hypot(330.0, 360.0), 0.0],
+        "drift_of_ascent": [50.0, 0.0],
+        "drift_of_descent": [500.0, 0.0],
+        "apogee": [900.0, 100.0],
+        "impact_speed": [5.0, 5.0],
+        "flight_time": [90.0, 20.0],
+    }
+    assert found.keys() == expected.keys()
+    for name, values in expected.items():
+        np.testing.assert_allclose(found[name], values, rtol=1e-14, err_msg=name)
 
 
 def test_ellipses_are_those_of_the_normal_distribution():

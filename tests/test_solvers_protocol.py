@@ -1,5 +1,7 @@
 """What solvers declare of themselves, and what they take from the system: against what they do."""
 
+import functools
+
 import diffrax
 import equinox as eqx
 import jax
@@ -7,10 +9,11 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 import pytest
+from jaxtyping import Array, Float
 
 from jaxspace import Scene
 from jaxspace.bodies import BodyState, Load
-from jaxspace.core import AbstractRegularised, AbstractSplit
+from jaxspace.core import AbstractRegularised, AbstractSplit, AbstractSystem
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, simulate
@@ -271,3 +274,40 @@ def test_reverse_mode_sees_what_an_effect_closes_over(method):
     value, slope = jax.jit(end), jax.jit(jax.grad(end))(0.1)
     # The square of 1e-4, and the roundings of the values over it.
     np.testing.assert_allclose(slope, (value(0.1001) - value(0.0999)) / 2e-4, rtol=1e-7)
+
+
+class Switched(AbstractSystem):
+    """y' = rate - y, and the rate ends after a second of two."""
+
+    rate: Float[Array, ""]
+
+    def vector_field(self, t, y):
+        return jnp.where(t < 1.0, self.rate, 0.0) - y
+
+    def invariants(self, t, y):
+        return {}
+
+    def breaks(self):
+        return jnp.array([1.0])
+
+
+def test_a_method_of_diffrax_sees_the_field_of_its_segment_alone():
+    """At the end of a step, too, where a method of this package does not look."""
+
+    @functools.partial(jax.jit, static_argnums=1)
+    def end(rate, method):
+        def final(rate):
+            accuracy = Accuracy(rtol=1e-9, method=method)
+            run = simulate(
+                Switched(rate), jnp.asarray(0.0), jnp.array([0.0, 2.0]), accuracy=accuracy
+            )
+            return run.final, (run.stats["steps"], run.stats["rejected_steps"])
+
+        return jax.value_and_grad(final, has_aux=True)(rate)
+
+    (value, (steps, rejected)), slope = end(jnp.asarray(3.0), diffrax.Tsit5())
+    (_, (own_steps, _)), _ = end(jnp.asarray(3.0), Tsit5())
+    # The tolerance of a step times their number.
+    np.testing.assert_allclose(value, 3.0 * slope, rtol=1e-12)
+    np.testing.assert_allclose(slope, (1.0 - np.exp(-1.0)) * np.exp(-1.0), rtol=1e-7)
+    assert steps == own_steps and rejected == 0

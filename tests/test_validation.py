@@ -14,7 +14,7 @@ sys.path[:0] = [str(ROOT), str(ROOT / "docs")]
 import _wall_page  # noqa: E402
 import hunt_page  # noqa: E402
 
-from validation import nesc, page  # noqa: E402
+from validation import flights, nesc, page  # noqa: E402
 from validation._from_tests import OfTest  # noqa: E402
 from validation._row import Row, compared  # noqa: E402
 from validation.groups import ABOUT, GROUPS  # noqa: E402
@@ -84,3 +84,10 @@ def test_the_wall_has_every_closed_form_with_its_errors_and_nearly_all_with_thei
     # Vector algebra, and what gathers the formulas of other files.
     assert len(sections) > 100 and len(plain) < 8, plain
     assert sum("\nSource: " in section for section in sections) > len(sections) - 8
+
+
+@pytest.mark.sweep
+def test_measured_flights_reach_their_apogee():
+    """All by one program; `flights` says to what share of the apogee, and why."""
+    rows = flights.rows()
+    assert len(rows) == 33 and all(row.agrees for row in rows), [r for r in rows if not r.agrees]

@@ -30,6 +30,7 @@ from jaxspace.rockets import BackPressure, Gimbal, Separation, Thrust
 from jaxspace.rockets.steering import AlongVelocity, FixedDirection
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
+from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import (
     Aerodynamics,
     AirDrag,
@@ -39,17 +40,19 @@ from jaxspace.vehicles import (
     Parachute,
     RadiusChange,
     Rail,
+    Recovery,
+    Vehicle,
     Wind,
     sounding_flight,
 )
 from jaxspace.vehicles.air_drag import descent_rate
 from jaxspace.vehicles.along_air import AlongAir
 from jaxspace.vehicles.coefficient import MachTable
-from jaxspace.vehicles.ground_gravity import GroundGravity, normal_gravity
+from jaxspace.vehicles.ground_gravity import STANDARD_GRAVITY, GroundGravity, normal_gravity
 from jaxspace.vehicles.local_air import LocalAir
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "examples" / "model_rockets"))
-from rockets import ROCKETS, recovery, site, vehicle
+from rockets import ROCKETS, recovery, site, stacked, vehicle
 
 FINS = FinSet(4, 0.100, 0.120, 0.040, 0.080, 0.0635, -1.168)
 NOSE = NoseCone.of_shape(0.0635, 1.160, 0.55829, "von_karman")
@@ -424,6 +427,43 @@ def test_a_parachute_descends_at_its_steady_rate():
     np.testing.assert_allclose(-run.final.velocity[2], expected, rtol=1e-5)
 
 
+@pytest.mark.sweep
+def test_a_bare_tube_goes_straight_up_in_calm_air_and_comes_down_at_its_rail(tmp_path):
+    """Without fins, nose and drag up to the closed form of a rocket in uniform gravity (Thomson
+    8.1), and down at the steady rate of its parachute."""
+    (tmp_path / "motor.csv").write_text("0,500\n2,500\n")
+    rocket = Vehicle.model_rocket(
+        tmp_path / "motor.csv",
+        propellant_mass=0.5,
+        radius=0.05,
+        mass=4.0,
+        inertia=[1.0, 1.0, 0.01],
+        centre=0.0,
+        case_mass=0.5,
+        case_station=-0.5,
+        propellant_station=-0.5,
+        grain=(0.02, 0.01, 0.2),
+        exit_station=-0.7,
+        exit_radius=0.01,
+        drag=0.0,
+    )
+    at = LaunchSite(5.0, 0.5 * jnp.pi)
+    mission, y0 = sounding_flight(rocket, at, [Recovery(2.0)], ascent_within=60.0)
+    accuracy = Accuracy(rtol=1e-8, method=Tsit5())
+    run = simulate_mission(mission, y0, accuracy=accuracy)
+    u, tau, ratio, g = 500.0 * 2.0 / 0.5, 2.0, 5.0 / 4.5, STANDARD_GRAVITY
+    speed = u * np.log(ratio) - g * tau
+    burnt_out = u * tau * (1.0 - np.log(ratio) / (ratio - 1.0)) - 0.5 * g * tau**2
+    top = run["ascent"].final.position
+    np.testing.assert_allclose(top[2], burnt_out + speed**2 / (2.0 * g), rtol=1e-6)
+    down = run.final.position, run.final.velocity
+    # The cosine of a right angle is 6e-17.
+    assert np.all(np.abs(top[:2]) < 1e-10) and np.all(np.abs(down[0]) < 1e-6)
+    density = float(standard_atmosphere(0.0).density)
+    # Air of 10 km lags behind by v^2/(2 g 10 km), 1e-4.
+    np.testing.assert_allclose(-down[1][2], descent_rate(4.5, 2.0, density, g), rtol=1e-3)
+
+
 def test_the_attitude_on_the_rail_points_along_it():
     for inclination, heading in ((85.0, 0.0), (80.0, 53.0), (90.0, 181.0)):
         at = LaunchSite(5.0, np.radians(inclination), np.radians(heading))
@@ -443,11 +483,6 @@ AS_SHIPPED = {
     "NDRT 2020": (1317.4023, 16.8151, 19.5493, 88.9697, 121.0738, -152.1571),
     "Valetudo": (815.0535, 13.9724, 26.3102, 60.5587, 282.9710, 141.4757),
 }
-
-
-def stacked(items):
-    """One object for several, with the runs on the last axis."""
-    return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(a, float) for a in x], -1), *items)
 
 
 def mirrored(rocket):

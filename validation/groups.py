@@ -1,6 +1,6 @@
 """The groups of comparisons, in the order of the page."""
 
-from . import case_17, measured, nesc, optima, peers, programs, rockets, textbooks
+from . import case_17, flights, measured, nesc, optima, peers, programs, rockets, textbooks
 from ._row import Row
 
 GROUPS = {
@@ -10,6 +10,7 @@ GROUPS = {
     "programs": programs,
     "peers": peers,
     "rockets": rockets,
+    "flights": flights,
     "optima": optima,
     "measured": measured,
 }

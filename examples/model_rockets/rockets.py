@@ -103,7 +103,9 @@ ROCKETS = {"Calisto": CALISTO, "NDRT 2020": NDRT, "Valetudo": VALETUDO}
 
 
 def curve(given) -> tuple[np.ndarray, np.ndarray]:
-    """Mach numbers and coefficients, of a file or of a number."""
+    """Mach numbers and coefficients, as given, of a file, or of a number."""
+    if isinstance(given, tuple):
+        return given
     if isinstance(given, str):
         mach, values = np.loadtxt(HERE / given, delimiter=",").T
         return mach, values
@@ -157,13 +159,26 @@ def vehicle(rocket: dict, points: int = 0):
 
 
 def site(rocket: dict):
-    """The site of the launch, with the wind, as a `jaxspace.vehicles.LaunchSite`."""
+    """The site of the launch, with its sounding where it has one and the wind of all others, as a
+    `jaxspace.vehicles.LaunchSite`."""
     from jaxspace.vehicles import LaunchSite, Wind
+    from jaxspace.vehicles.sounding import read_sounding
 
     given = dict(rocket["site"])
     for name in ("latitude", "inclination", "heading"):
         given[name] = np.radians(given[name])
-    return LaunchSite(**given, wind=Wind(*WIND))
+    if "air" not in rocket:
+        return LaunchSite(**given, wind=Wind(*WIND))
+    air = read_sounding(HERE / rocket["air"])
+    return LaunchSite(**given, wind=air.wind(), atmosphere=air.atmosphere())
+
+
+def stacked(items: list):
+    """One object for several of one structure, with the runs on the last axis."""
+    import jax
+    import jax.numpy as jnp
+
+    return jax.tree.map(lambda *x: jnp.stack([jnp.asarray(a, float) for a in x], -1), *items)
 
 
 def recovery(rocket: dict) -> list:

@@ -85,7 +85,7 @@ class BatchRunner:
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
-        expected = placeholders(expected_steps(campaign, accuracy))
+        expected = placeholders(expected_steps(campaign, accuracy, samples))
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import equinox as eqx
@@ -14,11 +14,13 @@ from jaxtyping import Array, Float
 from ..core.tables import breaks_of
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
+from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.status import SimulationError, Status
+from ..simulation import Mission
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionResult
-from ..simulation.mission_runs import OwnTimes, run_mission
+from ..simulation.mission_runs import OwnTimes, SaveTimes, ends_on_the_way, run_mission
 from ..simulation.phases import resolve_phases
 from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of
@@ -49,14 +51,13 @@ def _pilots(
 ) -> tuple[list[Array | None], bool, PilotRuns]:
     """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
-    **Returns** the ends of the steps of every phase (`None` for a closed form), whether a phase
-    ends by an event, and the runs themselves."""
+    **Returns** the ends of the steps of every phase (`None` where it follows no plan), whether a
+    phase ends by an event, and the runs themselves."""
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
     mission, y0 = campaign.mission(samples)
     configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
-    saved = saved_of(campaign.along, kept)
-    every = [saved] * len(configs) if isinstance(saved, int) else saved
+    every = _saved(campaign, kept, len(configs))
     # If the runs differ in their breaks or save times, steps also end at save times, which the plan
     # must contain.
     every_phase = [leg.phase for leg in legs_of(mission)[0]]
@@ -64,11 +65,29 @@ def _pilots(
     saved = [
         n if isinstance(n, OwnTimes) or _breaks_differ(phase.system) else 2 for phase, n in pairs
     ]
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=True)
+    record = _planned(mission, configs, every)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=record)
     # The runs of a block share the adaptive steps of the search for an event.
     coupled = any(isinstance(phase.until, Event) for phase in every_phase)
     runs = PilotRuns(_as_run(result), samples)
     return [run.step_ends for run in result.phases], coupled, runs
+
+
+def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
+    """What the runs of the campaign save of each phase."""
+    saved = saved_of(campaign.along, kept)
+    return [saved] * phases if isinstance(saved, int) else saved
+
+
+def _planned(
+    mission: Mission, configs: Sequence[IntegrationConfig], saved: Sequence[SaveTimes]
+) -> list[bool]:
+    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, and not
+    one whose steps are searched for its end."""
+    given = zip(legs_of(mission)[0], saved, configs, strict=True)
+    return [
+        c.method != "closed_form" and not ends_on_the_way(leg.phase, n, c) for leg, n, c in given
+    ]
 
 
 @eqx.filter_jit(**QUICK)
@@ -95,15 +114,16 @@ def _breaks_differ(system: Any) -> bool:
     return breaks is not None and breaks.ndim > 1
 
 
-def expected_steps(campaign: Campaign, accuracy: Accuracy) -> list[Any]:
-    """Shape and type of the number that records each phase's steps; `None` for a closed form.
+def expected_steps(campaign: Campaign, accuracy: Accuracy, kept: Kept) -> list[Any]:
+    """Shape and type of the number that records each phase's steps; `None` for one without a plan.
 
     They follow from the methods alone, because tracing the pilot runs takes much longer."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
         mission, y0 = campaign.mission(campaign.nominal())
         configs = resolve_phases(mission, y0, accuracy, 1)
-        return [None if c.method == "closed_form" else campaign.start for c in configs]
+        planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
+        return [campaign.start if follows else None for follows in planned]
 
     return eqx.filter_eval_shape(steps, campaign, accuracy)
 

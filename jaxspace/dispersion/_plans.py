@@ -21,7 +21,8 @@ FINEST = 8.0
 # known, and a similar campaign can reuse it.
 PADDING = 2**14
 
-# The plan of each phase; `None` for a closed form.
+# The plan of each phase; `None` for a closed form, and for a phase whose steps are searched for its
+# end.
 Plans: TypeAlias = tuple[Array | None, ...]
 
 
@@ -58,7 +59,7 @@ def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
 
 def placeholders(steps: Sequence[Any]) -> Plans:
     """Plans of the usual padded length with one step for each segment, for phases with these
-    recorded `steps`; `None` for a closed form."""
+    recorded `steps`; `None` for one without a plan."""
     return tuple(None if x is None else jnp.arange(PADDING, dtype=x.dtype) for x in steps)
 
 

@@ -2,6 +2,7 @@
 
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,8 +10,8 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 from ..integration.accuracy import Accuracy
+from ..integration.compiling import QUICK
 from ..integration.status import Status
-from ..simulation.blocks import jit_wide_vectors
 from ..simulation.legs import legs_of
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
@@ -59,7 +60,8 @@ def run_paths(
     return RunPaths(np.concatenate([[-1], numbers.astype(int)]), times, positions)
 
 
-@jit_wide_vectors
+# A few runs for a picture: the program takes far longer to compile than to run.
+@eqx.filter_jit(**QUICK)
 def _run(
     campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array, num_saved: int
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
@@ -70,7 +72,7 @@ def _run(
     allowed = campaign.allowed(samples)
     samples = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
     mission, y0 = campaign.mission(samples)
-    configs = resolve_phases(mission, y0, accuracy, 1)
+    configs = tuple(c.small_program() for c in resolve_phases(mission, y0, accuracy, 1))
     result = run_mission(mission, y0, campaign.start, num_saved, configs, 1)
     found = [getattr(phase.states, "position", None) for phase in result.phases]
     parts = [x for x in found if x is not None and x.shape[0] == 3]

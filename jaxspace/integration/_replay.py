@@ -22,7 +22,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
-from ..solvers.protocol import small_program
+from ..solvers.protocol import field_of_step, small_program
 from ._buffers import empty_buffer, get_row, put_row
 from ._checkpointed_field import CheckpointedField
 from ._needed import needed_only
@@ -83,6 +83,7 @@ class Replay(eqx.Module):
         if backwards and not self.small:
             field = CheckpointedField(field)
         t0, t1 = self.step_bounds(n)
+        field = field_of_step(self.method, field, t0, t1)
         state = self.method.init(TERM, t0, t1, y, field)
         y1, _, dense_info, _, _ = self.method.step(TERM, t0, t1, y, field, state, jnp.array(False))
         return y1, None if self.settings.save_ts is None else dense_info

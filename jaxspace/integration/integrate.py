@@ -16,7 +16,7 @@ from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar
 from ..core.groups import on_group, project
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
-from ..solvers.protocol import bind, solver_traits
+from ..solvers.protocol import bind, field_of_step, solver_traits
 from ..solvers.regularised_step import evaluations_of
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
@@ -148,18 +148,20 @@ def integrate(
 def locates_events(
     config: IntegrationConfig, system: AbstractSystem, y0: State, t0: Scalar
 ) -> bool:
-    """Whether the steps of the method can be searched for events as they are taken.
+    """Whether the steps of a run can be searched for events as they are taken: by a method that
+    `searches_steps`, where the system hides nothing in closures."""
+    return searches_steps(config) and not closes_over_tracers(system, t0, y0)
 
-    They need a polynomial, and no function of the system may close over traced arrays."""
+
+def searches_steps(config: IntegrationConfig) -> bool:
+    """Whether the steps of the method can be searched for events: they need a polynomial."""
     if config.method == "closed_form" or config.adjoint is not None or config.decoupled:
         return False
     traits = solver_traits(config.solver)
     if not traits.replayable or traits.own_steps or traits.fixed_step:
         return False
     interpolation = cast(type, config.solver.interpolation_cls)
-    if traits.lands_on_save_times or not issubclass(interpolation, AbstractDenseOutput):
-        return False
-    return not closes_over_tracers(system, t0, y0)
+    return not traits.lands_on_save_times and issubclass(interpolation, AbstractDenseOutput)
 
 
 def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> FoundEvents:
@@ -322,6 +324,7 @@ def take_step(
     field = ScaledVectorField(system, segments)
     settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
     method = settings.method
-    state = method.init(TERM, u[0], u[1], y, field)
-    y1, *_ = method.step(TERM, u[0], u[1], y, field, state, jnp.array(False))
+    seen = field_of_step(method, field, u[0], u[1])
+    state = method.init(TERM, u[0], u[1], y, seen)
+    y1, *_ = method.step(TERM, u[0], u[1], y, seen, state, jnp.array(False))
     return y1

@@ -1,7 +1,7 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -10,19 +10,23 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
+from ..integration.compiling import QUICK
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents, first_event
 from ..integration.events import Event, closures_of_events, newton_correct
-from ..integration.integrate import integrate, locates_events, of_each
+from ..integration.integrate import integrate, locates_events, of_each, searches_steps
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.status import Status, combine_status
-from ._mission import Mission
+from ._mission import Mission, Phase
 from ._runs import straight_to_event
+from .blocks import jit_outermost
 from .checks import check_events
 from .legs import legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
 from .runnable import AbstractRunnable
+
+FEW_STEPS = 2**14
 
 
 class OwnTimes(NamedTuple):
@@ -51,6 +55,14 @@ class OwnTimes(NamedTuple):
 SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
 """Save times of a phase: a number of states, evenly from its start to its end; or fractions of its
 duration, from 0 to 1; or times of the mission."""
+
+
+def ends_on_the_way(phase: Phase, num_saved: SaveTimes, config: IntegrationConfig) -> bool:
+    """Whether one integration of a phase finds the event that ends it: where no states before it
+    are saved, at times that the event decides. It takes no steps that others have planned."""
+    ends_alone = isinstance(num_saved, int) and num_saved == 2
+    event = isinstance(phase.until, Event) and not isinstance(phase.system, AbstractRunnable)
+    return event and ends_alone and searches_steps(config)
 
 
 def _up_to_jump(
@@ -152,8 +164,7 @@ def _left_by(
     return t, y if then is None else then(t, y)
 
 
-@eqx.filter_jit
-def _run_phase(
+def _whole_phase(
     system: AbstractSystem,
     until: Scalar | Event,
     then: Callable[[Scalar, State], State] | None,
@@ -171,6 +182,16 @@ def _run_phase(
     return run, *_left_by(then, run, run_axes)
 
 
+def _is_short(*given: Any) -> bool:
+    """Whether the steps of a phase cost less than the compiler's optimisations: those of a single
+    run that may take no more than `FEW_STEPS`, some tenths of a second."""
+    _, _, _, _, _, _, config, run_axes, _, _ = given
+    return run_axes == 0 and config.max_steps <= FEW_STEPS
+
+
+_run_phase = jit_outermost(_whole_phase, QUICK, _is_short)
+
+
 def run_mission(
     mission: Mission,
     y0: State,
@@ -180,7 +201,7 @@ def run_mission(
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
     plans: tuple[Array | None, ...] | None = None,
-    record_steps: bool = False,
+    record_steps: bool | Sequence[bool] = False,
 ) -> MissionResult:
     """All phases of a mission, and of its branches, in the order of `legs_of`.
 
@@ -191,7 +212,7 @@ def run_mission(
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
-    - `record_steps`: whether to return the ends of the steps."""
+    - `record_steps`: whether to return the ends of the steps, of all phases or of each."""
     legs, branch_names = legs_of(mission)
     results: list[RunResult] = []
     # Of each phase: time and state after its jump, and the status up to there.
@@ -217,7 +238,8 @@ def run_mission(
             t, y = _left_by(phase.then, result, run_axes)
         else:
             given = phase.system, phase.until, phase.then, y, t, saved
-            result, t, y = _run_phase(*given, config, run_axes, plan, record_steps)
+            record = record_steps if isinstance(record_steps, bool) else record_steps[number]
+            result, t, y = _run_phase(*given, config, run_axes, plan, record)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
         ends.append(BranchEnd(y, t, status))

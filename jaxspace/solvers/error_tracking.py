@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import State
+from .protocol import field_of_step
 from .tolerances import Tolerance
 
 
@@ -71,6 +72,7 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         made_jump: Bool[Array, ""] | bool,
     ) -> tuple[State, State, dict[str, PyTree], tuple[PyTree, Array], diffrax.RESULTS]:
         inner, max_local_error = solver_state
+        args = field_of_step(self.solver, args, t0, t1)
         y1, error, dense, inner, result = _step(
             self.solver, terms, t0, t1, y0, args, inner, jnp.asarray(made_jump)
         )

@@ -10,6 +10,7 @@ __all__ = [
     "AbstractFixedStep",
     "SolverTraits",
     "bind",
+    "field_of_step",
     "refine",
     "small_program",
     "solver_traits",
@@ -20,6 +21,7 @@ from typing import Literal, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import optimistix
 from equinox import AbstractVar
@@ -27,7 +29,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, State
 from .tolerances import Tolerance
-from .vector_field import StepField, evaluate
+from .vector_field import FieldOfStep, ScaledField, StepField, evaluate, just_before
 
 Step: TypeAlias = tuple[State, State, dict[str, PyTree], PyTree, diffrax.RESULTS]
 """What the `step` of a solver returns: the state after it, its error, what the dense output needs,
@@ -246,6 +248,22 @@ def bind(
     if isinstance(solver, diffrax.AbstractImplicitSolver):
         return _with_root_tolerance(solver, tolerance)
     return solver
+
+
+def field_of_step(
+    solver: diffrax.AbstractSolver,
+    field: ScaledField,
+    t0: Float[Array, ""],
+    t1: Float[Array, ""],
+) -> ScaledField:
+    """The vector field as the solver may see it in the step from `t0` to `t1`: what is not of this
+    package does not know that the field may jump at `t1`."""
+    while isinstance(solver, diffrax.AbstractWrappedSolver):
+        solver = solver.solver
+    if isinstance(solver, AbstractDeclaredSolver):
+        return field
+    # Not before the start: a step may be as short as a rounding.
+    return FieldOfStep(field, jnp.maximum(t0, just_before(t0, t1)))
 
 
 def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:

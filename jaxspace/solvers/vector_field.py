@@ -84,3 +84,32 @@ def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:
 
     A vector field that jumps at `t1` is evaluated there on the side of the step."""
     return t1 - 4.0 * jnp.finfo(t1.dtype).eps * jnp.maximum(jnp.abs(t1), t1 - t0)
+
+
+@final
+class FieldOfStep(eqx.Module):
+    """The vector field `field` during a step that ends just after `latest`.
+
+    For methods that ask at the very end of a step, where the next segment begins: there the field
+    may jump, and a second is another share of the segment."""
+
+    field: ScaledField
+    latest: Float[Array, ""]
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        return self.field(jnp.minimum(s, self.latest), y)
+
+    def time(self, s: Scalar) -> Scalar:
+        return self.field.time(jnp.minimum(s, self.latest))
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        return self.field.duration(s, ds)
+
+    def projected(self, s: Scalar, y: State) -> State:
+        return self.field.projected(s, y)
+
+    def split(self) -> AbstractSplit:
+        return self.field.split()
+
+    def regularised(self) -> AbstractRegularised:
+        return self.field.regularised()

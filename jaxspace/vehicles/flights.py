@@ -115,12 +115,12 @@ class LaunchSite(AbstractParameters):
     @output("m")
     def distance(self, position: Vector) -> Scalar:
         """Distance from the rail over the ground, m."""
-        return norm(_level(position))
+        return over_ground(position)
 
     @output("m")
     def drift(self, position: Vector, began: BodyState) -> Scalar:
         """Straight distance over the ground from the start of the phase to its end, m."""
-        return norm(_level(position - began.position))
+        return over_ground(position - began.position)
 
     @property
     def direction(self) -> Vector:
@@ -140,9 +140,10 @@ class LaunchSite(AbstractParameters):
         return Quaternion(jnp.stack(jnp.broadcast_arrays(c, -s * b, s * a, 0.0 * c)))
 
 
-def _level(way: Vector) -> Vector:
-    """Horizontal part of a distance, m."""
-    return way * jnp.reshape(jnp.array([1.0, 1.0, 0.0], way.dtype), (3,) + (1,) * (way.ndim - 1))
+def over_ground(way: Vector) -> Scalar:
+    """The length of a way, m, (3, *runs), over the ground."""
+    level = jnp.array([1.0, 1.0, 0.0], way.dtype)
+    return norm(way * jnp.reshape(level, (3,) + (1,) * (way.ndim - 1)))
 
 
 @final

@@ -19,6 +19,7 @@ from ..core.types import as_float
 from ..core.vectors import norm
 from ..orbits.ground_track import GroundPoint, ground_point, position_of
 from ..simulation import MissionResult
+from .flights import over_ground
 
 EQUATORIAL = 6378137.0  # m, WGS 84
 FLATTENING = 1.0 / 298.257223563
@@ -79,9 +80,9 @@ def landing(result: MissionResult, samples: Mapping[str, Array]) -> dict[str, Ar
     return {
         "east": end[0],
         "north": end[1],
-        "distance": norm(end[:2]),
-        "drift_of_ascent": norm(top[:2]),
-        "drift_of_descent": norm(end[:2] - top[:2]),
+        "distance": over_ground(end),
+        "drift_of_ascent": over_ground(top),
+        "drift_of_descent": over_ground(end - top),
         "apogee": top[2],
         "impact_speed": norm(result.final.velocity),
         "flight_time": result.end,
