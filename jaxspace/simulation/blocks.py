@@ -23,26 +23,19 @@ P = ParamSpec("P")
 T = TypeVar("T")
 
 
-def jit_outermost(
-    function: Callable[P, T], options: dict[str, Any], applies: Callable[P, bool]
-) -> Callable[P, T]:
-    """The function under `jit`, with these options of the compiler for calls that they apply to.
+def jit_wide_vectors(function: Callable[P, T]) -> Callable[P, T]:
+    """The function under `jit`, for CPUs with the widest vectors.
 
     Within a transformation plain `jit`, because the outer call sets the options of the compiler."""
     plain = eqx.filter_jit(function)
-    special = eqx.filter_jit(function, **options)
+    wide = eqx.filter_jit(function, **WIDE_VECTORS)
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:
-        own = applies(*args, **kwargs) and not is_traced((args, kwargs))
-        return special(*args, **kwargs) if own else plain(*args, **kwargs)
+        own = jax.default_backend() == "cpu" and not is_traced((args, kwargs))
+        return wide(*args, **kwargs) if own else plain(*args, **kwargs)
 
     return call
-
-
-def jit_wide_vectors(function: Callable[P, T]) -> Callable[P, T]:
-    """`jit_outermost` for CPUs with the widest vectors."""
-    return jit_outermost(function, WIDE_VECTORS, lambda *_, **__: jax.default_backend() == "cpu")
 
 
 def _mesh_of(devices: Sequence[jax.Device]) -> Mesh | None:

@@ -1,7 +1,7 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -10,7 +10,6 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
-from ..integration.compiling import QUICK
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents, first_event
 from ..integration.events import Event, closures_of_events, newton_correct
@@ -19,14 +18,11 @@ from ..integration.layout import broadcast_state, replace_state, runs_of, state_
 from ..integration.status import Status, combine_status
 from ._mission import Mission, Phase
 from ._runs import straight_to_event
-from .blocks import jit_outermost
 from .checks import check_events
 from .legs import legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
 from .runnable import AbstractRunnable
-
-FEW_STEPS = 2**14
 
 
 class OwnTimes(NamedTuple):
@@ -164,7 +160,8 @@ def _left_by(
     return t, y if then is None else then(t, y)
 
 
-def _whole_phase(
+@eqx.filter_jit
+def _run_phase(
     system: AbstractSystem,
     until: Scalar | Event,
     then: Callable[[Scalar, State], State] | None,
@@ -180,16 +177,6 @@ def _whole_phase(
     after its jump."""
     run = _up_to_jump(system, until, y0, t0, num_saved, config, run_axes, plan, record_steps)
     return run, *_left_by(then, run, run_axes)
-
-
-def _is_short(*given: Any) -> bool:
-    """Whether the steps of a phase cost less than the compiler's optimisations: those of a single
-    run that may take no more than `FEW_STEPS`, some tenths of a second."""
-    _, _, _, _, _, _, config, run_axes, _, _ = given
-    return run_axes == 0 and config.max_steps <= FEW_STEPS
-
-
-_run_phase = jit_outermost(_whole_phase, QUICK, _is_short)
 
 
 def run_mission(
