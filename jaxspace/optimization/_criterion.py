@@ -90,17 +90,17 @@ def stop_reason(
     converged: Bool[Array, ""],
     limited: Bool[Array, ""],
     infeasible: Bool[Array, ""],
-    astray: Bool[Array, ""],
+    diverged: Bool[Array, ""],
 ) -> Int[Array, ""]:
     """Why the search ended, where more than one reason may hold.
 
     - `infeasible`: the constraints are violated, and no step reduces that (`_infeasibility.py`).
-    - `astray`: the unknowns are beyond `farthest`."""
+    - `diverged`: the unknowns are beyond `farthest`."""
     # A later line overrules those above: numbers that are not finite overrule every other reason.
     reason = jnp.where(limited, StopReason.STEP_LIMIT, StopReason.NO_PROGRESS)
     # It overrules the limit of steps: more of them would not help.
     reason = jnp.where(infeasible, StopReason.INFEASIBLE, reason)
-    reason = jnp.where(astray, StopReason.UNBOUNDED, reason)
+    reason = jnp.where(diverged, StopReason.UNBOUNDED, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)
     return jnp.where(finite, reason, StopReason.NOT_FINITE).astype(int)
 

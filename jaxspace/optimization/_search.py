@@ -59,7 +59,7 @@ def search(
         sqp_state.begin, z0, scaled.size, me, mi, scaled.blank, max_steps, check, limits
     )
     if before is not None:
-        state = _taken_up(before, state)
+        state = _resumed(before, state)
     last, interrupted = drive(
         evaluate,
         lambda s, found: sqp.advance(s, found, limits, curvature),
@@ -112,7 +112,7 @@ def _minimum(
         converged,
         last.taken >= last.rows.shape[0],
         missed & at_least_violation(last, limits),
-        sqp_state.astray(last, limits),
+        sqp_state.diverged(last, limits),
     )
     # A wrong gradient and an interruption come first.
     if interrupted:
@@ -139,7 +139,7 @@ def _minimum(
     )
 
 
-def _taken_up(before: Minimum, blank: sqp_state.SqpState) -> sqp_state.SqpState:
+def _resumed(before: Minimum, blank: sqp_state.SqpState) -> sqp_state.SqpState:
     """The state in which a search ended, with room for as many further steps."""
     last = before.search
     # Other numbers of constraints make other arrays; the rows are those of the new limits.

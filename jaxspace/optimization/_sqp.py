@@ -60,7 +60,7 @@ def advance(
         )
 
     def searching(s: SqpState) -> SqpState:
-        ways = (functools.partial(way, limits=limits) for way in (_started, _judged))
+        ways = (functools.partial(way, limits=limits) for way in (_started, _stepped))
         s = lax.cond(s.calls == 0, *ways, s, found)
         if curvature is not None:
             # By the magnitudes of the eigenvalues, none of them near zero, because the programme of
@@ -124,7 +124,7 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
 
 
-def _judged(s: SqpState, found: Found, limits: Limits) -> SqpState:
+def _stepped(s: SqpState, found: Found, limits: Limits) -> SqpState:
     """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, solved = s.pending
     trial = scaled(found, s.weight, s.y.size)

@@ -138,9 +138,9 @@ def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     # A step within this radius changes only the last two digits of the scaled unknowns.
     least = 1e2 * jnp.finfo(s.x.dtype).eps
     goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
-    return (s.calls <= 0) | (goes_on & ~astray(s, limits))
+    return (s.calls <= 0) | (goes_on & ~diverged(s, limits))
 
 
-def astray(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+def diverged(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether the unknowns are beyond `farthest`: the search diverges."""
     return jnp.max(jnp.abs(s.x)) > limits.farthest
