@@ -289,7 +289,8 @@ def test_coriolis_force_beside_the_gravity_of_a_plumb_line():
     w = rate * np.array([np.cos(latitude), 0.0, np.sin(latitude)])  # North, west, up.
     gravity = np.array([0.0, 0.0, -9.8])
     scene = Scene((UniformGravity(gravity), RotatingFrame(w, centrifugal=False)))
-    run = simulate(scene, BodyState(np.zeros(3), np.zeros(3)), jnp.array([0.0, t]), accuracy=1e-12)
+    at_rest = BodyState(jnp.zeros(3), jnp.zeros(3))
+    run = simulate(scene, at_rest, jnp.array([0.0, t]), accuracy=1e-12)
     # State r, v, 1.
     matrix = np.zeros((7, 7))
     matrix[:3, 3:6] = np.eye(3)

@@ -21,7 +21,8 @@ def settle(*, once: bool = False) -> None:
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", cores())
     keep_programs()
-    jax.config.update("jax_disable_most_optimizations", once)
+    if once:
+        jax.config.update("jax_disable_most_optimizations", True)
 
 
 def cores() -> int:
