@@ -2,7 +2,6 @@
 
 import json
 import re
-from types import SimpleNamespace
 
 import jax.numpy as jnp
 import numpy as np
@@ -14,6 +13,8 @@ from jaxspace.dispersion import Dispersion
 from jaxspace.io.report import dispersion_report
 from jaxspace.plots import dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
+from jaxspace.simulation.mission_result import MissionResult
+from jaxspace.simulation.run_result import RunResult
 from jaxspace.vehicles.landings import landing
 
 # Long and short semi-axis of one deviation, m, and the bearing of the long one, deg.
@@ -45,8 +46,10 @@ def test_the_outputs_of_a_campaign_in_python():
     end = jnp.array([[330.0, 0.0], [-360.0, 0.0], [0.0, 0.0]])
     states = [BodyState(jnp.stack([0.0 * x, x], axis=1), x[:, None]) for x in (0.0 * top, top)]
     final = BodyState(end, jnp.array([[3.0, 0.0], [0.0, 0.0], [-4.0, -5.0]]))
-    phases = [SimpleNamespace(states=state) for state in states]
-    run = SimpleNamespace(phases=phases, final=final, end=jnp.array([90.0, 20.0]))
+    end_of_all, good = jnp.array([90.0, 20.0]), jnp.zeros(2, int)
+    every = jnp.zeros((1, 2)), good, good, jnp.ones((0, 2), bool), {}, None, None
+    phases = [RunResult(every[0], state, *every[1:]) for state in states]
+    run = MissionResult(phases, ("rail", "ascent"), final, end_of_all, good)
     found = landing(run, {})
     expected = {
         "east": [330.0, 0.0],

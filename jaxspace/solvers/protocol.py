@@ -256,8 +256,16 @@ def field_of_step(
     t0: Float[Array, ""],
     t1: Float[Array, ""],
 ) -> ScaledField:
-    """The vector field as the solver may see it in the step from `t0` to `t1`: what is not of this
-    package does not know that the field may jump at `t1`."""
+    """The vector field as a solver may see it within one step: what is not of this package does
+    not know that the field may jump at the end of a step.
+
+    **Arguments**
+
+    - `solver`: of this package or of diffrax.
+    - `field`: the vector field.
+    - `t0`, `t1`: start and end of the step, in normalised time.
+
+    **Returns** the field itself for a solver of this package, else one that stays before `t1`."""
     while isinstance(solver, diffrax.AbstractWrappedSolver):
         solver = solver.solver
     if isinstance(solver, AbstractDeclaredSolver):
