@@ -265,13 +265,14 @@ def field_of_step(
     - `field`: the vector field.
     - `t0`, `t1`: start and end of the step, in normalised time.
 
-    **Returns** the field itself for a solver of this package, else one that stays before `t1`."""
+    **Returns** the field itself for a solver of this package; for another, one that takes `t1` for
+    the time just before it."""
     while isinstance(solver, diffrax.AbstractWrappedSolver):
         solver = solver.solver
     if isinstance(solver, AbstractDeclaredSolver):
         return field
     # Not before the start: a step may be as short as a rounding.
-    return FieldOfStep(field, jnp.maximum(t0, just_before(t0, t1)))
+    return FieldOfStep(field, jnp.maximum(t0, just_before(t0, t1)), t1)
 
 
 def refine(solver: diffrax.AbstractSolver, factor: int) -> diffrax.AbstractSolver:

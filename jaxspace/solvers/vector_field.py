@@ -88,19 +88,26 @@ def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:
 
 @final
 class FieldOfStep(eqx.Module):
-    """The vector field `field` during a step that ends just after `latest`.
+    """The vector field `field` during a step that ends at `end`, just after `latest`.
 
     For methods that ask at the very end of a step, where the next segment begins: there the field
-    may jump, and a second is another share of the segment."""
+    may jump, and a second is another share of the segment. A stage beyond the end stays there: it
+    is part of the method."""
 
     field: ScaledField
     latest: Float[Array, ""]
+    end: Float[Array, ""]
 
     def __call__(self, s: Scalar, y: State) -> State:
-        return self.field(jnp.minimum(s, self.latest), y)
+        return self.field(self._within(s), y)
 
     def time(self, s: Scalar) -> Scalar:
-        return self.field.time(jnp.minimum(s, self.latest))
+        return self.field.time(self._within(s))
+
+    def _within(self, s: Scalar) -> Scalar:
+        # A stage at the end is there to some roundings.
+        at_end = (s > self.latest) & (s - self.end <= self.end - self.latest)
+        return jnp.where(at_end, self.latest, s)
 
     def duration(self, s: Scalar, ds: Scalar) -> Scalar:
         return self.field.duration(s, ds)
