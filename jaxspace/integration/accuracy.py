@@ -229,9 +229,10 @@ def check_start(y0: PyTree) -> None:
     Raises `InputError` for values with which no run can start. Traced numbers pass."""
 
     def knows(x: object) -> bool:
-        # By its class: an object of a user may answer to any name.
+        # By its class: an object of a user may answer to any name, and the method of an instance is
+        # a module of its own, slow to make.
         return hasattr(type(x), "check_start")
 
     for part in jax.tree.leaves(y0, is_leaf=knows):
         if knows(part):
-            part.check_start()
+            type(part).check_start(part)

@@ -14,6 +14,7 @@ def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
     for run in phases:
         if is_traced((run.ts, run.states, run.system)):
             return
-        words = run.system.warning(run.ts, run.states, run.undisturbed)
+        # By its class: the method of an instance is a module of its own, slow to make.
+        words = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)
         if words:
             warnings.warn(words, stacklevel=stacklevel + 1)

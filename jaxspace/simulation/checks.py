@@ -72,8 +72,9 @@ def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
     """Call `check_values` of the system, which raises `InputError`, at the start of a run."""
     checks_values = type(system).check_values is not AbstractSystem.check_values
     if checks_values and not is_traced((system, ts, y0)):
-        # Indexed by NumPy, because JAX would compile the indexing.
-        system.check_values(jnp.asarray(np.asarray(ts)[0]), y0)
+        # Indexed by NumPy, because JAX would compile the indexing; and by the class of the system,
+        # because the method of an instance is a module of its own, slow to make.
+        type(system).check_values(system, jnp.asarray(np.asarray(ts)[0]), y0)
 
 
 def shapes_after(
