@@ -10,7 +10,11 @@ HERE = Path(__file__).parent
 RESULTS = HERE / "results"
 PAGE = HERE.parent / "docs" / "explanation" / "validation.md"
 
-HEAD = """# Validation
+HEAD = """---
+hide: [navigation, toc]
+---
+
+# Validation
 
 `make validation` computes the numbers of this page and writes it, from sources that are not ours:
 check-cases, textbooks, published optima, and other programs run beside this one. {summary}
