@@ -3,7 +3,8 @@ along it.
 
 An output is a declared function of a state (`jaxspace.core.output`), a declared method of an effect
 (`drag.dynamic_pressure`), or the path of a number of the state, `final.omega.2`, in which the name
-of a phase may stand for `final`, and `run` for the whole run."""
+of a phase may stand for `final`, and `run` for the whole run. The places of a branch have its name
+before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -16,7 +17,8 @@ from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
 from ..dispersion.extremes import greatest, least
-from ..simulation import MissionResult
+from ..simulation import CompactRun, MissionResult
+from ..simulation.mission_result import AbstractMissionResult
 from ._catalog import OutputFunction
 from ._kinds import Values
 from ._objects import at
@@ -31,8 +33,9 @@ Curves: TypeAlias = Mapping[int, tuple[Array, State]]
 
 
 class OutputSpec(NamedTuple):
-    """One output: its `name`, the phase at whose end it is taken (`at`, -1 for the last one), its
-    `unit`, and the `factor` from SI to this unit.
+    """One output: its `name`, the phase at whose end it is taken (`at`), its `unit`, and the
+    `factor` from SI to this unit. The end of the mission is at -1, those of its branches, in their
+    order, at -2, -3 and so on.
 
     - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
     - `shared`: entries of the file for arguments of the function.
@@ -94,12 +97,12 @@ class Outputs(eqx.Module):
         return Outputs(self.file, given, self.values, self.reference) if given else None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        states, ends = {-1: result.final}, {-1: result.end}
+        states, ends = line_ends(result)
         began, curves = {}, {}
         for spec in self.specs:
             if BEGAN in spec.arguments():
-                # The whole run began with its first phase.
-                began[spec.at] = first_state(result.phases[max(spec.at, 0)].states)
+                first = self.file.parsed.first_leg(spec.at)
+                began[spec.at] = first_state(result.phases[first].states)
             # Only requested phases, because the compiled program does not save the states of
             # others.
             if spec.at >= 0:
@@ -177,7 +180,7 @@ class Outputs(eqx.Module):
             elif name == "t":
                 arguments[name] = t
             elif name == "body":
-                arguments[name] = self.file.body(self.values, samples, runs)
+                arguments[name] = self.file.body(self.values, samples, runs, spec.at)
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
             elif name == BEGAN:
@@ -217,6 +220,15 @@ class MoreOutputs(eqx.Module):
                     f"name."
                 )
         return {**own, **given}
+
+
+def line_ends(
+    result: AbstractMissionResult | CompactRun,
+) -> tuple[dict[int, State], dict[int, Array]]:
+    """States and times, s, at the end of a mission, at -1, and of its branches."""
+    ends = [(result.final, result.end), *((b.final, b.end) for b in result.branches)]
+    states = {-1 - k: state for k, (state, _) in enumerate(ends)}
+    return states, {-1 - k: time for k, (_, time) in enumerate(ends)}
 
 
 def last_state(states: State) -> State:

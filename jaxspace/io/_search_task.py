@@ -15,7 +15,7 @@ from ..simulation import MissionTrajectory, Status, simulate_compact
 from ._build import build_mission, replaced
 from ._objects import Runs
 from ._optimize_table import Demand, Task
-from ._outputs import Outputs, OutputSpec
+from ._outputs import Outputs, OutputSpec, line_ends
 
 
 def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
@@ -23,8 +23,9 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     values = replaced(file.values, x)
     mission, y0 = build_mission(file.parsed, values, Runs())
     run = simulate_compact(mission, y0, file.start, steps=steps)
-    states = {-1: run.final, **{k: p.before for k, p in enumerate(run.phases)}}
-    ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
+    states, ends = line_ends(run)
+    states |= {k: p.before for k, p in enumerate(run.phases)}
+    ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
     specs = (task.objective, *(d.spec for d in task.demands))
     objective, *numbers = values_of(file, values, specs, states, ends)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
