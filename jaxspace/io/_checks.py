@@ -12,7 +12,7 @@ from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
 from ._errors import missing, unknown, wrong
 from ._kinds import Maker, Values
-from ._lines import Leg, Line, lines_of
+from ._lines import Leg, Line, lines_of, phase_tables
 from ._objects import Building, Runs, at
 
 ROTATION = frozenset({"attitude", "omega"})
@@ -109,9 +109,7 @@ class Parsed:
         """The branches that fly as points: their bodies have no inertia."""
         building = self.building()
         return tuple(
-            line
-            for line in self.lines[1:]
-            if not building.make(f"{line.path}.body").has_inertia()
+            line for line in self.lines[1:] if not building.make(f"{line.path}.body").has_inertia()
         )
 
     def line_at(self, place: int) -> Line:
@@ -137,7 +135,7 @@ def check_parsed(file: Parsed) -> list[str]:
     if file.kind == "system" or errors:
         return errors
     if file.kind == "mission":
-        errors += branch_errors(file)
+        errors += name_errors(file) or branch_errors(file)
     if errors:
         return errors
     for line in file.lines:
@@ -332,6 +330,19 @@ def _absent_part(part: str, whose: str) -> str:
     return f"initial has no {part}: {whose} needs it."
 
 
+def name_errors(file: Parsed) -> list[str]:
+    """Errors for phases of one name, by which outputs and branches refer to them."""
+    result = []
+    seen: set[tuple[str, str]] = set()
+    for path, phase in phase_tables(file.values).items():
+        name = (path.rpartition(".")[0], phase["name"])
+        if name in seen:
+            what = "another name than that of an earlier phase"
+            result.append(wrong(f"{path}.name", phase["name"], what))
+        seen.add(name)
+    return result
+
+
 def branch_errors(file: Parsed) -> list[str]:
     """Errors of the branches, by which what follows makes no sense."""
     result = []
@@ -371,8 +382,8 @@ def _mass_errors(leg: Leg, file: Parsed) -> list[str]:
     whole = building.make(leg.body).loaded_mass()
     if whole is None or given < whole:
         return []
-    what = f"{' and '.join(paths)} take {given:g} kg of {float(whole):g} kg"
-    return [f"{what}: their bodies must weigh less together."]
+    what = f"{given:g} kg leave as {' and '.join(paths)}"
+    return [f"{what}: they must be less than the {float(whole):g} kg of {leg.body}."]
 
 
 def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
@@ -384,11 +395,6 @@ def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
     # A branch without inertia is a point, and has no attitude.
     if phase["body"] is not None and parts & ROTATION:
         result += _turning_errors(leg.body, file)
-    # Outputs refer to phases by name, so that the names must differ.
-    if any(other.name == leg.name for other in line.legs if other.number < leg.number):
-        result.append(
-            wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
-        )
     if (phase["duration"] is None) == (until is None):
         ends = end_kind(file.catalog).expected()
         result.append(f"{key} must have either duration, a time, or until, {ends}.")

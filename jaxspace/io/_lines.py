@@ -57,7 +57,9 @@ def phase_tables(values: Values) -> dict[str, Values]:
     branches: Values = values.get("branch") or {}
     lists = {"phase": values.get("phase") or []}
     lists |= {f"branch.{key}.phase": branch["phase"] for key, branch in branches.items()}
-    return {f"{path}.{k}": phase for path, phases in lists.items() for k, phase in enumerate(phases)}
+    return {
+        f"{path}.{k}": phase for path, phases in lists.items() for k, phase in enumerate(phases)
+    }
 
 
 def lines_of(values: Values) -> tuple[Line, ...]:

@@ -156,7 +156,9 @@ def _initials(known: Catalog) -> list[str]:
 def _branch(known: Catalog) -> list[str]:
     entries = branch_table(known).entries
     # Its body and its phases have the keys of those of the mission.
-    keys = [f"    {key}{_unit(entry)}: {entry.doc}{_default(entry)}" for key, entry in entries.items()]
+    keys = [
+        f"    {key}{_unit(entry)}: {entry.doc}{_default(entry)}" for key, entry in entries.items()
+    ]
     return ["  branch.NAME: A part that leaves the mission, and goes on by itself", *keys]
 
 

@@ -158,7 +158,9 @@ class NamedTables(Kind):
         for name, table in value.items():
             # The name is a step of the paths of its numbers.
             if not name or "." in name:
-                reading.errors.append(wrong(path, name, "a name, of one letter or more, without a dot"))
+                reading.errors.append(
+                    wrong(path, name, "a name, of one letter or more, without a dot")
+                )
             else:
                 result[name] = self.kind.read(table, _joined(path, name), reading)
         return result
