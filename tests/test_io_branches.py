@@ -2,6 +2,7 @@
 
 import functools
 import tomllib
+from pathlib import Path
 
 import jax
 import jax.numpy as jnp
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from jaxspace import BodyState, Event, Mission, Phase, Scene, simulate_mission
+from jaxspace import BodyState, Event, Mission, Phase, Scene, Status, simulate_mission
 from jaxspace.bodies import Detached, RigidBody
 from jaxspace.bodies.parting import release
+from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.core import InputError
+from jaxspace.core.vectors import cross
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, load
 from jaxspace.io._search_task import criterion
@@ -21,7 +24,9 @@ from jaxspace.orbits import UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation.legs import legs_of
+from jaxspace.vehicles.air_drag import descent_rate
 
+SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 G = 9.81
 FILE = """
 title = "A throw that parts"
@@ -159,8 +164,8 @@ def test_a_file_flies_as_the_mission_built_in_python():
         Phase(fall(100.0), 5.0, rest, "ascent", booster), Phase(fall(100.0), 4.0, name="coast"),
     ])  # fmt: skip
     y0 = BodyState(jnp.zeros(3), jnp.array([1.0, 0.0, 120.0]), mass=jnp.array(100.0))
-    expected = simulate_mission(mission, y0, accuracy=file.accuracy, num_saved=65)
-    run = file.nominal_mission()
+    expected = simulate_mission(mission, y0, accuracy=file.accuracy)
+    run = file.simulate()
     assert run.names == expected.names == tuple(leg.name for leg in file.parsed.legs)
     assert run.branch_names == ("booster", "booster.cap")
     assert [line.name for line in file.parsed.lines[1:]] == list(run.branch_names)
@@ -175,9 +180,6 @@ def test_a_file_flies_as_the_mission_built_in_python():
         parts = (getattr(run["coast"].initial, field), getattr(run["booster.up"].initial, field))
         mean = sum(m * x for m, x in zip(masses, parts, strict=True)) / 100.0
         assert_allclose(mean, getattr(run["ascent"].final, field), atol=1e-12)
-    exact = {name: float(x) for name, x in by_hand(120.0, -5.0, 60.0).items()}
-    nominal = file.nominal_outputs(run)
-    assert {name: x for name, (x, _) in nominal.items()} == pytest.approx(exact, rel=1e-7)
     text = mission_report(file, run, expected)
     assert "booster.cap.fall: from" in text and "at the end of booster.cap, after its" in text
     assert list(file.scenes()) == list(run.names)
@@ -374,3 +376,23 @@ def test_a_scene_without_phases_has_no_branches(scene):
         SceneError, match=r"branch is .*: it must be tables by names of your choice"
     ):
         scene(text)
+
+
+@pytest.mark.sweep
+def test_the_first_stage_of_the_example_comes_down():
+    """On its parachute at the speed of a steady descent, by the air and the gravity of the ground,
+    which the turning planet makes a third of a percent less."""
+    file = load(SCENES / "booster_return.toml")
+    run = file.simulate()
+    r, v = run["booster"].final.position, run["booster"].final.velocity
+    assert run["booster"].status == Status.EVENT and run.status == Status.COMPLETED
+    assert_allclose(jnp.linalg.norm(r), RADIUS_EARTH, rtol=1e-9)
+    over_ground = v - cross(jnp.array([0.0, 0.0, 7.2921159e-5]), r)
+    steady = descent_rate(950.0, 150.0, 1.225, MU_EARTH / RADIUS_EARTH**2)
+    assert_allclose(jnp.linalg.norm(over_ground), steady, rtol=4e-3)
+    # The parts at the parting, and the fairing that the sustainer drops 6.5 s later.
+    whole, rest = run["first stage"].final, run["ullage coast"].initial
+    part = run["booster.fall"].initial
+    momentum = rest.mass * rest.velocity + part.mass * part.velocity
+    assert_allclose(momentum, whole.mass * whole.velocity, rtol=1e-12, atol=1e-6)
+    assert_allclose(run.final.mass, 12744.0 - 9250.0 - 950.0 - 44.0 - 2050.0, rtol=1e-9)
