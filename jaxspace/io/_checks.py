@@ -65,6 +65,14 @@ class Parsed:
             return max(place, 0)
         return self.lines[-1 - place].legs[0].number
 
+    def last_leg(self, place: int, count: int = 1) -> int:
+        """The number of the phase at whose end the place of an output is; a system or a flight, of
+        `count` phases, has its end at that of the last one."""
+        if place >= 0:
+            return place
+        mission = self.kind in ("scene", "mission")
+        return self.lines[-1 - place].legs[-1].number if mission else count - 1
+
     def before(self, line: Line, leg: Leg) -> tuple[Leg, ...]:
         """The phases that lead to a phase of a line, first to last."""
         own = tuple(other for other in line.legs if other.number < leg.number)

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ..control import LoopRun
 from ..core import State
 from ..simulation import MissionTrajectory, Trajectory
-from ._outputs import BEGAN, Outputs, OutputSpec, first_state, line_ends
+from ._outputs import BEGAN, Curve, Outputs, OutputSpec, first_state, line_ends
 
 
 def outputs_of(
@@ -31,7 +31,7 @@ def outputs_of(
     ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}
-    curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
+    curves = {k: _with_run(Curve(phases[k].ts, phases[k].states)) for k in along}
     began = {
         spec.at: first_state(_with_run(phases[outputs.file.parsed.first_leg(spec.at)].states))
         for spec in specs

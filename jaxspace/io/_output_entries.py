@@ -231,8 +231,8 @@ def _lacking(name: str, function: OutputFunction, file: Parsed, place: int = -1)
                 result.append(f"{shared[argument]} is missing: the output {name} needs it.")
         elif argument == "initial" and file.kind == "flight":
             result.append(f"A flight has no [initial]: the output {name} needs one.")
-        elif argument == "body" and file.kind == "system":
-            result.append(f"A system has no body: the output {name} needs one.")
+        elif argument in ("body", "scene") and file.kind == "system":
+            result.append(f"A system has no {argument}: the output {name} needs one.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:
             result.append(f"initial has no {argument}: the output {name} needs it.")
     return result
@@ -246,6 +246,8 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         # Over flat ground the origin is no centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
+        # What a body feels is of interest along a run, and takes a trace of all loads.
+        compares |= {"scene"} & set(arguments_of(function))
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
             unit = units.of(name, si)

@@ -26,10 +26,19 @@ from ._objects import at
 FINAL = "final"
 NOMINAL = "nominal"
 BEGAN = "began"
-SPECIAL = ("self", "y", "t", "body", "initial", BEGAN, NOMINAL)
+SPECIAL = ("self", "y", "t", "body", "scene", "initial", BEGAN, NOMINAL)
 
-Curves: TypeAlias = Mapping[int, tuple[Array, State]]
-"""By the number of a phase its times and states, runs last."""
+
+class Curve(NamedTuple):
+    """The times and the states of a phase, runs last, and their rates where they are known."""
+
+    times: Array
+    states: State
+    rates: State | None = None
+
+
+Curves: TypeAlias = Mapping[int, Curve]
+"""The curves along phases by their numbers."""
 
 
 class OutputSpec(NamedTuple):
@@ -108,7 +117,7 @@ class Outputs(eqx.Module):
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
                 ends[spec.at] = result.phases[spec.at].ts[-1]
-            curves |= {k: (result.phases[k].ts, result.phases[k].states) for k in spec.phases}
+            curves |= {k: Curve(result.phases[k].ts, result.phases[k].states) for k in spec.phases}
         return self.numbers(states, ends, samples, curves, began)
 
     def numbers(
@@ -134,7 +143,8 @@ class Outputs(eqx.Module):
                 value = self._extreme(spec, curves or {}, samples, runs, began or {})
             else:
                 end = ends[spec.at]
-                value = self._value(spec, states[spec.at], end, samples, runs, began or {})
+                y = states[spec.at]
+                value = self._value(spec, spec.at, y, end, samples, runs, began or {})
             # An output of shared numbers alone has no axis of runs, which the store needs.
             result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return result
@@ -147,25 +157,41 @@ class Outputs(eqx.Module):
         runs: int,
         began: dict[int, State],
     ) -> Array:
-        def one(t: Scalar, y: State) -> Array:
-            return jnp.broadcast_to(self._value(spec, y, t, samples, runs, began), (runs,))
+        times, values, slopes = [], [], []
+        for k in spec.phases:
 
-        times = [curves[k][0] for k in spec.phases]
-        # Mapped over the times, which are before the axis of runs.
-        along = [jax.vmap(one, in_axes=(0, -2))(*curves[k]) for k in spec.phases]
-        result = (greatest if spec.take.endswith("greatest") else least)(times, along)
+            def one(t: Scalar, y: State, k: int = k) -> Array:
+                value = self._value(spec, k, y, t, samples, runs, began)
+                return jnp.broadcast_to(value, (runs,))
+
+            def moving(t: Scalar, y: State, rate: State, one: Any = one) -> tuple[Array, Array]:
+                return jax.jvp(one, (t, y), (jnp.ones_like(t), rate))
+
+            curve = curves[k]
+            times.append(curve.times)
+            # Mapped over the times, which are before the axis of runs.
+            if curve.rates is None:
+                values.append(jax.vmap(one, in_axes=(0, -2))(curve.times, curve.states))
+            else:
+                q, s = jax.vmap(moving, in_axes=(0, -2, -2))(*curve)
+                values.append(q)
+                slopes.append(s)
+        extreme = greatest if spec.take.endswith("greatest") else least
+        result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
 
     def _value(
         self,
         spec: OutputSpec,
+        place: int,
         y: State,
         t: Scalar,
         samples: dict[str, Array],
         runs: int,
         began: dict[int, State],
     ) -> Array:
-        """The output of the state `y` at the time `t`."""
+        """The output of the state `y` at the time `t`, at a place: the number of a phase, or that
+        of an end as `OutputSpec.at`."""
         if spec.function is None:
             return at_path(y, spec.path)
         arguments = {}
@@ -180,7 +206,9 @@ class Outputs(eqx.Module):
             elif name == "t":
                 arguments[name] = t
             elif name == "body":
-                arguments[name] = self.file.body(self.values, samples, runs, spec.at)
+                arguments[name] = self.file.body(self.values, samples, runs, place)
+            elif name == "scene":
+                arguments[name] = self.file.scene(self.values, samples, runs, place)
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
             elif name == BEGAN:

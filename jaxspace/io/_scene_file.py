@@ -387,9 +387,15 @@ class SceneFile:
         building = self._building(self.replaced(values, samples), Runs(runs))
         if self.kind == "flight":
             return building.make("vehicle").body
-        parsed = self.parsed
-        leg = parsed.line_at(place).legs[-1] if place < 0 else parsed.legs[place]
-        return building.make(leg.body)
+        return building.make(self.parsed.legs[self.parsed.last_leg(place)].body)
+
+    def scene(
+        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
+    ) -> AbstractSystem:
+        """What moves at the `place` of an output; arguments as of `body`."""
+        numbers = self.replaced(values, samples)
+        legs, _ = legs_of(build_mission(self.parsed, numbers, Runs(runs))[0])
+        return legs[self.parsed.last_leg(place, len(legs))].phase.moving
 
     def effect(
         self, name: str, values: Values, samples: Mapping[str, Array], runs: int

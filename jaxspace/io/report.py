@@ -203,7 +203,7 @@ def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
     for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
-        values = values_of(file, numbers, specs, states, ends)
+        values = values_of(file, numbers, specs, states, ends, {})
         cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
         mass = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
         rows.append((name, *cells, *mass))

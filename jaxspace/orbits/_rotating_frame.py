@@ -36,6 +36,7 @@ class RotatingFrame(AbstractEffect):
     gravity that holds the centrifugal force already, as that of a plumb line does."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
+    felt: ClassVar[bool] = False
 
     omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")
     centrifugal: bool = eqx.field(static=True, default=True)
