@@ -156,7 +156,12 @@ def _phase(
         result = _until_event(event, step, unravel, ts, v0)
         (t, v, happened), (times, vs, wrongs) = result
         times = jnp.concatenate([t0[None], times])
+        # No step goes beyond the last time, which several of them may share.
+        ended = times >= t
         t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
+        # With the derivative of the end, of which what is greatest there depends.
+        times = jnp.where(ended, t, times)
+        vs = jnp.where(ended[1:, None], ravel_pytree(y)[0], vs)
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
     sizes = _sizes(states, unravel(v0))
     error = jnp.sum(jnp.max(jnp.abs(wrongs) / sizes, axis=1))
