@@ -4,7 +4,7 @@ Gimbals steer a launcher into orbit
 Two stages in six degrees of freedom, from a scene file: the nozzles turn the
 axis after a table of the pitch, then after a linear tangent (dashed), into a
 circular orbit. Below, the dynamic pressure, and the acceleration that the
-payload feels, whose limit the search has used up."""
+payload feels; the first stage is throttled to 48 m/s^2."""
 
 from pathlib import Path
 
@@ -23,9 +23,8 @@ radius = file.values["planet"]["radius"]
 
 def pitch(direction, y):
     """Angle above the local horizontal, deg."""
-    return jnp.degrees(
-        jnp.arcsin(dot(direction, y.position) / norm(y.position))
-    )
+    up = y.position / norm(y.position)
+    return jnp.degrees(jnp.arcsin(dot(direction, up)))
 
 
 @jax.jit
