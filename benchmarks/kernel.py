@@ -8,11 +8,9 @@ import jax
 import jax.numpy as jnp
 
 from jaxspace import BodyState
-from jaxspace.simulation import Accuracy, simulate_batch
-from jaxspace.solvers import RKN1210
 from jaxspace.solvers._polynomials import stormer_weights
 
-from .low_orbits import DAY, J2, SCENE
+from .low_orbits import DAY, J2
 
 ORDER, STEPS = 12, 1310
 H = DAY / STEPS
@@ -45,10 +43,43 @@ def _advance(r, w, earlier):
     return tuple(r[axis] + H * w[axis] for axis in range(3)), w, a[:-1]
 
 
+def _start(r, v):
+    """The state of the method after its first steps: eight of order 4 (Runge, Kutta) in each."""
+    h = H / 8.0
+
+    def moved(x, dx, length):
+        return tuple(a + length * b for a, b in zip(x, dx, strict=True))
+
+    def step(_, state):
+        r, v = state
+        k1 = acceleration(*r)
+        v2 = moved(v, k1, 0.5 * h)
+        k2 = acceleration(*moved(r, v, 0.5 * h))
+        v3 = moved(v, k2, 0.5 * h)
+        k3 = acceleration(*moved(r, v2, 0.5 * h))
+        v4 = moved(v, k3, h)
+        k4 = acceleration(*moved(r, v3, h))
+        for rate, weight in ((v, 1.0), (v2, 2.0), (v3, 2.0), (v4, 1.0)):
+            r = moved(r, rate, weight * h / 6.0)
+        for rate, weight in ((k1, 1.0), (k2, 2.0), (k3, 2.0), (k4, 1.0)):
+            v = moved(v, rate, weight * h / 6.0)
+        return r, v
+
+    accelerations = ()
+    for _ in range(ORDER - 1):
+        accelerations = (acceleration(*r), *accelerations)
+        r, v = jax.lax.fori_loop(0, 8, step, (r, v))
+    w = v
+    for weight, a in zip(
+        stormer_weights(ORDER).velocity, (acceleration(*r), *accelerations), strict=True
+    ):
+        w = moved(w, a, -H * weight)
+    return r, w, accelerations
+
+
 def _march(*refs):
-    rows = [ref[:] for ref in refs[:-3]]
-    vectors = [tuple(rows[k : k + 3]) for k in range(0, len(rows), 3)]
-    state = vectors[0], vectors[1], tuple(vectors[2:])
+    given = [ref[:] for ref in refs[:6]]
+    state = _start(tuple(given[:3]), tuple(given[3:]))
     rounds, rest = divmod(STEPS - (ORDER - 1), ORDER)
 
     def several(state, count):
@@ -58,38 +89,28 @@ def _march(*refs):
         return state
 
     state = jax.lax.fori_loop(0, rounds, lambda _, state: several(state, ORDER), state)
-    for ref, x in zip(refs[-3:], several(state, rest)[0], strict=True):
+    for ref, x in zip(refs[6:], several(state, rest)[0], strict=True):
         ref[:] = x
 
 
 def days(y0: BodyState) -> jax.Array:
-    """Positions of low orbits a day later, (3, runs). The first eleven steps are RKN 12(10)'s."""
+    """Positions of low orbits a day later, (3, runs)."""
     from jax.experimental import pallas as pl
 
-    first = jnp.arange(ORDER, dtype=y0.position.dtype) * H
-    single = y0.position.dtype == jnp.float32
-    accuracy = Accuracy(2e-6 if single else 1e-13, method=RKN1210())
-    states = simulate_batch(SCENE, y0, first, accuracy=accuracy).states
-    known = jnp.stack(acceleration(*states.position))
-    g = stormer_weights(ORDER).velocity
-    w = states.velocity[:, -1] - H * sum(g[j] * known[:, -1 - j] for j in range(ORDER))
-    vectors = [states.position[:, -1], w, *(known[:, k] for k in reversed(range(ORDER - 1)))]
     runs = y0.position.shape[-1]
     filled = jnp.arange(-(-runs // BLOCK) * BLOCK) % runs
-    rows = [v[axis][filled] for v in vectors for axis in range(3)]
+    rows = [x[filled] for x in (*y0.position, *y0.velocity)]
     one = pl.BlockSpec((BLOCK,), lambda block: (block,))
-    like = jax.ShapeDtypeStruct(filled.shape, w.dtype)
 
     def on(**how: Any):
-        call = pl.pallas_call(
+        return pl.pallas_call(
             _march,
-            out_shape=[like] * 3,
+            out_shape=[jax.ShapeDtypeStruct(filled.shape, y0.position.dtype)] * 3,
             grid=(filled.size // BLOCK,),
-            in_specs=[one] * len(rows),
+            in_specs=[one] * 6,
             out_specs=[one] * 3,
             **how,
         )
-        return lambda *rows: call(*rows)
 
     def on_gpu(*rows):
         from jax.experimental.pallas import triton
@@ -97,5 +118,7 @@ def days(y0: BodyState) -> jax.Array:
         params = triton.CompilerParams(num_warps=WARPS, num_stages=1)
         return on(compiler_params=params)(*rows)
 
-    ends = jax.lax.platform_dependent(*rows, cuda=on_gpu, default=on(interpret=True))
+    ends = jax.lax.platform_dependent(
+        *rows, cuda=on_gpu, default=lambda *rows: on(interpret=True)(*rows)
+    )
     return jnp.stack(ends)[:, :runs]
