@@ -16,8 +16,8 @@ from ..integration.mapping import BLOCK
 # On a processor without vectors as wide, the compiler takes the widest.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
 
-# Of 65,536, 131,072, 262,144 and a million runs on an H100 the fastest for dispersed missions, where
-# a million take up to nine times as long (`python -m benchmarks --device gpu`).
+# Of 65,536, 131,072, 262,144 and a million runs on an H100 the fastest for dispersed missions: a
+# million take up to nine times as long.
 ACCELERATOR_BLOCK = 262_144
 
 # A number, or a symbolic one of `jax.export`.
