@@ -88,8 +88,9 @@ def _phases(times: Any, values: Any, slopes: Any) -> list[tuple[Array, Array, Ar
     """Times, values and slopes of each phase, of one shape."""
     several = isinstance(times, list | tuple) and isinstance(values, list | tuple)
     pairs: list[Any] = list(zip(times, values, strict=True)) if several else [(times, values)]
-    rates: list[Any] = [slopes] if slopes is not None and not several else slopes
-    rates = [None] * len(pairs) if slopes is None else rates
+    rates: list[Any] = [None] * len(pairs)
+    if slopes is not None:
+        rates = list(slopes) if several else [slopes]
     # Differences of order four need five states.
     least = LEAST if slopes is None else 2
     checked = []

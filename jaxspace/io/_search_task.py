@@ -9,10 +9,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import State
+from ..core import AbstractSystem, State
 from ..optimization import Criterion
-from ..simulation import MissionTrajectory, Phase, Status, simulate_compact
-from ..simulation._compact import CompactPhase
+from ..simulation import CompactRun, MissionTrajectory, Status, simulate_compact
 from ..simulation.legs import legs_of
 from ._build import build_mission, replaced
 from ._objects import Runs
@@ -29,8 +28,8 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     states |= {k: p.before for k, p in enumerate(run.phases)}
     ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
     specs = (task.objective, *(d.spec for d in task.demands))
-    legs, _ = legs_of(mission)
-    curves = {k: _curve(legs[k].phase, run.phases[k]) for s in specs for k in s.phases}
+    systems = [leg.phase.moving for leg in legs_of(mission)[0]]
+    curves = {k: _curve(systems[k], run, k) for spec in specs for k in spec.phases}
     objective, *numbers = values_of(file, values, specs, states, ends, curves)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
     above = [
@@ -68,10 +67,11 @@ def values_of(
     return [result[spec.name][0] for spec in named]
 
 
-def _curve(phase: Phase, run: CompactPhase) -> Curve:
+def _curve(system: AbstractSystem, run: CompactRun, number: int) -> Curve:
     """The states along a phase, which lie where its steps end: with their rates."""
-    rate = jax.vmap(phase.moving.vector_field, in_axes=(0, -1), out_axes=-1)
-    return Curve(run.ts, run.states, rate(run.ts, run.states))
+    phase = run.phases[number]
+    rate = jax.vmap(system.vector_field, in_axes=(0, -1), out_axes=-1)
+    return Curve(phase.ts, phase.states, rate(phase.ts, phase.states))
 
 
 def failed_phase(run: MissionTrajectory) -> str:
