@@ -207,6 +207,8 @@ def as_state(y0: PyTree) -> PyTree:
         return number or getattr(x, "weak_type", False)
 
     leaves = jax.tree.leaves(y0)
+    if not any(map(is_plain, leaves)):
+        return y0
     given = {x.dtype for x in leaves if hasattr(x, "dtype") and not is_plain(x)}
     dtype = next(iter(given)) if len(given) == 1 else jnp.result_type(float)
     return jax.tree.map(lambda x: jnp.asarray(x, dtype) if is_plain(x) else x, y0)

@@ -110,9 +110,11 @@ def resolve(
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
     # Zero stands for a traced tolerance, for which the rules of structure decide.
-    known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
+    known_rtol = 0.0
     if is_concrete(rtol):
-        check_tolerance(float(np.min(np.asarray(rtol))), dtype)
+        known = np.asarray(rtol)
+        known_rtol = float(known.max())
+        check_tolerance(float(known.min()), dtype)
     check_countable(accuracy.max_steps)
     method = accuracy.method
     exactly = method == "closed_form" or (method == "auto" and has_closed_form(system))
@@ -196,6 +198,9 @@ def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
 
 def check_countable(max_steps: int) -> None:
     """Raise `InputError` for more steps than JAX's whole numbers count."""
+    # So many count whatever the setting.
+    if max_steps <= 2**31 - 1:
+        return
     most = jnp.iinfo(jnp.result_type(int)).max
     allowed = f"at most {most}, to which JAX counts"
     if not jax.config.read("jax_enable_x64"):

@@ -103,9 +103,10 @@ def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> N
 
     `where` is a further sentence: the time and the state in which a single run failed."""
     every = np.asarray(status).reshape(-1)
-    failed = np.flatnonzero(every > Status.EVENT)
-    if failed.size == 0:
+    failures = every > Status.EVENT
+    if not failures.any():
         return
+    failed = np.flatnonzero(failures)
     which = ""
     if every.size > 1:
         which = f"Run {failed[0]} ({failed.size} of {every.size} runs failed): "

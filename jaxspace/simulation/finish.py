@@ -82,7 +82,7 @@ def finish(
             if exactly is not None:
                 (config,) = exactly
                 result = run(config=config, dense=dense)
-        error = error_of_too_few_steps(result, config)
+        error = error_of_too_few_steps(result, config) if config.fixed_step else 0.0
         # Once only: a run that still misses the tolerance has the status for it.
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
@@ -138,7 +138,9 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
     """The result, unless a run in it failed: then `SimulationError`, which says `where`.
 
     Under a transformation the error hangs on every array of the result, and on its derivatives."""
-    traced = is_traced(result)
+    # Without the system and the configuration: those of a known run are known.
+    numbers = (result.ts, result.states) if isinstance(result, Trajectory) else result.phases
+    traced = is_traced((result.status, numbers))
     if is_concrete(result.status):
         # Also where the rest is being differentiated eagerly: its places are known to no sentence.
         raise_on_failure(result.status, None if traced else where)
