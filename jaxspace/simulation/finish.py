@@ -77,7 +77,8 @@ def finish(
     - `accuracy`, `config_by`: the accuracy of the user, and the configuration for an accuracy."""
     result = run(config=config, dense=dense)
     if is_concrete(result.status):
-        if int(result.status) == Status.MAX_STEPS:
+        # By NumPy, because `int` of an array of JAX takes ten times as long.
+        if np.asarray(result.status) == Status.MAX_STEPS:
             exactly = with_exact_parts(accuracy, (config,), lambda more: (config_by(more),))
             if exactly is not None:
                 (config,) = exactly
