@@ -50,7 +50,7 @@ from ..core.types import as_float
 
 FASTEST_DRIFT = math.atan(math.sqrt(0.5))
 """Angle, rad, at which the drift by structural damping without resonance is fastest."""
-# A bracket in which every number has its place shrinks to rounding.
+# Enough halvings for a bracket of any floating-point numbers to shrink to rounding.
 _HALVINGS = 60
 
 
@@ -208,8 +208,8 @@ class AttitudeDrift(AbstractSystem):
         room = jnp.where(tangent > 0.0, jnp.maximum(room, 0.0), jnp.inf)
 
         def excess(x: Scalar) -> tuple[Scalar, Scalar]:
-            """K t of the way to x, less that of the duration, and its slope: both times cos^2 of
-            the angle there, which is zero where they are infinite."""
+            """K t at x minus K times the duration, and its slope, both times cos^2 of the angle
+            there, which is zero where they are infinite."""
             square = (tangent * jnp.exp(x)) ** 2
             moved = tangent * tangent * jnp.expm1(2.0 * x) * (1.0 + cosine)
             c = (1.0 - square) / (1.0 + square)
@@ -218,8 +218,7 @@ class AttitudeDrift(AbstractSystem):
             ratio2 = self.frequency_ratio**2
             return below * c * c + a * secants, (1.0 - ratio2 * c * c) ** 2 + self.damping**2
 
-        # Halved and not by Newton's steps alone: near resonance the curve is flat, and these run
-        # away.
+        # By halving, because near resonance the curve is flat and Newton's steps alone diverge.
         def halved(_, ends):
             low, high = ends
             x = 0.5 * (low + high)

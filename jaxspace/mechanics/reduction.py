@@ -24,7 +24,7 @@ from ._lagrangian import AbstractLagrangian, Lagrangian
 
 @final
 class _Routhian(eqx.Module):
-    """R of the coordinates that are kept; the parameters are the momenta of the others."""
+    """R of the remaining coordinates; the parameters are the momenta of the cyclic ones."""
 
     system: AbstractLagrangian
     kept: tuple[int, ...] = eqx.field(static=True)
@@ -46,7 +46,8 @@ class _Routhian(eqx.Module):
 
 
 def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> Lagrangian:
-    """The system of the other coordinates, with the momenta of the cyclic ones as constants.
+    """The system reduced to its non-cyclic coordinates, with the momenta of the cyclic ones as
+    constants.
 
     **Arguments**
 
@@ -104,7 +105,7 @@ class Hamiltonian(AbstractSystem):
         return CanonicalState(slopes[1], -slopes[0])
 
     def invariants(self, t: Scalar, y: CanonicalState) -> dict[str, Array]:
-        """Nothing is known to stay: H does where it does not depend on the time."""
+        """None is known in general: H is constant only where it does not depend on the time."""
         del t, y
         return {}
 
@@ -114,7 +115,8 @@ class Hamiltonian(AbstractSystem):
 
 
 def _legendre(t: Scalar, q: Array, p: Array, system: AbstractLagrangian) -> Scalar:
-    # At rest, because the rates are sought: with squares at most the matrix is the same.
+    # Evaluated at rest, because the rates are unknown: with at most squares of the rates the matrix
+    # is the same.
     still = jnp.zeros_like(p)
     m = mass_matrix(system.lagrangian, t, q, still)
     v = solve(m, (p - momenta(system.lagrangian, t, q, still))[:, None])[:, 0]
