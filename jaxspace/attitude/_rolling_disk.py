@@ -114,14 +114,14 @@ class RollingDisk(AbstractSystem):
         del t
         attitude, _ = attitude_and_omega(y)
         _, _, s, _ = disk_triad(attitude)
-        kept = {
+        conserved = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
             "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
         if self.contour_damping is None and self.contour_friction is None:
-            return {"energy": self.energy(y)} | kept
-        return kept
+            return {"energy": self.energy(y)} | conserved
+        return conserved
 
     @constructor(
         angles=argument(

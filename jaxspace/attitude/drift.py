@@ -204,8 +204,8 @@ class AttitudeDrift(AbstractSystem):
         tangent = jnp.tan(0.5 * start)
         cosine = jnp.cos(start)
         # x = ln of the ratio of tan(theta/2): a start on the axis needs no logarithm of zero.
-        room = -jnp.log(jnp.where(tangent > 0.0, tangent, 1.0))
-        room = jnp.where(tangent > 0.0, jnp.maximum(room, 0.0), jnp.inf)
+        limit = -jnp.log(jnp.where(tangent > 0.0, tangent, 1.0))
+        limit = jnp.where(tangent > 0.0, jnp.maximum(limit, 0.0), jnp.inf)
 
         def excess(x: Scalar) -> tuple[Scalar, Scalar]:
             """K t at x minus K times the duration, and its slope, both times cos^2 of the angle
@@ -226,7 +226,7 @@ class AttitudeDrift(AbstractSystem):
             return jnp.where(above, low, x), jnp.where(above, x, high)
 
         low = jnp.where(s < 0.0, (s - r4) / log, 0.0)
-        high = jnp.where(s < 0.0, 0.0, jnp.minimum((s + r4) / log, room))
+        high = jnp.where(s < 0.0, 0.0, jnp.minimum((s + r4) / log, limit))
         ends = jax.lax.stop_gradient(jnp.broadcast_arrays(low, high))
         x = 0.5 * sum(jax.lax.fori_loop(0, _HALVINGS, halved, tuple(ends)))
         # A step of Newton's carries the derivatives of the first order, two those of the second.
@@ -234,7 +234,7 @@ class AttitudeDrift(AbstractSystem):
         for _ in range(2):
             over, slope = excess(x)
             # After a long time the distance to a right angle is below rounding.
-            x = jnp.minimum(x - over / slope, room)
+            x = jnp.minimum(x - over / slope, limit)
         return 2.0 * jnp.arctan(tangent * jnp.exp(x))
 
     def _weights(self) -> tuple[Scalar, Scalar, Scalar]:

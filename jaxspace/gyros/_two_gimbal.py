@@ -112,14 +112,14 @@ class TwoGimbalGyro(AbstractSystem):
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
         """The energy minus the work of the moments, J, and the momentum about Z minus the impulse
         of M_Z, kg m^2/s; only those that friction and motor conserve."""
-        kept = {}
+        conserved = {}
         if self.inner_bearing is None and self.outer_bearing is None and self.motor is None:
             # Constant moments have potentials: the angles times the moments.
             work = self.moment_inner * y.theta + self.moment_outer * y.psi
-            kept["energy"] = self.energy(y) - work
+            conserved["energy"] = self.energy(y) - work
         if self.outer_bearing is None:
-            kept["angular_momentum"] = y.angular_momentum - self.moment_outer * t
-        return kept
+            conserved["angular_momentum"] = y.angular_momentum - self.moment_outer * t
+        return conserved
 
     def energy(self, y: GimbalState) -> Scalar:
         """Kinetic energy of rotor and gimbals, J."""

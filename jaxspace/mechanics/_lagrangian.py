@@ -95,8 +95,8 @@ class AbstractLagrangian(AbstractDescription):
     @property
     def cyclic(self) -> tuple[str, ...]:
         """The names of the coordinates whose momenta are constant."""
-        kept = symmetries(self).cyclic
-        return tuple(name for name, is_cyclic in zip(self.names, kept, strict=True) if is_cyclic)
+        cyclic = symmetries(self).cyclic
+        return tuple(name for name, is_cyclic in zip(self.names, cyclic, strict=True) if is_cyclic)
 
 
 @final

@@ -27,16 +27,16 @@ class _Routhian(eqx.Module):
     """R of the remaining coordinates; the parameters are the momenta of the cyclic ones."""
 
     system: AbstractLagrangian
-    kept: tuple[int, ...] = eqx.field(static=True)
+    remaining: tuple[int, ...] = eqx.field(static=True)
     left_out: tuple[int, ...] = eqx.field(static=True)
 
     def __call__(self, t: Scalar, q: Array, v: Array, constants: Array) -> Scalar:
         c = jnp.array(self.left_out)
         shape = (len(self.system.names), *q.shape[1:])
-        kept = jnp.array(self.kept)
+        remaining = jnp.array(self.remaining)
         # The value of a cyclic coordinate does not matter.
-        q_all = jnp.zeros(shape, q.dtype).at[kept].set(q)
-        v_all = jnp.zeros(shape, v.dtype).at[kept].set(v)
+        q_all = jnp.zeros(shape, q.dtype).at[remaining].set(q)
+        v_all = jnp.zeros(shape, v.dtype).at[remaining].set(v)
         p = momenta(self.system.lagrangian, t, q_all, v_all)[c]
         m = mass_matrix(self.system.lagrangian, t, q_all, v_all)[c][:, c]
         constants = constants.reshape(constants.shape + (1,) * (p.ndim - constants.ndim))
@@ -60,15 +60,15 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
     **Raises** `InputError` where no coordinate is cyclic, or all are."""
     cyclic = set(system.cyclic)
     left_out = tuple(i for i, name in enumerate(system.names) if name in cyclic)
-    kept = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
-    if not left_out or not kept:
+    remaining = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
+    if not left_out or not remaining:
         raise InputError(
             f"{len(left_out)} of the {len(system.names)} coordinates are cyclic: some must be, "
             "and not all."
         )
     constants = system.momenta(t, y)[jnp.array(left_out)]
     return Lagrangian(
-        _Routhian(system, kept, left_out), tuple(system.names[i] for i in kept), constants
+        _Routhian(system, remaining, left_out), tuple(system.names[i] for i in remaining), constants
     )
 
 

@@ -1,4 +1,4 @@
-"""Changes of an orbit by an impulse: along the path, in the plane with the line of apsides kept,
+"""Changes of an orbit by an impulse: along the path, in the plane with a fixed line of apsides,
 out of the plane; and the impulse as a jump of a mission.
 
     with C = e cos f, S = e sin f and w = g (2 + g), g = dv/v, an impulse along the path gives
