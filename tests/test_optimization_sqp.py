@@ -112,7 +112,9 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
         zip(found.criterion.non_negative, found.unmet[1], strict=True)
     ):
         assert bool(unmet) == bool(value < -1e-5)
-        assert (f"non_negative[{k}] is {value:.3g} where at least 0 is required" in sentence) == unmet
+        assert (
+            f"non_negative[{k}] is {value:.3g} where at least 0 is required" in sentence
+        ) == unmet
     assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
 
 

@@ -98,8 +98,8 @@ def check_parsed(file: Parsed) -> list[str]:
 
 def who(path: str) -> str:
     """The entry at a path, in words."""
-    room, _, name = path.partition(".")
-    if room == "effects":
+    package, _, name = path.partition(".")
+    if package == "effects":
         return f"the effect {name}"
     if ".jump." in path:
         return f"the jump {path.rpartition('.')[2]}"
