@@ -96,6 +96,12 @@ class Catalog(NamedTuple):
     kinds: Mapping[type, Object]
     refused: Mapping[str, str]
 
+    @property
+    def named(self) -> tuple[object, ...]:
+        """Everything that a file may name, for comparison with another catalog."""
+        things = self._replace(kinds={}, refused={})
+        return tuple(item for table in things for item in table.items())
+
     def known_times(self, effect: str) -> list[str]:
         """The names of the times at which a phase with this effect can end."""
         cls = self.effects[effect]
