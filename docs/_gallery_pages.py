@@ -41,8 +41,9 @@ hide: [toc]
 What do you want to do? Each picture leads to the code that draws it, on one
 screen, and to the functions behind it. The lower names are the figures of the
 books; [From the textbook](../reference/from_the_textbook.md) begins with those.
-Beside them stand the lines of the code, and the seconds of a processor that it
-takes, compilation included.
+Below stand the lines of the code, and the seconds of processor time that it took
+when `python examples/gallery/draw.py` drew all the figures in one process: with
+compilation, but for programs that an earlier figure had compiled.
 """
 GOALS = {
     "Change an orbit": (
@@ -136,7 +137,7 @@ def _card(script: Script) -> str:
     picture = f"../figures/gallery/{script.path.stem}.png"
     return (
         f"<div markdown>\n[![{script.name}]({picture}){{loading=lazy}}]({page})\n"
-        f"[{script.goal}]({page})<br><small>{script.name}: {_size(script)}</small>\n</div>"
+        f"[{script.goal}]({page})<br><small>{script.name}<br>{_size(script)}</small>\n</div>"
     )
 
 
@@ -183,7 +184,7 @@ def _figure(script: Script) -> str:
 def _size(script: Script) -> str:
     """Lines of a script, and the seconds that it takes to draw."""
     lines = len(script.path.read_text().splitlines())
-    return f"{lines} lines, {_seconds()[script.path.stem]} s"
+    return f"{lines} lines, {_seconds()[script.path.stem]}&nbsp;s"
 
 
 @functools.cache

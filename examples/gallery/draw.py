@@ -1,8 +1,9 @@
 """Draws the manual's gallery: `python examples/gallery/draw.py [NAME ...]`.
 
 Each script of the folders beside this file makes one figure; the pictures go
-to `docs/figures/gallery`, and the seconds of processor time that each takes,
-compilation included, to `seconds.csv`."""
+to `docs/figures/gallery`, and the seconds of processor time that each takes to
+`seconds.csv`. They include compilation, but for programs that an earlier script
+has compiled: let those that are compared be drawn in one process."""
 
 import csv
 import io
@@ -56,17 +57,17 @@ def keep_seconds(measured: dict[str, str]) -> None:
 
 
 if __name__ == "__main__":
-    # Imports are those of every script, and count for none.
+    # Every script imports these: the first of them is not to pay for all.
     import matplotlib.pyplot  # noqa: F401
 
     import jaxspace  # noqa: F401
 
     PICTURES.mkdir(exist_ok=True)
-    found = scripts()
+    known = scripts()
     measured = seconds() if SECONDS.exists() else {}
-    for name in sys.argv[1:] or found:
+    for name in sys.argv[1:] or known:
         started = time.process_time()
-        picture = draw(found[name])
+        picture = draw(known[name])
         measured[name] = f"{time.process_time() - started:.1f}"
         picture.save(PICTURES / f"{name}.png", optimize=True)
         keep_seconds(measured)
