@@ -1,9 +1,9 @@
 """Draws the manual's gallery: `python examples/gallery/draw.py [NAME ...]`.
 
 Each script of the folders beside this file makes one figure; the pictures go
-to `docs/figures/gallery`, and the seconds of processor time that each takes to
-`seconds.csv`. They include compilation, but for programs that an earlier script
-has compiled: let those that are compared be drawn in one process."""
+to `docs/figures/gallery`, and the seconds of processor time that each takes
+to `seconds.csv`. They include compilation, but for programs that an earlier
+script has compiled: let those that are compared be drawn in one process."""
 
 import csv
 import io
