@@ -73,10 +73,10 @@ def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     if len(jaxpr.outvars) != 2:
         return False
     travel, acceleration = jaxpr.outvars
-    # The same variable, and not equal numbers: these would prove nothing.
+    # The same variable, because equal numbers would prove nothing.
     if travel is not velocity:
         return False
-    # A literal number follows nothing, and cannot be looked up.
+    # A literal number depends on nothing, and cannot be looked up.
     constant = isinstance(acceleration, Literal)
     return constant or acceleration not in depending_on(jaxpr, [velocity])
 
@@ -104,7 +104,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
     return not beside or is_second_order_regularised(context.system, context.y)
 
 
-# The first that holds decides: what is exact comes first, and what serves all systems last.
+# The first rule that holds decides: exact methods come first, and the one for all systems last.
 RULES = (
     Rule(
         "the system has a closed form",

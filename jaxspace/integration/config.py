@@ -166,7 +166,8 @@ def _starts_of_rest(
         pairs = zip(jax.tree.leaves(system), jax.tree.leaves(axes), strict=True)
         known = {id(x): n for x, n in pairs}
         if not all(id(x) in known for x in jax.tree.leaves(rest)):
-            # An array that the rest has not from the whole: it may carry runs, or none.
+            # An array of the rest that the whole system does not have: it may or may not carry
+            # runs.
             return None
         axes = jax.tree.map(lambda x: known[id(x)], rest)
         runs = (rest, decoupled.rest_of(y), ts)
@@ -218,7 +219,7 @@ CAPABILITIES = {
 def _check_needs(system: AbstractSystem, method: diffrax.AbstractSolver | str) -> None:
     """Raise `InputError` if the system does not offer what the method needs, and why."""
     needs = method if isinstance(method, str) else solver_traits(method).needs
-    # The capability has the name of the method that answers for it.
+    # The capability has the name of the system's method that provides it.
     if not needs or getattr(system, needs)() is not None:
         return
     name = method if isinstance(method, str) else type(method).__name__

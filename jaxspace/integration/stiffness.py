@@ -1,12 +1,13 @@
-"""Whether a run is stiff: slow motion beside a fast linear one, by its initial numbers.
+"""Whether a run is stiff, that is slow motion together with a fast linear one, by its initial
+numbers.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
     1. w |span| >= 1e4, and w h >= 300      explicit steps would be more than a run may take
     2. |J(y + f / w) - J(y)| <= 0.05 w      the fast motion is linear
     3. a step of 300 / w by the exponential method is within the tolerance
 
-All are measured relative to the lengths of the state's blocks, as the tolerance is. A body that
-spins, or an orbit of many revolutions, fails at the second line: its Jacobian turns with it. A
+All norms are relative to the lengths of the state's blocks, as the tolerance is. A body that spins,
+or an orbit of many revolutions, fails the second condition, because its Jacobian turns with it. A
 gyrocompass, damped or ringing linear modes, and a fast decay onto which the motion has settled
 pass.
 

@@ -1,4 +1,5 @@
-"""The verb for a system: from an initial state to a trajectory whose accuracy is accounted for."""
+"""`simulate`: from the initial state of a system to its trajectory, with an account of its
+accuracy."""
 
 import functools
 from collections.abc import Sequence
@@ -67,8 +68,8 @@ def simulate(
 
     Outside of `jit` a run is repeated in two cases: with up to eight times as many steps if fixed
     steps missed the tolerance, and with the exact part of its motion in closed form
-    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it warns of what the system
-    finds wrong with its run, such as a path below the ground (`Scene.warning`).
+    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it issues the warnings of
+    the system about its run, such as that of a path below the ground (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for times that are not finite or neither
     ascend nor descend; a tolerance that the precision cannot reach; a method that the system does

@@ -138,12 +138,13 @@ def with_exact_parts(
 def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
     """The result, unless a run in it failed: then `SimulationError`, which says `where`.
 
-    Under a transformation the error hangs on every array of the result, and on its derivatives."""
+    Under a transformation the error is attached to every array of the result and to its
+    derivatives."""
     # Without the system and the configuration: those of a known run are known.
     numbers = (result.ts, result.states) if isinstance(result, Trajectory) else result.phases
     traced = is_traced((result.status, numbers))
     if is_concrete(result.status):
-        # Also where the rest is being differentiated eagerly: its places are known to no sentence.
+        # Also where the rest is differentiated eagerly: the place of the failure is then unknown.
         raise_on_failure(result.status, None if traced else where)
     return loud(result) if traced else result
 
