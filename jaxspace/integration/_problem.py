@@ -90,10 +90,7 @@ class Problem:
             kept = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
-            estimated = settings.sought is None
-            settings = dataclasses.replace(
-                settings, method=small_program(settings.method), estimated=estimated
-            )
+            settings = dataclasses.replace(settings, method=small_program(settings.method))
         packing = self._packing(field, y0, settings)
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)

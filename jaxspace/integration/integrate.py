@@ -301,6 +301,8 @@ def _settings(
         dense,
         config.restarts,
         sought,
+        # The estimate would be another copy of the vector field beside that of the search.
+        estimated=sought is None,
     )
 
 

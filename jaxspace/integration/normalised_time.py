@@ -52,7 +52,10 @@ class Segments(eqx.Module):
         i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
             # Runs with different segments may each be in another one.
-            u, end = (jnp.take_along_axis(self.u, k[None], axis=0)[0] for k in (i, i + 1))
+            u, end = (
+                jnp.take_along_axis(self.u, k[None], axis=0, mode="promise_in_bounds")[0]
+                for k in (i, i + 1)
+            )
             return start, u, end - u
         return start, self.u[i], self.u[i + 1] - self.u[i]
 
