@@ -17,7 +17,6 @@ from .checks import check_structure, shapes_after
 from .legs import legs_of
 from .runnable import AbstractRunnable
 
-
 # Operations of the vector fields of all phases together from which the steps of many runs are small
 # programs. Stages that are written out are up to 1.7 times as fast, and compile in three times the
 # time: for a kick stage (600 operations) they win that back after 40,000 runs, for a rocket on its

@@ -127,7 +127,7 @@ class Parachute(AbstractEffect):
         return jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
-        # Where it is open, the steps need no borders, which every reading of the time would look up.
+        # An open one has none: each end of a segment is looked up wherever a time is read.
         if self.opening is None:
             return None
         if self.inflation_time is None:
