@@ -69,6 +69,8 @@ class BatchRunner:
         self.in_flight = in_flight
         # A run of the trial, for names and shapes.
         self.example: RunResults | None = None
+        # The outputs of the nominal run, if it was planned without pilots.
+        self.nominal: dict[str, float] | None = None
         self.key = jax.random.key(planned.seed)
 
     @classmethod
@@ -107,7 +109,8 @@ class BatchRunner:
             # functions are raised here, before any mission runs.
             lowered.result()
             if all(plan is None for plan in expected) and outputs_to_check(campaign) is None:
-                check_nominal(campaign, accuracy, runner._status_of_nominal())
+                status, runner.nominal = runner._nominal()
+                check_nominal(campaign, accuracy, status)
                 return [None] * len(expected)
             pilots, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # Meanwhile the program of all runs is compiled.
@@ -213,15 +216,18 @@ class BatchRunner:
         """The inputs of call number `k`, on its device."""
         return draw_inputs(*self._chosen(numbers, used, k))
 
-    def _status_of_nominal(self) -> int:
-        """The status of the nominal run, among copies of itself in a call of the program."""
+    def _nominal(self) -> tuple[int, dict[str, float]]:
+        """The status of the nominal run and those of its outputs that are finite, by the program of
+        all runs, in a call of copies of it."""
         size = self.call
         drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
         # Those of the runs say that they were not used.
         drawn = drawn._replace(status=jnp.zeros_like(drawn.status))
         given = self._given(drawn, self.planned.plans[0], self.blocks)
         results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
-        return int(results.status[0])
+        outputs = {name: float(x[0]) for name, x in results.outputs.items()}
+        finite = {name: x for name, x in outputs.items() if np.isfinite(x)}
+        return int(results.status[0]), finite
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
