@@ -1,5 +1,6 @@
 """Where the runs of a campaign land: ellipses, their picture and page, and the rose of the wind."""
 
+import dataclasses
 import json
 import re
 
@@ -134,6 +135,10 @@ def test_figure_and_page_show_the_landings(tmp_path):
     assert labels[1].startswith("ellipse of 50 %")
     assert labels[-1] == "required: within 1500 m"
     assert axes.get_aspect() == 1.0
+    assert axes.get_xlabel() == "east of the rail [m]"
+    assert footprint_figure(dataclasses.replace(there, units={})).axes[0].get_ylabel() == (
+        "north of the rail"
+    )
     every = dispersion_figure(there, ("east", "north"))
     every.canvas.draw()
     assert every.axes[0].get_aspect() == 1.0
