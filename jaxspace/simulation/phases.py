@@ -6,11 +6,11 @@ from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
 from ..core.structure import shape_of
-from ..integration._field_trace import field_trace
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
+from ..integration.field_trace import field_trace
 from ._mission import Mission, Phase
 from ._switches import warn_of_switches
 from .checks import check_structure, shapes_after
