@@ -1,5 +1,6 @@
 """Where the runs of a campaign land: ellipses, their picture and page, and the rose of the wind."""
 
+import dataclasses
 import json
 import re
 
@@ -11,7 +12,7 @@ from jaxspace.bodies import BodyState
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
 from jaxspace.io.report import dispersion_report
-from jaxspace.plots import dispersion_page, footprint_figure
+from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
 from jaxspace.simulation.mission_result import MissionResult
 from jaxspace.simulation.run_result import RunResult
@@ -134,6 +135,17 @@ def test_figure_and_page_show_the_landings(tmp_path):
     assert labels[1].startswith("ellipse of 50 %")
     assert labels[-1] == "required: within 1500 m"
     assert axes.get_aspect() == 1.0
+    assert axes.get_xlabel() == "east of the rail [m]"
+    assert footprint_figure(dataclasses.replace(there, units={})).axes[0].get_ylabel() == (
+        "north of the rail"
+    )
+    every = dispersion_figure(there, ("east", "north"))
+    every.canvas.draw()
+    assert every.axes[0].get_aspect() == 1.0
+    assert dispersion_figure(there, ("distance", "north")).axes[0].get_aspect() == "auto"
+    # No line of words is cut at the edge.
+    for text in (text for axes in every.axes for text in axes.texts):
+        assert text.get_window_extent().x1 <= every.bbox.x1
     assert rose.name == "polar"
     page = dispersion_page(there, tmp_path / "page.html", wind=wind).read_text()
     data = json.loads(re.search(r"const data = (\{.*\});\n", page)[1])

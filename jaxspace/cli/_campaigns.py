@@ -18,7 +18,7 @@ from ..io.report import dispersion_report
 from ..io.units import read_option
 from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
-from ._report import keep_pictures
+from ._report import keep_pictures, nominal_outputs
 from ._stopping import Stopped, is_stop
 from ._warning_lines import UNFINISHED, warnings_as_lines
 
@@ -132,7 +132,9 @@ def _run_and_report(
     # Late: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 
-    nominal = file.nominal_mission()
+    # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
+    # take a third of the wait.
+    nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
     with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
         # Through the bar, which moves down: a plain print would tear it.
@@ -153,7 +155,7 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
-    outputs = file.nominal_outputs(nominal)
+    outputs = nominal_outputs(file, result, nominal)
     print(dispersion_report(result, outputs))
     print(_times(result))
     methods = file.compare if compare is None else compare

@@ -23,15 +23,21 @@ MOST_REPEATED = 16
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
+SAMPLES = 400
+"""States of each phase of a mission that are drawn: a rocket swings ten times while it climbs."""
+
+
 def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ()) -> int:
     """Simulate the nominal run, print how it ended, draw it, and show it in the browser."""
     file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
         with waiting("simulating the mission, and once more for its error"):
-            result = file.nominal_mission(samples=100)
+            result = file.nominal_mission(samples=SAMPLES)
             # A mission has no error estimate of its own: the finer run gives one.
-            report = mission_report(file, result, file.nominal_mission(samples=100, factor=0.01))
+            report = mission_report(
+                file, result, file.nominal_mission(samples=SAMPLES, factor=0.01)
+            )
         print(report)
         for name, phase in result.items():
             draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
@@ -103,7 +109,7 @@ def _confirmed(
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
-    run = optimum.nominal_mission(samples=100)
+    run = optimum.nominal_mission(samples=SAMPLES)
     numbers = found.confirmed(run, optimum)
     return found.checked(run, numbers), numbers, run
 
