@@ -70,7 +70,8 @@ def load(
     values = table.read(_with_empty_tables(data, known), "", reading)
     if reading.errors:
         raise SceneError(path, reading.errors)
-    file = Parsed(kind_of(data), values, reading.makers, known)
+    source = (text, tuple(named.texts.items()), known.named)
+    file = Parsed(kind_of(data), values, reading.makers, known, source)
     errors = check_parsed(file) + control_errors(file)
     if file.kind == "flight" and not errors:
         errors = flight_errors(file)
@@ -169,9 +170,12 @@ def _with_empty_tables(data: Values, known: Catalog) -> Values:
 
 def _named_effects(data: Values) -> list[str]:
     """The effects that have a table, or that a phase names."""
-    effects, phases = data.get("effects", {}), data.get("phase", [])
+    effects, branches = data.get("effects", {}), data.get("branch", {})
+    owners = [data, *(branches.values() if isinstance(branches, Mapping) else ())]
+    lists = [owner.get("phase") for owner in owners if isinstance(owner, Mapping)]
     active = [
         e
+        for phases in lists
         for p in (phases if isinstance(phases, list) else [])
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]

@@ -29,6 +29,7 @@ from ..simulation import (
     simulate_mission,
 )
 from ..simulation.either import run_either
+from ..simulation.legs import legs_of
 from ..vehicles import LaunchSite
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
@@ -48,10 +49,13 @@ from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
+# One program, because outside of `jit` each small operation would be compiled; for all files of one
+# content.
+_build_as_one = eqx.filter_jit(build_mission)
+
 
 @final
-# Compared and hashed by identity, because outputs hold it as a static field.
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class SceneFile:
     """A checked scene file: systems, initial state, times, accuracy, and dispersions.
 
@@ -64,15 +68,16 @@ class SceneFile:
     - `files`: the files that it names.
     - `modules`: Python files that were run for it."""
 
-    path: Path
+    # Compared by `text` and `parsed`, from which the other fields follow.
+    path: Path = dataclasses.field(compare=False)
     text: str
     parsed: Parsed
-    inputs: dict[str, Input | MadeInput]
-    outputs: tuple[OutputSpec, ...]
-    units: WrittenUnits
-    task: Task | None = None
-    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
-    modules: tuple[NamedFile, ...] = ()
+    inputs: dict[str, Input | MadeInput] = dataclasses.field(compare=False)
+    outputs: tuple[OutputSpec, ...] = dataclasses.field(compare=False)
+    units: WrittenUnits = dataclasses.field(compare=False)
+    task: Task | None = dataclasses.field(default=None, compare=False)
+    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()), compare=False)
+    modules: tuple[NamedFile, ...] = dataclasses.field(default=(), compare=False)
 
     @property
     def kind(self) -> str:
@@ -154,14 +159,12 @@ class SceneFile:
 
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
-        # One program, because outside of `jit` each small operation would be compiled.
-        return eqx.filter_jit(lambda values: build_mission(self.parsed, values, Runs()))(
-            self._numbers({})
-        )
+        return _build_as_one(self.parsed, self._numbers({}), Runs())
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
-        return {p.name: p.moving for p in self.mission.phases if isinstance(p.moving, Scene)}
+        phases = {leg.name: leg.phase.moving for leg in legs_of(self.mission)[0]}
+        return {name: moving for name, moving in phases.items() if isinstance(moving, Scene)}
 
     @functools.cached_property
     def site(self) -> LaunchSite | None:
@@ -377,10 +380,23 @@ class SceneFile:
         si = unit_of(spec, self.parsed)
         return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
-    def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
-        """The body, from the numbers of the file and those of `runs` runs in `samples`."""
+    def body(
+        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
+    ) -> AbstractBody:
+        """The body at the `place` of an output (`Parsed.line_at`), from the numbers of the file and
+        those of `runs` runs in `samples`."""
         building = self._building(self.replaced(values, samples), Runs(runs))
-        return building.make("vehicle").body if self.kind == "flight" else building.make("body")
+        if self.kind == "flight":
+            return building.make("vehicle").body
+        return building.make(self.parsed.legs[self.parsed.last_leg(place)].body)
+
+    def scene(
+        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
+    ) -> AbstractSystem:
+        """What moves at the `place` of an output; arguments as of `body`."""
+        numbers = self.replaced(values, samples)
+        legs, _ = legs_of(build_mission(self.parsed, numbers, Runs(runs))[0])
+        return legs[self.parsed.last_leg(place, len(legs))].phase.moving
 
     def effect(
         self, name: str, values: Values, samples: Mapping[str, Array], runs: int

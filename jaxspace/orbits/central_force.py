@@ -17,8 +17,8 @@ potential.
 Source: Thomson 4.5 (central force), 4.15 (powers); Harrison and Nettleton 5.2 (shell, 5.8; sphere,
 5.10, 5.11), 5.4 (powers, with the opposite sign of n).
 Powers with n > -1 are singular at the centre; for n >= 3 an attracted point with too little angular
-momentum falls into it in finite time. The field of the shell jumps at its surface, and the slope of
-that of the sphere does: there both are those of the outside.
+momentum falls into it in finite time. At the surface the field of the shell jumps, and so does the
+slope of the sphere's field: both have the values of the outside there.
 """
 
 __all__ = [
@@ -107,7 +107,7 @@ def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
 
     - `r`: distance from the centre, m, (*runs,).
     - `mu`, `radius`: as in `shell_gravity`."""
-    # The greater radius says all of it: constant inside, continuous at the surface, never 1/0.
+    # The greater radius serves both sides: constant inside, continuous at the surface, never 1/0.
     return -mu / jnp.maximum(r, radius)
 
 
@@ -144,6 +144,7 @@ class PowerLawForce(AbstractEffect):
     `Scene([PowerLawForce(k, n)])` is the textbook's system of a point."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     coefficient: NumberField = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
     exponent: NumberField = quantity("", doc="n, of the distance")
@@ -175,6 +176,7 @@ class SphereGravity(AbstractEffect):
     through a body without a hard surface."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     mu: NumberField = quantity(
         "m^3/s^2",
@@ -210,6 +212,7 @@ class CentralPotential(AbstractEffect):
     scene. The force is minus its derivative, and zero at the centre itself."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     function: Callable[[Scalar], Scalar]
 

@@ -34,7 +34,9 @@ from ..core import (
     InputError,
     Scalar,
     State,
+    Vector,
 )
+from ..core.structure import reads_a_leaf
 from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
 from ._conserved import conserved
 from ._custom import Custom
@@ -166,6 +168,12 @@ class Scene(AbstractScene):
         summed = {k: _sum([getattr(load, k) for load in loads]) for k in SUMMED}
         return Load(**summed, parts_rate=rates)
 
+    def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
+        falling = [e.load(t, y, self.body).acceleration_N for e in self.effects if not e.felt]
+        free = _sum(falling)
+        acceleration = self.vector_field(t, y).velocity
+        return acceleration if free is None else acceleration - free
+
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         # Static, and before the loads, whose error about a missing part would name no effect.
         self.check_state(y)
@@ -227,8 +235,7 @@ class Scene(AbstractScene):
             return ""
         # The lowest: an effect that goes on inside of the planet says zero.
         effect, radius = min(grounds, key=lambda ground: np.asarray(ground[1]).min())
-        central = [x for e in self.effects if (x := type(e).regularised(e, None)) is not None]
-        mu = central[0].attraction if undisturbed and len(central) == 1 else None
+        mu = _sole_attraction(self) if undisturbed else None
         return ground_warning(ts, states, radius, mu, f"{type(effect).__name__}.radius")
 
     def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
@@ -282,6 +289,14 @@ class Scene(AbstractScene):
     def switches(self) -> dict[str, str]:
         """The switches of all effects (`AbstractEffect.switches`)."""
         return {name: part for e in self.effects for name, part in e.switches().items()}
+
+
+@reads_a_leaf
+def _sole_attraction(scene: Scene) -> Scalar | None:
+    """The gravitational parameter of the one attracting point, m^3/s^2; `None` for none or
+    several."""
+    central = [x for e in scene.effects if (x := e.regularised(None)) is not None]
+    return central[0].attraction if len(central) == 1 else None
 
 
 # Contributions that turn the body.

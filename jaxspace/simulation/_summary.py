@@ -190,7 +190,7 @@ def _range(x: ArrayLike) -> str:
 
 
 def _number(x: Any) -> str:
-    # Counts in full, and measured numbers as far as they are read.
+    # Counts in full, and measured numbers to six digits.
     return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
 
 

@@ -13,7 +13,7 @@ from jaxtyping import Array, PyTree
 from ..core.tracing import is_traced
 from ..integration.mapping import BLOCK
 
-# On a processor without vectors as wide, the compiler takes the widest.
+# On a processor without such wide vectors the compiler takes the widest it has.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
 
 # Of 65,536, 131,072, 262,144 and a million runs on an H100 the fastest for dispersed missions: a
