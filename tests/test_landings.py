@@ -3,14 +3,17 @@
 import dataclasses
 import json
 import re
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxspace.bodies import BodyState
+from jaxspace.cli._report import nominal_outputs
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
+from jaxspace.io import load
 from jaxspace.io.report import dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
@@ -18,6 +21,7 @@ from jaxspace.simulation.mission_result import MissionResult
 from jaxspace.simulation.run_result import RunResult
 from jaxspace.vehicles.landings import landing
 
+SCENE = Path(__file__).parents[1] / "examples" / "scenes" / "landing.toml"
 # Long and short semi-axis of one deviation, m, and the bearing of the long one, deg.
 LONG, SHORT, BEARING = 300.0, 100.0, 120.0
 RUNS = 4000
@@ -112,6 +116,13 @@ def test_a_report_has_the_ellipses_and_the_requirement():
     assert re.search(r"^50 % +\d+ +\d+ +\d+ +\d+ +1[12]\d +\d", text, re.MULTILINE)
     # A failed flight is outside.
     assert re.search(r"^distance +<= 1500 m|^distance +≤ 1500 m", text, re.MULTILINE)
+
+
+def test_nominal_outputs_of_a_campaign_need_no_further_run():
+    """Without pilots the campaign itself has them: the file is asked for no run."""
+    there = campaign()
+    there.attributes["nominal"] = {"east": 900.0}
+    assert nominal_outputs(load(SCENE), there) == {"east": (900.0, "m")}
 
 
 def test_a_rose_points_to_where_the_wind_comes_from():
