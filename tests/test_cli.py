@@ -572,6 +572,10 @@ def test_list_and_schema(capsys):
     # Only fields name it.
     assert main(["list", "heights [m]"]) == 0
     assert "  drag: " in capsys.readouterr().out
+    assert main(["list", "drag"]) == 0
+    found = capsys.readouterr().out
+    # Several tables hold the same one: its fields are written once.
+    assert found.count("wind_20_feet") == 1 and "      as in air_drag.air\n" in found
     assert main(["list", "Julian day"]) == 2
     assert "Julian day is in no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
