@@ -104,6 +104,17 @@ def test_a_file_alone_runs_nothing(scene, capsys):
     assert mark.exists()
 
 
+def test_the_files_of_the_manual_work_together(tmp_path, capsys):
+    page = (Path(__file__).parents[1] / "docs" / "howto" / "extending.md").read_text()
+    blocks = re.findall(r'^```{.\w+ title="(.*?)"}\n(.*?)^```$', page, re.MULTILINE | re.DOTALL)
+    for name, text in blocks:
+        (tmp_path / name).write_text(text)
+    given = [str(tmp_path / "decay.toml"), "--with", str(tmp_path / "my_effects.py")]
+    assert main(["explain", *given]) == 0
+    assert re.search(r"LinearDrag +velocity +acceleration", capsys.readouterr().out)
+    assert set(load(given[0], modules=given[2:]).campaign().units) >= {"distance"}
+
+
 def test_run_and_budget_name_own_effects_and_outputs(scene, capsys):
     """x = a t^2 / 2, and without the push nothing."""
     given = [str(scene), "--with", str(scene.with_name("push.py")), "--out", str(scene.parent)]
