@@ -20,6 +20,7 @@ from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
 from ._report import keep_pictures
 from ._stopping import Stopped, is_stop
+from ._waiting import progress, waiting
 from ._warning_lines import UNFINISHED, warnings_as_lines
 
 
@@ -77,7 +78,7 @@ def _without_runs(file: SceneFile, method: str) -> int:
     """Print mean and deviation by a method that makes no campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
-    with warnings_as_lines():
+    with waiting(f"computing the moments by {method}"), warnings_as_lines():
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
@@ -129,12 +130,10 @@ def _run_and_report(
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
-    # Late: commands that draw no bar do not wait for the import.
-    from tqdm import tqdm
-
-    nominal = file.nominal_mission()
+    with waiting("simulating the nominal run"):
+        nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
+    with progress("compiling and planning", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
 
@@ -153,12 +152,14 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
-    outputs = file.nominal_outputs(nominal)
-    print(dispersion_report(result, outputs))
+    with waiting("computing the statistics"):
+        outputs = file.nominal_outputs(nominal)
+        tables = dispersion_report(result, outputs)
+    print(tables)
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
-        with warnings_as_lines():
+        with waiting("computing the moments by other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
@@ -218,9 +219,10 @@ def replay(
     file = _scene(store, dispersion, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
-        run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
-    )
+    with waiting(f"simulating run {run}"):
+        result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
+            run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
+        )
     print(replay_report(file, result, dispersion))
     for name, phase in result.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))

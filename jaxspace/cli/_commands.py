@@ -16,7 +16,7 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
-from ._waiting import waiting
+from ._waiting import progress, waiting
 
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
@@ -55,12 +55,10 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
 def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
     """Search the best values of the free numbers, print their table, and keep the file, the
     figures of its run and of the search."""
-    from tqdm import tqdm
-
     file = load(path, modules=modules)
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
-    with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
+    with progress("compiling the search", unit="step") as bar:
 
         def show(step: int, objective: float, violation: float, gradient: float) -> None:
             del step, objective
