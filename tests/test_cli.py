@@ -599,6 +599,7 @@ def test_a_bar_says_what_its_first_step_waits_for(terminal, capsys, monkeypatch)
     with progress("compiling", total=2, mininterval=0.0) as bar:
         time.sleep(0.2)
         before = capsys.readouterr().err
+        bar.set_description_str(refresh=False)
         bar.update(2)
     after = capsys.readouterr().err.split("\r")[-1]
     if not terminal:

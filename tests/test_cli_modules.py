@@ -137,7 +137,7 @@ def test_workers_run_the_module_and_the_store_keeps_it(flown):
     )
     module = kept.attributes["modules"]["push.py"]
     assert module["text"] == MODULE and re.fullmatch("[0-9a-f]{64}", module["sha256"])
-    with pytest.raises(InputError, match="The module push.py is none: it must be the one of"):
+    with pytest.raises(InputError, match="The module push.py is not given: it must be the one of"):
         stored_scene(kept)
     file = stored_scene(kept, modules=[flown / "push.py"])
     assert float(file.simulate().final.position[0]) == pytest.approx(100.0, rel=1e-9)
@@ -147,7 +147,8 @@ def test_resume_asks_for_the_same_module(flown, tmp_path, capsys):
     store, other = str(flown / "drive.zarr"), tmp_path / "push.py"
     other.write_text(MODULE.replace("constant", "steady"))
     assert main(["resume", store]) == 2
-    assert "The module push.py is none: it must be the one of the store" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "The module push.py is not given: it must be the one of the store" in told
     assert main(["resume", store, "--with", str(other)]) == 2
     assert re.search(r"push.py is SHA-256 \w+\.\.\.: it must be", capsys.readouterr().err)
     assert main(["resume", store, "--with", str(flown / "push.py")]) == 0

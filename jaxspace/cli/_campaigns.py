@@ -79,6 +79,8 @@ def _without_runs(file: SceneFile, method: str) -> int:
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with waiting(f"computing the moments by {method}"), warnings_as_lines():
+        # The report says so in its table.
+        warnings.filterwarnings("ignore", ".*is not to be trusted")
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
@@ -138,6 +140,7 @@ def _run_and_report(
         write = functools.partial(bar.write, file=sys.stderr)
 
         def show(done: int, total: int) -> None:
+            bar.set_description_str(refresh=False)
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
@@ -228,6 +231,8 @@ def replay(
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
         show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
+    else:
+        print_next(file, f"replay {store} --run {run} --show")
     return 0 if result.status.good else 1
 
 

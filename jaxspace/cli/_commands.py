@@ -4,6 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from typing import TypeAlias
 
 from ..bodies import BodyState
 from ..control import LoopRun
@@ -20,6 +21,7 @@ from ._waiting import progress, waiting
 
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
+Confirmed: TypeAlias = tuple[Optimum, tuple[float, ...], MissionTrajectory]
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
@@ -62,11 +64,16 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
 
         def show(step: int, objective: float, violation: float, gradient: float) -> None:
             del step, objective
+            bar.set_description_str(refresh=False)
             # One by one, because a search that is repeated counts from one again.
             bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        result, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        def confirmed(found: Optimum) -> Confirmed:
+            bar.set_description("confirming the optimum by a run")
+            return _confirmed(file, found, best)
+
+        result, numbers, run = confirmed(file.optimize(progress=show))
         most = MOST_REPEATED * result.steps
         # Both claim an end by the search's own run, and not that of an interruption.
         while result.warning and result.steps < most:
@@ -75,7 +82,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
             sentence = f"{result.warning} The search goes on with {2 * result.steps}."
             bar.write(sentence, file=sys.stderr)
             again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
-            result, numbers, run = _confirmed(file, again, best)
+            result, numbers, run = confirmed(again)
     print(optimum_report(result, numbers, run))
     # The sentence of the report has said that there is no optimum.
     if sensitivities and not result.infeasible:
@@ -91,9 +98,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
     return 0 if result.converged else 1
 
 
-def _confirmed(
-    file: SceneFile, found: Optimum, best: str
-) -> tuple[Optimum, tuple[float, ...], MissionTrajectory]:
+def _confirmed(file: SceneFile, found: Optimum, best: str) -> Confirmed:
     """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
     with open(best, "w", encoding="utf-8") as out:

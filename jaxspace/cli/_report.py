@@ -13,6 +13,7 @@ from ..dispersion import Dispersion, RunPaths, open_store, run_paths
 from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
 from ..vehicles import LaunchSite
+from ._commands import print_next
 from ._folder import make_folder
 from ._waiting import waiting
 from ._warning_lines import warnings_as_lines
@@ -105,6 +106,8 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:
         _attempt("table", f"{start}.parquet", result.to_parquet)
+    if file is not None:
+        print_next(file, f"replay {path} --run 0 --show")
     return 0
 
 

@@ -57,24 +57,17 @@ def waiting(words: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress(words: str, **options: Any) -> Iterator["tqdm"]:
-    """A bar on the error output, `options` as of tqdm. Until its first step it says `words`, and
-    its seconds count on.
+    """A bar on the error output, `options` as of tqdm, which says `words` and counts its seconds
+    also where no step is made for long.
 
     Nothing is shown where the error output is no terminal."""
     # Late: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 
     with tqdm(desc=words, file=sys.stderr, disable=None, **options) as bar:
-
-        def show() -> None:
-            if bar.n:
-                bar.set_description_str(refresh=False)
-            bar.refresh()
-
-        with _repeated(show, PAUSE):
+        with _repeated(bar.refresh, PAUSE):
             yield bar
-        if bar.n:
-            bar.set_description_str(refresh=False)
+        bar.set_description_str(refresh=False)
 
 
 @contextlib.contextmanager

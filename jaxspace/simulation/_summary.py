@@ -191,7 +191,8 @@ def _range(x: ArrayLike) -> str:
 
 def _number(x: Any) -> str:
     # Counts in full, and measured numbers as far as they are read.
-    return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
+    # With zero added, which has no sign.
+    return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x) + 0.0:.6g}"
 
 
 def _state_table(
