@@ -6,6 +6,9 @@ import sys
 from collections.abc import Sequence
 from typing import TypeAlias
 
+import jax.numpy as jnp
+from jax.typing import ArrayLike
+
 from ..bodies import BodyState
 from ..control import LoopRun
 from ..core import InputError, argument
@@ -22,6 +25,8 @@ from ._waiting import progress, waiting
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
 Confirmed: TypeAlias = tuple[Optimum, tuple[float, ...], MissionTrajectory]
+# States that the pictures of a run, or of a phase, can show: some hundred turns as lines.
+PICTURED = 4000
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
 
 
@@ -31,15 +36,16 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     make_folder(folder)
     if isinstance(file.system, Mission):
         with waiting("simulating the mission, and once more for its error"):
-            result = file.nominal_mission(samples=100)
+            result = file.nominal_mission(samples=PICTURED)
             # A mission has no error estimate of its own: the finer run gives one.
-            report = mission_report(file, result, file.nominal_mission(samples=100, factor=0.01))
+            finer = file.nominal_mission(samples=PICTURED, factor=0.01)
+            report = mission_report(file, result, finer)
         print(report)
         for name, phase in result.items():
             draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         with waiting("simulating the run, and once more for its error"):
-            result = file.simulate(throw=False)
+            result = file.simulate(ts=_pictured_times(file), throw=False)
             assert isinstance(result, Trajectory | LoopRun)
             report = run_report(file, result)
         print(report)
@@ -52,6 +58,14 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     else:
         print_next(file, f"run {path} --show")
     return 0 if Status(int(result.status)).good else 1
+
+
+def _pictured_times(file: SceneFile) -> ArrayLike:
+    """The times of the file, or more of them where a picture can show more. Of a loop those of the
+    file: they lie among the samples of its controller."""
+    if file.loop is not None or len(file.ts) >= PICTURED:
+        return file.ts
+    return jnp.linspace(file.ts[0], file.ts[-1], PICTURED)
 
 
 def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
@@ -255,7 +269,8 @@ def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -
     # Imported late, as in `draw`.
     from ..plots import show_run
 
-    radius = (file.values["planet"] or {}).get("radius")
+    # A flight from a rail has no table of a planet.
+    radius = (file.values.get("planet") or {}).get("radius")
     print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
 
 
