@@ -1,15 +1,19 @@
 """The same work at widths of ten thousand to ten million runs on one device, in both precisions,
-with the error of a sample, and what limits each row.
+with the error of a sample.
 
 `python -m benchmarks --device gpu` measures it, on any machine with `--device cpu`, only the works
-named, and with `--widths 10000 100000` at other widths. The arithmetic and the memory traffic are
-those that the compiler counts: a row far below what the device can do of both is limited by the
-starts of its kernels. A width that the memory does not hold has no row. Errors are beside forty
-digits (kepler, lambert), or beside the same runs in double precision at 1e-12 by adaptive steps; of
-gradients beside forward mode."""
+named, and with `--widths 10000 100000` at other widths. All programs are compiled first, at the
+same time, so that nothing runs beside a measurement. The arithmetic and the memory traffic are
+those that the compiler counts in one pass of each loop. A width that the memory does not hold, or
+whose call would take too long, has no row. Errors are beside forty digits (kepler, lambert), or
+beside the same runs on the processor in double precision at 1e-12 by adaptive steps; of gradients
+beside forward mode."""
 
+import itertools
+import os
 import sys
 from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -23,13 +27,26 @@ from jaxspace.orbits.lambert import lambert
 from jaxspace.simulation import Accuracy, simulate_batch, simulate_mission_batch
 from jaxspace.solvers import DOP853, RKN1210, Stormer, Tsit5
 
-from . import ascent, environment_steps, gradients, kepler, kick_stage, low_orbits, model_rocket
+from . import (
+    ascent,
+    environment_steps,
+    gradients,
+    kepler,
+    kernel,
+    kick_stage,
+    low_orbits,
+    model_rocket,
+)
 from . import lambert as transfers
 from ._measure import exact_position, in_turn, worst
 
 WIDTHS = (10_000, 100_000, 1_000_000, 10_000_000)
 PRECISIONS = ("float64", "float32")
 CHECKED = 16
+# Of each call, after a first one.
+REPEATS = 3
+# Of a call, s, by the rate of the width before it.
+LONGEST = 15.0
 # Enough for 1e-8 over the day of the low orbits; no tolerance changes them.
 STEPS = Accuracy(0.5, method=Stormer(12, steps=1310))
 # The longest step of an environment here, s.
@@ -143,6 +160,11 @@ WORKS = {
         lambda: (low_orbits.orbits(),),
         beside(lambda y0: days(y0, Accuracy(EXACT, method=RKN1210()))),
     ),
+    "low_orbits, one kernel": Work(
+        kernel.days,
+        lambda: (low_orbits.orbits(),),
+        beside(lambda y0: days(y0, Accuracy(EXACT, method=RKN1210()))),
+    ),
     # As the file asks.
     "kick_stage": Work(ends(Accuracy(3e-7)), kick_stages, TIGHT),
     "ascent": Work(ends(Accuracy(1e-7)), lambda: ascent.start(ascent.dispersed()), TIGHT),
@@ -187,35 +209,64 @@ def measure(
 ) -> dict[str, dict[str, float]]:
     """Runs a second, error, and work of the compiler's count, of each work, width and precision."""
     place, rows = jax.devices(device)[0], {}
-    for name in names:
-        whole = WORKS[name].starts()
-        for precision in precisions:
-            for width in widths:
-                label = f"{name}, {width} runs, {precision}"
-                try:
-                    rows[label] = row(WORKS[name], whole, width, precision, place)
-                except jax.errors.JaxRuntimeError as error:
-                    if "RESOURCE_EXHAUSTED" not in str(error):
-                        raise
-                    # Wider ones do not fit, either.
-                    print(f"{label}: the memory of the device does not hold it.", file=sys.stderr)
-                    break
+    with jax.default_device(jax.devices("cpu")[0]):
+        starts = {name: WORKS[name].starts() for name in names}
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        programs = {
+            (name, width, precision): pool.submit(
+                compiled, WORKS[name], starts[name], width, precision, place
+            )
+            for name, width, precision in itertools.product(names, widths, precisions)
+        }
+    for name, precision in itertools.product(names, precisions):
+        seconds_a_run = 0.0
+        for width in widths:
+            label = f"{name}, {width} runs, {precision}"
+            if width * seconds_a_run > LONGEST:
+                print(f"{label}: a call would take too long.", file=sys.stderr)
+                break
+            try:
+                program = programs[name, width, precision]
+                rows[label] = row(WORKS[name], program, starts[name], width, precision, place)
+            except jax.errors.JaxRuntimeError as error:
+                if "RESOURCE_EXHAUSTED" not in str(error):
+                    raise
+                # Wider ones do not fit, either.
+                print(f"{label}: the memory of the device does not hold it.", file=sys.stderr)
+                break
+            print(label, rows[label], file=sys.stderr)
+            seconds_a_run = 1.0 / rows[label]["runs_per_second"]
     return rows
 
 
-def row(work: Work, whole: Any, width: int, precision: str, place: Any) -> dict[str, float]:
-    """The row of one width and precision on the device `place`."""
+def given_of(whole: Any, width: int, precision: str, place: Any) -> tuple[Any, Any]:
+    """What as many runs of a work start from: its arrays, on the device `place`, and the rest."""
     arrays, rest = eqx.partition(in_precision(cut(whole, width), precision), eqx.is_array)
-    arrays = jax.device_put(arrays, place)
-    program = jax.jit(lambda arrays: work.run(*eqx.combine(arrays, rest))).lower(arrays).compile()
-    seen = in_turn({"": lambda: program(arrays)}, width)[""]
-    found = np.asarray(program(arrays), float)[:, :CHECKED]
-    # In double precision, and with the rounding of the inputs: these are no errors of the work.
-    sample = in_precision(in_precision(cut(whole, found.shape[1]), precision), "float64")
+    return jax.device_put(arrays, place), rest
+
+
+def compiled(work: Work, whole: Any, width: int, precision: str, place: Any) -> Any:
+    """The program of one width and precision for the device `place`."""
+    arrays, rest = given_of(whole, width, precision, place)
+    return jax.jit(lambda arrays: work.run(*eqx.combine(arrays, rest))).lower(arrays).compile()
+
+
+def row(
+    work: Work, program: Future, whole: Any, width: int, precision: str, place: Any
+) -> dict[str, float]:
+    """The row of one width and precision."""
+    run = program.result()
+    arrays, _ = given_of(whole, width, precision, place)
+    seen = in_turn({"": lambda: run(arrays)}, width, REPEATS)[""]
+    found = np.asarray(run(arrays)[:, :CHECKED], float)
+    with jax.default_device(jax.devices("cpu")[0]):
+        # In double precision, and with the rounding of the inputs: these are no errors of the work.
+        sample = in_precision(in_precision(cut(whole, found.shape[1]), precision), "float64")
+        error = work.error(found, sample)
     return {
         "runs_per_second": seen["runs_per_second"],
-        "worst_relative_error": work.error(found, sample),
-        **counted(program, seen["runs_per_second"] / width),
+        "worst_relative_error": error,
+        **counted(run, seen["runs_per_second"] / width),
     }
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from jaxspace.plots._style import COLOURS, dress
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
+SPEED = "runs_per_second"
 ERRORS = ("worst_relative_error", "worst_error_of_the_rate")
 # Stands at the end of a row's name; the rest names the method.
 SETTING = re.compile(r",? \d+e[-+]\d+$|, [\d.]+ (steps|a revolution|s)$")
@@ -49,9 +50,7 @@ def _diagram(name: str, rows: dict) -> str:
     it."""
     error = next((e for e in ERRORS if sum(e in row for row in rows.values()) > 2), None)
     measured = [row for row in rows.values() if error in row]
-    speed = next(
-        (s for s in ("runs_per_second", "seconds") if all(s in row for row in measured)), None
-    )
+    speed = next((s for s in (SPEED, "seconds") if all(s in row for row in measured)), None)
     if error is None or speed is None:
         return ""
     from matplotlib.figure import Figure
@@ -91,6 +90,34 @@ def _diagram(name: str, rows: dict) -> str:
     return f"![Speed against error](figures/benchmark_{name}.png)\n\n"
 
 
+def _by_width(name: str, rows: dict) -> str:
+    """Draw the rates of an accelerator over the number of runs, and return the line of the page
+    that shows them."""
+    from matplotlib.figure import Figure
+
+    series: dict[tuple[str, str], list[tuple[int, float]]] = {}
+    for label, row in rows.items():
+        work, runs, precision = label.rsplit(", ", 2)
+        series.setdefault((work, precision), []).append((int(runs.split()[0]), row[SPEED]))
+    figure = Figure(figsize=(7.2, 4.4), layout="constrained")
+    axes = figure.subplots()
+    works = list(dict.fromkeys(work for work, _ in series))
+    for (work, precision), points in series.items():
+        i, double = works.index(work), precision == "float64"
+        axes.loglog(
+            *zip(*points, strict=True),
+            label=work if double else None,
+            color=COLOURS[i % len(COLOURS)],
+            marker="^" if i >= len(COLOURS) else "o",
+            linestyle="-" if double else ":",
+            markersize=5,
+        )
+    dress(axes, "Rates in double precision, and in single (dotted)", "runs", "runs per second")
+    figure.legend(fontsize=8, loc="outside right center", frameon=False)
+    figure.savefig(PAGE.parent / "figures" / f"benchmark_{name}.png", dpi=130)
+    return f"![Rate against width](figures/benchmark_{name}.png)\n\n"
+
+
 def write(results: Path, names: tuple[str, ...]) -> None:
     """Write the page from the results that there are."""
     parts = [HEAD]
@@ -100,7 +127,8 @@ def write(results: Path, names: tuple[str, ...]) -> None:
             where = ", ".join(f"{k} {v}" for k, v in seen["machine"].items())
             title = name.replace("_", " ").capitalize()
             what = " ".join(seen["what"].split())
-            picture = _diagram(name, seen["rows"])
+            draw = _by_width if name.startswith("accelerator") else _diagram
+            picture = draw(name, seen["rows"])
             table = _table(seen["rows"])
             parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
     PAGE.write_text("\n".join(parts))

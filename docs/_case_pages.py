@@ -149,10 +149,10 @@ def _number(value) -> str:
 def _name(used) -> str:
     """The public name of a function, class, method or property of the library."""
     used = getattr(used, "fget", used)
-    room, file = used.__module__.split(".")[1:3]
-    given = vars(importlib.import_module(f"jaxspace.{room}"))
+    package, file = used.__module__.split(".")[1:3]
+    given = vars(importlib.import_module(f"jaxspace.{package}"))
     first = given.get(used.__qualname__.split(".")[0])
     # What the root does not give, a public module does.
     of_root = first is not None and not inspect.ismodule(first)
-    path = room if of_root else f"{room}.{file}"
+    path = package if of_root else f"{package}.{file}"
     return f"{path}.{used.__qualname__}"

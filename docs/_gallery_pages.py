@@ -15,7 +15,7 @@ from mkdocs.structure.files import File
 
 ROOT = Path(__file__).resolve().parents[1]
 SCRIPTS = ROOT / "examples" / "gallery"
-COSTS = ROOT / "tests" / "costs.csv"
+SECONDS = SCRIPTS / "seconds.csv"
 PAGES = {
     "orbits": "Orbits (chapters 1 to 4, H 5)",
     "rotation": "Rotation (chapter 5, H 4)",
@@ -41,6 +41,9 @@ hide: [toc]
 What do you want to do? Each picture leads to the code that draws it, on one
 screen, and to the functions behind it. The lower names are the figures of the
 books; [From the textbook](../reference/from_the_textbook.md) begins with those.
+Below stand the lines of the code, and the seconds of processor time that it took
+when `python examples/gallery/draw.py` drew all the figures in one process: with
+compilation, but for programs that an earlier figure had compiled.
 """
 GOALS = {
     "Change an orbit": (
@@ -134,7 +137,7 @@ def _card(script: Script) -> str:
     picture = f"../figures/gallery/{script.path.stem}.png"
     return (
         f"<div markdown>\n[![{script.name}]({picture}){{loading=lazy}}]({page})\n"
-        f"[{script.goal}]({page})<br><small>{script.name}</small>\n</div>"
+        f"[{script.goal}]({page})<br><small>{script.name}<br>{_size(script)}</small>\n</div>"
     )
 
 
@@ -167,22 +170,24 @@ def _place(script: Path):
 def _figure(script: Script) -> str:
     whole = script.path.read_text()
     uses = ", ".join(f"[`{path}`][jaxspace.{path}]" for path in used(whole))
-    size = f"{len(whole.splitlines())} lines"
-    seconds = _seconds().get(script.path.stem)
-    size += f", drawn in {seconds} s" if seconds else ""
     # The page says the docstring in its own words above the code.
     return (
         f"## {script.goal}\n\n*{script.name}*\n\n"
         f"![{script.name}](../figures/gallery/{script.path.stem}.png)\n\n"
         f"{script.caption}\n\n"
-        f"<small>`{script.path.relative_to(ROOT)}`: {size}. Uses {uses}</small>\n\n"
+        f"<small>`{script.path.relative_to(ROOT)}`: {_size(script)} of processor "
+        f"time. Uses {uses}</small>\n\n"
         f"```python\n{script.code}\n```"
     )
 
 
+def _size(script: Script) -> str:
+    """Lines of a script, and the seconds that it takes to draw."""
+    lines = len(script.path.read_text().splitlines())
+    return f"{lines} lines, {_seconds()[script.path.stem]}&nbsp;s"
+
+
 @functools.cache
 def _seconds() -> dict[str, str]:
-    """Seconds of processor time that the test of each figure took, where it was measured."""
-    test = re.compile(r"tests/test_gallery\.py::test_script_draws\[(\w+)\]")
-    rows = csv.reader(COSTS.read_text().splitlines())
-    return {m[1]: row[1] for row in rows if (m := test.fullmatch(row[0]))}
+    """Seconds of processor time of each script, as `draw.py` measured them."""
+    return dict(csv.reader(SECONDS.read_text().splitlines()))

@@ -1,4 +1,4 @@
-"""Writes the table of a class's parameters wherever a page holds `<!-- parameters: ROOM.CLASS -->`.
+"""Writes the table of a class's parameters where a page has `<!-- parameters: PACKAGE.CLASS -->`.
 
 Unit, range and meaning stand where the class declares them, and nowhere else.
 """
@@ -50,12 +50,12 @@ def on_page_markdown(markdown, page, config, files):
     del page, config, files
 
     def written(match: re.Match[str]) -> str:
-        room, name = match[1], match[2]
+        package, name = match[1], match[2]
         cls = operator.attrgetter(name)(
-            importlib.import_module(f"jaxspace.{room}")
+            importlib.import_module(f"jaxspace.{package}")
         )
         # A page has several of these tables: each says whose it is.
-        link = f"../api/{room}.md#jaxspace.{room}.{name}"
-        return f"[`{room}.{name}`]({link}):\n\n{table(cls)}"
+        link = f"../api/{package}.md#jaxspace.{package}.{name}"
+        return f"[`{package}.{name}`]({link}):\n\n{table(cls)}"
 
     return MARK.sub(written, markdown)

@@ -1,5 +1,5 @@
-"""What a reference page shows of a room: every name that its `__init__` gives to readers as `X as
-X`, and those of its public modules, below the words of the page itself; and below each of them the
+"""What a reference page shows of a package: every name that its `__init__` re-exports as `X as X`,
+and those of its public modules, below the words of the page itself; and below each of them the
 examples that use it."""
 
 import functools
@@ -19,24 +19,24 @@ MOST = 8
 
 
 class PublicNames(griffe.Extension):
-    """Reads the re-exports of each room, so that no list of names has to be kept beside them."""
+    """Reads the re-exports of each package, so that no list of names has to be kept beside them."""
 
     def on_package(self, *, pkg: griffe.Module, **kwargs) -> None:
         del kwargs
-        for room in pkg.modules.values():
-            # The docstring of a room speaks to those who change it; that of a module stands on the
+        for package in pkg.modules.values():
+            # The docstring of a package is for those who change it; that of a module is on the
             # pages of the physics.
-            room.docstring = None
-            for module in room.modules.values():
+            package.docstring = None
+            for module in package.modules.values():
                 if module.exports is not None:
                     module.docstring = None
-            if room.is_init_module and room.exports is None:
-                room.exports = [
+            if package.is_init_module and package.exports is None:
+                package.exports = [
                     name
-                    for name, origin in room.imports.items()
+                    for name, origin in package.imports.items()
                     if origin.rsplit(".", 1)[-1] == name
                     and origin.startswith(pkg.name)
-                    and name not in room.modules
+                    and name not in package.modules
                 ]
         for path, examples in _uses.examples().items():
             _name_examples(pkg, path, examples)

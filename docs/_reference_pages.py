@@ -280,7 +280,7 @@ HARD_CASES = """\
 differentiation, prints the errors, and ends with status 1 where a case fails. `--precision float32`
 does the same in single precision, and says which cases it cannot hold; `--device gpu` does it
 there. In Python it is `jaxspace.verification.run_cases()`; `verify(system, y0, span)` of the same
-room checks the laws of motion on a system or a scene of your own.
+package checks the laws of motion on a system or a scene of your own.
 [The hunt](../explanation/hunt.md) searches for worse places than these.
 
 The table has the errors that are allowed, in roundings. That of a value is divided by the condition

@@ -44,13 +44,15 @@ def on_files(files, config):
 
 def wall() -> str:
     """The page: a section of each package, in it one of each file."""
-    rows = [r for r in hunt_page.stored().values() if r["room"] != "systems"]
+    rows = [
+        r for r in hunt_page.stored().values() if r["package"] != "systems"
+    ]
     places = sum(row["places"] for row in rows)
     parts = [HEAD.format(places=places, functions=len(rows))]
-    for room, title in hunt_page.TITLES.items():
+    for package, title in hunt_page.TITLES.items():
         files: dict[str, list[dict]] = {}
         for row in rows:
-            if row["room"] == room:
+            if row["package"] == package:
                 module = module_of(row["computes"][0])
                 files.setdefault(module, []).append(row)
         sections = [section(module, some) for module, some in files.items()]
@@ -60,10 +62,12 @@ def wall() -> str:
 
 
 def module_of(name: str) -> str:
-    """The module of the file that a public name, "room.name", stands in."""
-    room, first, *_ = name.split(".")
+    """The module of the file that a public name, "package.name", stands in."""
+    package, first, *_ = name.split(".")
     # Of a class its own name is enough, where a method may be inherited.
-    found = public_names(importlib.import_module(f"jaxspace.{room}"))[first]
+    found = public_names(importlib.import_module(f"jaxspace.{package}"))[
+        first
+    ]
     return found.__module__
 
 

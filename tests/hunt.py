@@ -50,7 +50,7 @@ class Worst:
     """The worst places found of one function: roundings, and the inputs there."""
 
     name: str
-    room: str = ""
+    package: str = ""
     computes: tuple[str, ...] = ()
     places: int = 0
     value: float = 0.0
@@ -225,7 +225,7 @@ def hunt(subject: Subject, limits: Limits, seed: int = 0) -> Worst:
     """The worst of random places and of steps from the worst on."""
     key = np.random.default_rng(seed)
     seen: list[tuple[float, np.ndarray]] = []
-    found = Worst(subject.form.name, subject.form.room, subject.form.computes)
+    found = Worst(subject.form.name, subject.form.package, subject.form.computes)
     # Not the time that the first evaluation takes to compile.
     subject.error(subject.starts[0])
     # Of this process: others may share the machine.

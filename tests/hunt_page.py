@@ -90,10 +90,12 @@ def write(names: Sequence[str]) -> None:
 
 
 def page(rows, missing: Sequence[str] = ()) -> str:
-    """All rows, by room; then the worst places, and what is left out or still `missing`."""
+    """All rows, by package; then the worst places, and what is left out or still `missing`."""
     parts = [HEAD.format(summary=_summary(rows))]
-    by_room = [(title, [r for r in rows if r.room == room]) for room, title in TITLES.items()]
-    for title, some in [*by_room, (SYSTEMS, [r for r in rows if r.room == "systems"])]:
+    by_package = [
+        (title, [r for r in rows if r.package == package]) for package, title in TITLES.items()
+    ]
+    for title, some in [*by_package, (SYSTEMS, [r for r in rows if r.package == "systems"])]:
         if some:
             lines = "\n".join(_row(r) for r in some)
             parts.append(f"\n## {title}\n{TABLE}{lines}\n")
@@ -137,7 +139,7 @@ def figure(number: float) -> str:
 
 def _row(r) -> str:
     names = ", ".join(f"`{name.partition('.')[2]}`" for name in r.computes)
-    names = f"{r.name}: {names}" if r.room == "systems" else f"{names} ({r.name})"
+    names = f"{r.name}: {names}" if r.package == "systems" else f"{names} ({r.name})"
     cells = (names, r.places, figure(r.value), r.slope_places, figure(r.slopes))
     return "| " + " | ".join(map(str, cells)) + " |"
 

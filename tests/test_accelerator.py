@@ -35,9 +35,9 @@ def test_steps_of_environments_run_in_both_precisions():
 @pytest.mark.parametrize("name", sorted(set(accelerator.WORKS) - {"kepler", "environment_steps"}))
 def test_every_work_runs_on_the_processor(name):
     """To the tolerances of the works, of which that of model rockets is 1e-5, and in single
-    precision to a hundredth: a day or an ascent enlarges its roundings."""
+    precision to some hundredths: a day enlarges the roundings of steps of order 12."""
     double, single = accelerator.measure("cpu", widths=(8,), names=(name,)).values()
-    assert double["worst_relative_error"] < 1e-4 and single["worst_relative_error"] < 1e-2
+    assert double["worst_relative_error"] < 1e-4 and single["worst_relative_error"] < 5e-2
 
 
 def test_as_many_runs_as_asked_of_what_has_runs():
@@ -49,7 +49,7 @@ def test_as_many_runs_as_asked_of_what_has_runs():
 
 
 def test_a_width_that_the_memory_does_not_hold_has_no_row(monkeypatch, capsys):
-    def row(work, whole, width, precision, place):
+    def row(work, program, whole, width, precision, place):
         if width > 8:
             raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory")
         return {"runs_per_second": 1.0}

@@ -2,6 +2,7 @@
 
 import re
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -44,6 +45,13 @@ IN_PYTHON = {
     "planet.mu": Uniform(3.985e14, 3.987e14),
     "initial.position.2": {"deviation": "30 m"},
 }
+# Seconds of every program that was compiled or read from a folder.
+COMPILED = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, seconds, **more: (
+        COMPILED.append(seconds) if event.endswith("backend_compile_duration") else None
+    )
+)
 DIRECTION = '[[dispersion.direction]]\nof = "initial.velocity"\nwithin = "2 deg"\n'
 
 
@@ -79,6 +87,22 @@ def test_a_campaign_of_inputs_given_in_python(tmp_path):
     assert np.ptp(open_store(store).inputs["planet.mu"]) > 0.0
     with pytest.raises(InputError, match="another campaign: the inputs"):
         disperse(file.campaign(), 32, store=store, accuracy=1e-9, resume=True)
+
+
+def test_a_file_that_is_loaded_again_compiles_nothing(tmp_path):
+    """Nor does the same file at another place; with another number it is another file."""
+    here, there = tmp_path / "a", tmp_path / "b"
+    here.mkdir()
+    there.mkdir()
+    first = loaded(here, "system")
+    expected = disperse(first.campaign(), 16, accuracy=1e-9)
+    before = len(COMPILED)
+    again = loaded(there, "system")
+    assert again == first and hash(again) == hash(first)
+    found = disperse(again.campaign(), 16, accuracy=1e-9)
+    assert before > 0 and len(COMPILED) == before
+    np.testing.assert_array_equal(*(x.values("final.position.0") for x in (found, expected)))
+    assert loaded(here, "system", deviation="2 km") != first
 
 
 def test_a_direction_given_in_python(tmp_path, key):

@@ -37,8 +37,8 @@ THEORY = [row for _, rows in PAGES.values() for row in rows]
 
 def test_functions_of_the_theory_are_public():
     for name in " ".join(row.functions for row in THEORY).split():
-        room, attribute = name.split(".", 1)
-        found = operator.attrgetter(attribute)(importlib.import_module(f"jaxspace.{room}"))
+        package, attribute = name.split(".", 1)
+        found = operator.attrgetter(attribute)(importlib.import_module(f"jaxspace.{package}"))
         assert found.__doc__, name
 
 

@@ -1,5 +1,7 @@
 """Vectors of sines, cosines and angles beside forty digits, and long arrays in blocks."""
 
+from types import SimpleNamespace
+
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -10,6 +12,7 @@ from jaxspace import core
 from jaxspace.core.blocks import BLOCK
 from jaxspace.orbits.elements import elements_from_state, state_from_elements
 from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.simulation import blocks
 
 
 def _units(found, exact):
@@ -134,3 +137,16 @@ def test_long_arrays_of_orbits(states):
     # A near miss of the centre in a hundred thousand loses its digits to the nodes' tilt.
     gap = np.linalg.norm(whole[1][0] - r, axis=0) / np.linalg.norm(r, axis=0)
     assert np.median(gap) < 1e-15 and np.max(gap) < 1e-10
+
+
+@pytest.mark.parametrize("runs", [1, 10_000, 262_145, 1_000_000, 10_000_000])
+@pytest.mark.parametrize("devices", [1, 3])
+def test_blocks_of_an_accelerator_are_alike(runs, devices, monkeypatch):
+    """None wider than what keeps it busy, and no more of them than that requires."""
+    monkeypatch.setattr(blocks, "_mesh_of", lambda devices: None)
+    size = blocks.Blocks.on([SimpleNamespace(platform="gpu")] * devices, runs).size
+    share = -(-runs // devices)
+    count = -(-share // size)
+    assert size <= blocks.ACCELERATOR_BLOCK and size % blocks.BLOCK == 0
+    assert count == -(-share // blocks.ACCELERATOR_BLOCK)
+    assert count * size - share < count * blocks.BLOCK

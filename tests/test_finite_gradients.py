@@ -166,10 +166,10 @@ FORMULAS = ROTATIONS | IMPACTS | FORCES | ELEMENTS | TRANSFERS
 
 
 def test_the_functions_are_public():
-    rooms = (orbits, rotations, mechanics)
+    packages = (orbits, rotations, mechanics)
     for function, _ in FORMULAS.values():
         if inspect.isfunction(function) and function.__module__.startswith("jaxspace"):
-            found = [public_names(room).get(function.__name__) for room in rooms]
+            found = [public_names(package).get(function.__name__) for package in packages]
             assert function in found, function.__name__
 
 

@@ -11,7 +11,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT / "examples" / "gallery"))
 
-from draw import PICTURES, draw, scripts  # noqa: E402
+from draw import PICTURES, draw, scripts, seconds  # noqa: E402
 
 SCRIPTS = scripts()
 # One of each page; the others compile for long.
@@ -22,6 +22,11 @@ def test_every_script_has_its_picture():
     assert {path.stem for path in PICTURES.glob("*.png")} == set(SCRIPTS)
     for picture in PICTURES.glob("*.png"):
         assert 2_000 < picture.stat().st_size < 60_000, picture.name
+
+
+def test_every_script_was_timed():
+    assert list(seconds()) == list(SCRIPTS)
+    assert all(0.0 < float(x) < 120.0 for x in seconds().values())
 
 
 def test_every_script_has_a_goal(monkeypatch):

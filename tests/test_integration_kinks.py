@@ -1,4 +1,4 @@
-"""The warning of an interpolation in time whose nodes are no breaks."""
+"""The warning of an interpolation in time whose nodes are not breaks."""
 
 import warnings
 

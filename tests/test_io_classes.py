@@ -66,8 +66,8 @@ def test_every_effect_and_system_stands_in_files_or_has_a_reason():
 def test_what_is_public_and_not_for_files_is_refused_with_the_reason(tmp_path):
     refused = catalog().refused
     for name, reason in NOT_IN_FILES.items():
-        room, _, cls = name.partition(".")
-        public = cls in public_names(importlib.import_module(f"jaxspace.{room}"))
+        package, _, cls = name.partition(".")
+        public = cls in public_names(importlib.import_module(f"jaxspace.{package}"))
         if reason is FUNCTION and public:
             assert any(f"{cls}." in sentence for sentence in refused.values()), name
     path = tmp_path / "scene.toml"

@@ -1,4 +1,4 @@
-"""Who may import whom, and what importing costs: the arrows between the rooms point downwards."""
+"""Which packages may import which, and what importing costs: imports point downwards."""
 
 import ast
 import dataclasses
@@ -21,8 +21,8 @@ from jaxspace.core.modules import public_names
 ROOT = Path(__file__).resolve().parents[1]
 PACKAGE = ROOT / "jaxspace"
 
-# A room may import the rooms of its row, and itself. The command line sees all of them, and nobody
-# sees the command line.
+# A package may import the packages of its row, and itself. The command line may import all of them,
+# and none of them the command line.
 ALLOWED = {
     "core": set(),
     "_jax_settings": {"core"},
@@ -52,14 +52,14 @@ ALLOWED = {
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "integration", "simulation"},
     "estimation": {"core", "simulation", "studies"},
-    # The rooms of physics, whose public names scene files may use, and what runs them.
+    # The packages of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
         *("scene", "solvers", "simulation", "dispersion", "optimization", "vehicles"),
         "control",
     },
     "plots": {"core", "rotations"},
-    # Hard cases of every room.
+    # Hard cases of every package.
     "verification": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "scene"),
         *("solvers", "simulation", "studies", "dispersion", "optimization"),
@@ -77,7 +77,7 @@ ON_REQUEST = {
     "plots": {"simulation", "studies", "dispersion"},
 }
 
-# What a room may import at all, of the world outside.
+# What a package may import at all, of the world outside.
 FLOOR = {"jax", "jaxtyping", "equinox", "numpy"}
 OUTSIDE = {
     "solvers": FLOOR | {"diffrax", "lineax", "optimistix"},
@@ -107,21 +107,22 @@ MOST_NAMES = 40
 MOST_OF_ALL = 350
 
 
-def room_of(file: Path) -> str:
-    """The room that a source file belongs to; the package's own `__init__` is a room too."""
+def package_of(file: Path) -> str:
+    """The package that a source file belongs to; `jaxspace/__init__.py` counts as one."""
     return file.relative_to(PACKAGE).parts[0].removesuffix(".py")
 
 
 def sources() -> list[Path]:
-    """Every source file of a room that has opened; a folder without an `__init__` is not a room
-    yet."""
+    """Every source file of a package; a folder without an `__init__` is not one."""
     files = sorted(PACKAGE.rglob("*.py"))
     return [
-        f for f in files if f.parent == PACKAGE or (PACKAGE / room_of(f) / "__init__.py").exists()
+        f
+        for f in files
+        if f.parent == PACKAGE or (PACKAGE / package_of(f) / "__init__.py").exists()
     ]
 
 
-ROOMS = sorted({room_of(f) for f in sources()} - {"__init__"})
+MODULES = sorted({package_of(f) for f in sources()} - {"__init__"})
 
 
 def in_every_file(complaints) -> None:
@@ -214,32 +215,32 @@ def test_no_circle_of_imports_between_files():
 
 
 def test_every_room_has_a_row():
-    assert set(ROOMS) <= set(ALLOWED), (
-        "a new room needs a row in the table: which rooms may it import?"
+    assert set(MODULES) <= set(ALLOWED), (
+        "a new package needs a row in the table: which packages may it import?"
     )
 
 
 def test_arrows_point_downwards():
     def complaints(file):
-        room = room_of(file)
+        package = package_of(file)
         for name, at_once in imports(file):
             parts = name.split(".")
             if parts[0] == "jaxspace" and len(parts) > 1:
-                allowed = ALLOWED[room] | (set() if at_once else ON_REQUEST.get(room, set()))
-                # Whatever is no room is a name of the package's own `__init__`, whose reader would
-                # import everything.
-                if parts[1] != room and parts[1] not in allowed:
-                    yield f"{room} may not import {name}"
+                allowed = ALLOWED[package] | (set() if at_once else ON_REQUEST.get(package, set()))
+                # Anything else is a name of `jaxspace/__init__.py`, whose import would import
+                # everything.
+                if parts[1] != package and parts[1] not in allowed:
+                    yield f"{package} may not import {name}"
 
     in_every_file(complaints)
 
 
 def test_no_package_imports_a_private_file_of_another():
     def complaints(file):
-        room = room_of(file)
+        package = package_of(file)
         for name, _ in imports(file):
             parts = name.split(".")
-            if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] != room:
+            if parts[0] == "jaxspace" and len(parts) > 2 and parts[1] != package:
                 if parts[2].startswith("_"):
                     yield f"{name} is a private file of another package"
 
@@ -248,18 +249,18 @@ def test_no_package_imports_a_private_file_of_another():
 
 def test_outside_libraries_stay_where_they_belong():
     def complaints(file):
-        room = room_of(file)
+        package = package_of(file)
         for name, at_once in imports(file):
             top = name.split(".")[0]
             if top in HEAVY:
-                if room not in MAY_BE_HEAVY:
-                    yield f"{room} may not import {name}"
+                if package not in MAY_BE_HEAVY:
+                    yield f"{package} may not import {name}"
                 elif at_once and top in LIGHT:
                     yield f"{name} has to be imported inside the function that needs it"
-            elif top in sys.stdlib_module_names or top == "jaxspace" or room in MAY_BE_HEAVY:
+            elif top in sys.stdlib_module_names or top == "jaxspace" or package in MAY_BE_HEAVY:
                 continue
-            elif top not in OUTSIDE.get(room, FLOOR):
-                yield f"{room} may not import {name}"
+            elif top not in OUTSIDE.get(package, FLOOR):
+                yield f"{package} may not import {name}"
 
     in_every_file(complaints)
 
@@ -271,7 +272,7 @@ def test_a_public_file_lists_its_names_or_another_package_imports_it():
         tuple(name.split(".")[1:3])
         for file in sources()
         for name, _ in imports(file)
-        if name.startswith("jaxspace.") and name.split(".")[1] != room_of(file)
+        if name.startswith("jaxspace.") and name.split(".")[1] != package_of(file)
     }
 
     def complaints(file):
@@ -312,50 +313,50 @@ def listed(file: Path) -> list[str]:
     return []
 
 
-def given(room: str) -> list[str]:
+def given(package: str) -> list[str]:
     """The names that the root of a package gives, without its modules."""
-    file = PACKAGE / ("__init__.py" if room == "__init__" else f"{room}/__init__.py")
+    file = PACKAGE / ("__init__.py" if package == "__init__" else f"{package}/__init__.py")
     return [
         alias.name
         for node in ast.walk(ast.parse(file.read_text()))
         # `from . import elements as elements` is a module; of the package itself a name.
-        if isinstance(node, ast.ImportFrom) and (node.module or room == "__init__")
+        if isinstance(node, ast.ImportFrom) and (node.module or package == "__init__")
         for alias in node.names
         if alias.asname == alias.name
     ]
 
 
-PACKAGES = [room for room in ROOMS if (PACKAGE / room).is_dir()]
+PACKAGES = [package for package in MODULES if (PACKAGE / package).is_dir()]
 
 
-@pytest.mark.parametrize("room", ["__init__", *PACKAGES])
-def test_the_root_of_a_package_gives_few_names(room):
-    assert len(given(room)) <= MOST_NAMES
+@pytest.mark.parametrize("package", ["__init__", *PACKAGES])
+def test_the_root_of_a_package_gives_few_names(package):
+    assert len(given(package)) <= MOST_NAMES
 
 
 def test_the_whole_library_gives_few_names_first():
     # What the package itself gives of its packages is no further name to learn.
-    packages = [name for room in PACKAGES for name in given(room)]
+    packages = [name for package in PACKAGES for name in given(package)]
     own = set(given("__init__")) - set(packages) - set(PACKAGES)
     assert len(packages) + len(own) <= MOST_OF_ALL
 
 
-@pytest.mark.parametrize("room", PACKAGES)
-def test_a_name_has_one_home(room):
+@pytest.mark.parametrize("package", PACKAGES)
+def test_a_name_has_one_home(package):
     """The root, or one public module, which the root gives when it is asked for it."""
-    names, modules = given(room), []
-    for file in sorted((PACKAGE / room).glob("[a-z]*.py")):
+    names, modules = given(package), []
+    for file in sorted((PACKAGE / package).glob("[a-z]*.py")):
         if listed(file):
             names += listed(file)
             modules.append(file.stem)
     assert not {name for name in names if names.count(name) > 1}
     # A module of the name of a root's function would hide it.
-    assert not set(given(room)) & set(modules)
-    root = importlib.import_module(f"jaxspace.{room}")
+    assert not set(given(package)) & set(modules)
+    root = importlib.import_module(f"jaxspace.{package}")
     for module in modules:
-        assert getattr(root, module).__name__ == f"jaxspace.{room}.{module}"
+        assert getattr(root, module).__name__ == f"jaxspace.{package}.{module}"
         assert module in dir(root)
-    shown = ast.parse((PACKAGE / room / "__init__.py").read_text()).body
+    shown = ast.parse((PACKAGE / package / "__init__.py").read_text()).body
     typed = {
         alias.name
         for block in shown
@@ -367,18 +368,18 @@ def test_a_name_has_one_home(room):
     assert typed == set(modules), "type checkers read the modules in the root"
 
 
-@pytest.mark.parametrize("room", sorted(set(PACKAGES) - {"cli"}))
-def test_every_public_name_stands_in_the_reference_a_page_or_an_example(room):
-    page = (ROOT / "docs" / "api" / f"{room}.md").read_text()
-    for file in sorted((PACKAGE / room).glob("[a-z]*.py")):
+@pytest.mark.parametrize("package", sorted(set(PACKAGES) - {"cli"}))
+def test_every_public_name_stands_in_the_reference_a_page_or_an_example(package):
+    page = (ROOT / "docs" / "api" / f"{package}.md").read_text()
+    for file in sorted((PACKAGE / package).glob("[a-z]*.py")):
         if listed(file):
-            assert f"::: jaxspace.{room}.{file.stem}\n" in page
-    assert f"::: jaxspace.{room}\n" in page
+            assert f"::: jaxspace.{package}.{file.stem}\n" in page
+    assert f"::: jaxspace.{package}\n" in page
     if "members: [" in page:
         # The reference names the members that it shows.
         texts = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/**/*.py"), ROOT / "README.md"]
         words = set(re.findall(r"\w+", " ".join(text.read_text() for text in texts)))
-        assert not set(given(room)) - words
+        assert not set(given(package)) - words
 
 
 # What a value is made of that is read off an object, and not made from it.
@@ -400,7 +401,9 @@ NO_PROPERTY = {
 
 def public_classes() -> list[type]:
     """The classes that the packages give their users."""
-    packages = [importlib.import_module(f"jaxspace.{room}") for room in PACKAGES if room != "cli"]
+    packages = [
+        importlib.import_module(f"jaxspace.{package}") for package in PACKAGES if package != "cli"
+    ]
     found = [thing for package in packages for thing in public_names(package).values()]
     return [thing for thing in dict.fromkeys(found) if isinstance(thing, type)]
 
@@ -433,7 +436,9 @@ def test_what_needs_no_argument_is_a_property():
 
 def test_arguments_stand_in_the_docstring():
     """Of every public function with more than one; and what it raises, where it raises."""
-    packages = [importlib.import_module(f"jaxspace.{room}") for room in PACKAGES if room != "cli"]
+    packages = [
+        importlib.import_module(f"jaxspace.{package}") for package in PACKAGES if package != "cli"
+    ]
     things = [thing for package in packages for thing in public_names(package).values()]
     silent = []
     for thing in filter(inspect.isfunction, things):
@@ -469,45 +474,45 @@ def run(code: str) -> str:
     return done.stdout
 
 
-# The libraries are imported once, and each room in a copy of that process: beneath an empty
-# package, for the `__init__` of the real one imports most rooms, in an order of its own.
+# The libraries are imported once, and each package in a copy of that process: beneath an empty
+# package, for the `__init__` of the real one imports most packages, in an order of its own.
 ALONE = """
 import os, sys, traceback, types
 import jax, equinox, diffrax
-package = sys.modules["jaxspace"] = types.ModuleType("jaxspace")
-package.__path__ = ["jaxspace"]
-for room in %r:
+root = sys.modules["jaxspace"] = types.ModuleType("jaxspace")
+root.__path__ = ["jaxspace"]
+for package in %r:
     child = os.fork()
     if child == 0:
         try:
-            __import__("jaxspace." + room)
+            __import__("jaxspace." + package)
         except BaseException:
             traceback.print_exc()
             os._exit(1)
         os._exit(0)
-    print(room, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
+    print(package, os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]))
 """
 
 
 def test_each_room_imports_alone():
-    """No room lives on what another one has imported before it."""
-    assert run(ALONE % ROOMS).splitlines() == [f"{room} 0" for room in ROOMS]
+    """No package depends on what another one has imported before it."""
+    assert run(ALONE % MODULES).splitlines() == [f"{package} 0" for package in MODULES]
 
 
 WATCH = """
 import sys
 opened = []
 sys.addaudithook(lambda event, args: opened.append(str(args[0])) if event == "open" else None)
-libraries, rooms = %r, %r
+libraries, packages = %r, %r
 def loaded(names, prefix=""):
     return [name for name in names if prefix + name in sys.modules]
 import jaxspace
 dir(jaxspace)
-print("at once:", loaded(libraries), loaded(rooms, "jaxspace."))
+print("at once:", loaded(libraries), loaded(packages, "jaxspace."))
 import jax, equinox, diffrax
 before = dict(jax.config.values)
 jaxspace.orbits, jaxspace.simulate
-print("on request:", loaded(libraries), loaded(rooms, "jaxspace."))
+print("on request:", loaded(libraries), loaded(packages, "jaxspace."))
 opened[:] = []
 for name in dir(jaxspace):
     getattr(jaxspace, name)
@@ -526,10 +531,10 @@ def test_importing_the_package_changes_nothing():
     setting of jax has changed, no heavy library is there, no file of ours is read, no device is
     touched."""
     floor = ["diffrax", "equinox", "jax", "numpy"]
-    # Each row of the table holds what its rooms import in their turn.
+    # Each row of the table holds what its packages import in their turn.
     needed = sorted({"orbits", "simulation"} | ALLOWED["orbits"] | ALLOWED["simulation"])
     libraries = [*floor, *sorted(LIGHT)]
-    assert run(WATCH % (libraries, ROOMS)).splitlines() == [
+    assert run(WATCH % (libraries, MODULES)).splitlines() == [
         "at once: [] []",
         f"on request: {floor} {needed}",
         "settings: []",

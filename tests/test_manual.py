@@ -46,7 +46,7 @@ LONG = (
     "docs/tutorials/first_gradient.md",
     "docs/tutorials/physics_as_a_layer.md",
 )
-ROOMS = [room.name for room in pkgutil.iter_modules(jaxspace.__path__) if room.ispkg]
+PACKAGES = [package.name for package in pkgutil.iter_modules(jaxspace.__path__) if package.ispkg]
 # Written by a hook when the site is built.
 GENERATED = {
     *("scene_files.md", "command_line.md", "hard_cases.md"),
@@ -136,15 +136,15 @@ def test_links_of_the_page_lead_somewhere(page):
         assert there, f"{page} points to {target}"
 
 
-@pytest.mark.parametrize("room", ROOMS)
-def test_every_public_name_has_a_docstring(room):
-    module = importlib.import_module(f"jaxspace.{room}")
-    assert inspect.getdoc(module), f"jaxspace.{room} has no docstring"
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_public_name_has_a_docstring(package):
+    module = importlib.import_module(f"jaxspace.{package}")
+    assert inspect.getdoc(module), f"jaxspace.{package} has no docstring"
     for name, value in public_names(module).items():
         # An alias of a shape, such as `Scalar`, belongs to jaxtyping.
         ours = getattr(value, "__module__", "").startswith("jaxspace")
         if ours:
-            assert value.__doc__, f"jaxspace.{room}.{name} has no docstring"
+            assert value.__doc__, f"jaxspace.{package}.{name} has no docstring"
 
 
 def test_pages_need_no_network():

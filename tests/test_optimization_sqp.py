@@ -112,7 +112,9 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
         zip(found.criterion.non_negative, found.unmet[1], strict=True)
     ):
         assert bool(unmet) == bool(value < -1e-5)
-        assert (f"non_negative[{k}] is {value:.3g} where at least 0 is asked" in sentence) == unmet
+        assert (
+            f"non_negative[{k}] is {value:.3g} where at least 0 is required" in sentence
+        ) == unmet
     assert np.all(np.isfinite(found.x)) and 0.5 - 1e-6 < found.violation < 1.0 + 1e-6
 
 
@@ -130,7 +132,7 @@ def test_of_many_targets_those_out_of_reach_are_named():
     found = within(jnp.full(5, 0.1), 1.0)
     assert int(found.reason) == StopReason.INFEASIBLE
     np.testing.assert_array_equal(found.unmet[0], [True, False, True, True, False])
-    assert "equal_zero[2] is -3e-06 where 0 is asked, equal_zero[3] is 6" in found.sentence()
+    assert "equal_zero[2] is -3e-06 where 0 is required, equal_zero[3] is 6" in found.sentence()
     converged = within(0.1 * asked, jnp.inf)
     assert converged.converged and not np.any(converged.unmet[0])
 
@@ -155,7 +157,7 @@ def test_a_search_that_stops_short_is_not_infeasible():
     few = search(on_a_shell, start, max_steps=2)
     assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
     sentence = few.sentence()
-    assert "where 0 is asked. Allow more, or begin nearer." in sentence
+    assert "where 0 is required. Allow more, or begin nearer." in sentence
     assert f"equal_zero[0] is {few.criterion.equal_zero[0]:.3g}" in sentence
 
 

@@ -214,7 +214,7 @@ def test_a_target_out_of_reach_is_said(tmp_path):
     semi = 1.0 / (2.0 / R1 - (up**2 + along**2) / MU)
     greatest = semi * (1.0 + np.sqrt(1.0 - rate**2 / (MU * semi)))
     np.testing.assert_allclose(best.constraints, [greatest], rtol=1e-7)
-    said = f"apoapsis radius is {greatest / 1e3:.6g} km where at least 80000 km is asked"
+    said = f"apoapsis radius is {greatest / 1e3:.6g} km where at least 80000 km is required"
     assert best.infeasible and said in best.sentence()
     assert np.all(np.isnan(best.target_derivatives)) and best.bound_derivatives == {}
     report = optimum_report(best)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from suite import MOST_SECONDS, is_quick, read_costs, write_costs
 from suite_basics import BASICS
-from test_layers import ROOMS
+from test_layers import MODULES
 
 TESTS = Path(__file__).parent
 
@@ -20,8 +20,8 @@ def functions(file: Path) -> set[str]:
 
 def test_every_package_has_its_basics():
     packages = {package for tests in BASICS.values() for package in tests}
-    files = {room for room in ROOMS if room.startswith("_") or room == "constants"}
-    assert packages == set(ROOMS) - files
+    files = {package for package in MODULES if package.startswith("_") or package == "constants"}
+    assert packages == set(MODULES) - files
 
 
 @pytest.mark.parametrize("kind", BASICS)

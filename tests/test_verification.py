@@ -40,9 +40,9 @@ SAMPLE = tuple(BY_NAME[name] for name in QUICK)
 
 
 def test_there_are_cases_of_every_room():
-    rooms = {name.split(":")[0] for name in BY_NAME}
+    packages = {name.split(":")[0] for name in BY_NAME}
     assert len(CASES) == len(BY_NAME) >= 60
-    assert rooms == {
+    assert packages == {
         *("core", "rotations", "bodies", "orbits", "attitude", "gyros", "rockets"),
         *("simulation", "dispersion", "optimization"),
     }

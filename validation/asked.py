@@ -176,33 +176,37 @@ than ten times the tolerance are **bold**.
 
 | Scene | Growth | Exact to | {asked} |
 |---|--:|--:|{rules}"""
-PHASE = (
-    "revolutions add up: a step that errs in the energy is late by more and more, and the growth "
-    "says by how much. "
-)
-AIR = (
-    "likely the edges between the layers of the standard air and the nodes of the drag: no time is "
-    "known at which the rocket passes them, so that no step ends on them, and one across them errs "
-    "more than its estimate says. The second method missed them, too, until its steps were kept "
-    "below a 512th of a phase. "
-)
+LATE = """\
+## Where it is more
+
+Two reasons recur.
+
+*Revolutions* add up: a step with an error in the energy makes the body late by more and more, and
+the growth says by how much.
+
+*Edges* lie between the layers of the standard air, and at the nodes of the table of the drag. No
+time is known at which the rocket passes them, so that no step ends on them, and the error of a step
+across one is larger than its estimate. The second method missed them, too, until its steps were
+limited to a 512th of a phase. That they are the reason is likely, and not measured.
+"""
 NOTES = {
-    "Transfer to the stationary orbit": PHASE + "In double precision every run keeps the promise; "
-    "in single precision at loose tolerances, where a method of order 5 is chosen, some do not.",
-    "Launch of two stages": AIR + "The flight enlarges these errors eightfold.",
-    "Gravity turn to an apogee": AIR + "What they leave at the burnout moves the apogee, half a "
+    "Transfer to the stationary orbit": "revolutions. In double precision every run ends within "
+    "ten times the tolerance; in single precision at loose tolerances, where a method of order 5 "
+    "is chosen, some do not.",
+    "Launch of two stages": "edges. The motion amplifies these errors eightfold.",
+    "Gravity turn to an apogee": "edges. The errors at the burnout move the apogee, half a "
     "revolution later, 250 times as far.",
-    "Low-thrust spiral of 20 days": PHASE + "Of 310 revolutions without a closed form most of what "
-    "was asked is lost, and in single precision all: the rounding of a position in metres is half "
-    "a metre a step. Ask for a ten-thousandth of what is wanted.",
+    "Low-thrust spiral of 20 days": "revolutions, 310 of them without a closed form: most of the "
+    "accuracy is lost, and in single precision all, for a position in metres is rounded by half a "
+    "metre at each step. Set a ten-thousandth of the error that you want at the end.",
     "Two-gimbal gyro at 24,000 rpm": "the gimbals nod some forty times in the span, and errors "
     "grow 900 times. In single precision more steps are worse: each rounds the state once more.",
     "Settling coin": "it comes to rest in finite time, with a rattle whose pitch rises without "
     "bound, and the span ends close to that time: errors grow 300 times, the last of them fastest.",
-    "Double pendulum": "its motion enlarges errors fifteen times in ten seconds, and would go on "
-    "to do so.",
-    "Molniya orbit over a month": PHASE + "Of 60 revolutions through a periapsis of 600 km it is "
-    "3,600.",
+    "Double pendulum": "its motion amplifies errors fifteen times in ten seconds, and would "
+    "continue to do so.",
+    "Molniya orbit over a month": "revolutions, 60 of them through a periapsis of 600 km: errors "
+    "grow 3,600 times.",
 }
 
 
@@ -255,7 +259,7 @@ def text(found: dict[str, Measured]) -> str:
     head = HEAD.format(summary=summary, asked=" | ".join(columns), rules="--:|" * len(columns))
     lines = [head, *(_line(name, one) for name, one in found.items()), ""]
     if late:
-        lines.append("## Where it is more\n")
+        lines.append(LATE)
         lines += [f"**{name}**: {NOTES[name]}\n" for name, some in misses.items() if some]
     return "\n".join(lines).rstrip() + "\n"
 

@@ -1,11 +1,15 @@
 """Draws the manual's gallery: `python examples/gallery/draw.py [NAME ...]`.
 
 Each script of the folders beside this file makes one figure; the pictures go
-to `docs/figures/gallery`."""
+to `docs/figures/gallery`, and the seconds of processor time that each takes
+to `seconds.csv`. They include compilation, but for programs that an earlier
+script has compiled: let those that are compared be drawn in one process."""
 
+import csv
 import io
 import runpy
 import sys
+import time
 from pathlib import Path
 
 import matplotlib
@@ -14,6 +18,7 @@ from PIL import Image
 HERE = Path(__file__).parent
 STYLE = HERE / "gallery.mplstyle"
 PICTURES = HERE.parents[1] / "docs" / "figures" / "gallery"
+SECONDS = HERE / "seconds.csv"
 
 
 def scripts() -> dict[str, Path]:
@@ -35,9 +40,35 @@ def draw(script: Path) -> Image.Image:
     return Image.open(picture).convert("RGB").quantize(64)
 
 
+def seconds() -> dict[str, str]:
+    """Seconds of processor time of each script, by its name, as they were
+    measured when it was last drawn."""
+    with SECONDS.open() as file:
+        return dict(csv.reader(file))
+
+
+def keep_seconds(measured: dict[str, str]) -> None:
+    """Write the seconds of the scripts that there are."""
+    with SECONDS.open("w", newline="") as file:
+        rows = (
+            (name, measured[name]) for name in scripts() if name in measured
+        )
+        csv.writer(file, lineterminator="\n").writerows(rows)
+
+
 if __name__ == "__main__":
+    # Every script imports these: the first of them is not to pay for all.
+    import matplotlib.pyplot  # noqa: F401
+
+    import jaxspace  # noqa: F401
+
     PICTURES.mkdir(exist_ok=True)
-    found = scripts()
-    for name in sys.argv[1:] or found:
-        draw(found[name]).save(PICTURES / f"{name}.png", optimize=True)
-        print(name, flush=True)
+    known = scripts()
+    measured = seconds() if SECONDS.exists() else {}
+    for name in sys.argv[1:] or known:
+        started = time.process_time()
+        picture = draw(known[name])
+        measured[name] = f"{time.process_time() - started:.1f}"
+        picture.save(PICTURES / f"{name}.png", optimize=True)
+        keep_seconds(measured)
+        print(name, measured[name], flush=True)

@@ -3,7 +3,7 @@ Cayley-Klein parameters.
 
     a = q_0 + i q_3,   b = q_1 + i q_2          |a| = cos(theta/2),   |b| = sin(theta/2)
 
-Source: Klein and Sommerfeld, Theorie des Kreisels, I. Pairs, and no complex type, so that a
+Source: Klein and Sommerfeld, Theorie des Kreisels, I. Pairs in place of a complex type, so that a
 formula has one precision and real derivatives.
 """
 
@@ -20,7 +20,7 @@ def pairs_of(q: Array) -> tuple[Array, Array]:
 
 def raised(q: Array) -> Array:
     """The attitude, (4, *runs), seen from a space that is turned upside down about its x axis."""
-    # The product with a quaternion unit, written out: exact, and no multiplication.
+    # The product with a unit quaternion, written out: exact, and without a multiplication.
     return jnp.stack([-q[1], q[0], -q[3], q[2]])
 
 

@@ -8,7 +8,7 @@
     g_i, s_i  axes of the gimbal and of the wheel, of length one              1
     d_i       angle of the gimbal, from the place in which the axis is s0_i   rad
     h_i       angular momentum of the wheel relative to the body              kg m^2/s
-    t_i       direction of the torque that the turning gimbal takes           1
+    t_i       direction of the torque that turning the gimbal takes           1
     J         inertia of all, with the wheels and gimbals locked              kg m^2
 
 Source: Thomson 7.11 (relative momentum); Wie, Space Vehicle Dynamics and Control, 7.4.
@@ -66,8 +66,8 @@ class ControlMomentGyros(AbstractEffect):
         return jnp.cos(angles) * along + jnp.sin(angles) * across
 
     def torque_matrix(self, angles: Array) -> Array:
-        """h_i t_i, N m per rad/s, (3, gyros, *runs), at the `angles`, rad: what the rates of the
-        gimbals are multiplied by. Singular gimbal angles are those where its rank is below three.
+        """h_i t_i, N m per rad/s, (3, gyros, *runs), at the `angles`, rad: torque on the gyros per
+        rate of each gimbal. Singular gimbal angles are those where its rank is below three.
         """
         rank = angles.ndim - 1
         gimbal = with_rank(unit(self.gimbal_axes), rank, axes=2)

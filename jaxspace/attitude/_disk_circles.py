@@ -5,8 +5,8 @@ and units in `_rolling_disk.py`.
     [A psi' cos(theta) - K n] psi' sin(theta) = m g R cos(theta)           steady circle
     theta~'' + kappa theta~ = 0,   kappa = -(dG/dtheta)/J along psi'(theta), n(theta)
 
-Each function computes what the method of `RollingDisk` with its name returns, from the `disk`: A,
-C, m R^2 and m g R.
+Each function computes the method of `RollingDisk` that has its name, from the `disk`: A, C, m R^2
+and m g R.
 
 Source: Thomson 5.16-14 to -33, with -n for his omega_zeta.
 """
@@ -50,8 +50,8 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
     A, C, mRR, _ = disk
 
     def along(tilt: Scalar) -> Scalar:
-        """theta'' at a tilt beside the circle, with the momenta that the motion there keeps."""
-        # What turns about the two axes in the plane of Z, to first order about this place.
+        """theta'' at a tilt near the circle, for the momenta that the motion conserves."""
+        # The rates about the two axes in the plane of Z, to first order about this place.
         rate = (C * spin - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
         slow = mRR * precession * jnp.sin(theta) / (C + mRR)
         step = tilt - theta
@@ -62,7 +62,7 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
 
 def growth_rate(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
     """The rate, 1/s, at which a deviation from the circle grows; zero where it does not."""
-    # All by argument: what a radicand closes over has no derivative.
+    # All are arguments, because a radicand has no derivative by what it closes over.
     return end_sqrt(_instability, *disk, theta, precession, spin)
 
 

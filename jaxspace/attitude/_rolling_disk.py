@@ -29,7 +29,7 @@ rolls towards xi, the motion near a steady circle has
 Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, -n for its omega_zeta, and the
 term C omega_zeta psi' theta that 5.16-36 and -43 leave out); Leine (2009), Arch. Appl. Mech. 79,
 1063 (resistance of the contour). Valid without slip, as long as the plane pushes. The quaternion
-and omega are integrated: nothing is singular but a disk that lies flat, which has no contact.
+and omega are integrated: only a disk that lies flat is singular, for it has no point of contact.
 """
 
 from collections.abc import Sequence
@@ -114,14 +114,14 @@ class RollingDisk(AbstractSystem):
         del t
         attitude, _ = attitude_and_omega(y)
         _, _, s, _ = disk_triad(attitude)
-        kept = {
+        conserved = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
             "quaternion_norm": jnp.sqrt(attitude.norm_squared),
         }
         if self.contour_damping is None and self.contour_friction is None:
-            return {"energy": self.energy(y)} | kept
-        return kept
+            return {"energy": self.energy(y)} | conserved
+        return conserved
 
     @constructor(
         angles=argument(
@@ -187,7 +187,8 @@ class RollingDisk(AbstractSystem):
         def velocity(y: BodyState) -> Vector:
             return self.velocity(y)
 
-        # The derivative of the velocity along the motion: no formula to keep in step with it.
+        # The derivative of the velocity along the motion, in place of a second formula that would
+        # have to agree with it.
         _, acceleration = jax.jvp(velocity, (y,), (self.vector_field(jnp.zeros(()), y),))
         return self.mass * (acceleration + self.gravity * axis(2, acceleration[2]))
 

@@ -1,7 +1,7 @@
 """A body that is pinned to a turning shaft: a relative of the top, and the plane pendulum.
 
     A theta'' = [(A - C) Omega^2 cos(theta) - W l] sin(theta)
-    Omega_c^2 = W l/(A - C),   cos(theta) = (Omega_c/Omega)^2       where it stands out beyond that
+    Omega_c^2 = W l/(A - C),   cos(theta) = (Omega_c/Omega)^2     it stands out above Omega_c
 
     symbol     meaning                                                       unit
     A, C       moments of inertia about the pin: across and along the axis   kg m^2

@@ -17,8 +17,9 @@ direction, under gravity.
     K           complete elliptic integral of the first kind             1
 
 Source: Thomson 5.13 with C n = 0 (the heavy top without spin); Landau and Lifshitz, Mechanics, 14.
-The direction is integrated, and no angle: nothing is singular at the verticals. Dividing lambda by
-u^2 keeps an error in the length of u from growing. Valid for a rigid rod without friction.
+The direction is integrated and not its angles: nothing is singular at the verticals. Dividing
+lambda by u^2 keeps an error in the length of u from growing. Valid for a rigid rod without
+friction.
 """
 
 from typing import final
@@ -128,6 +129,6 @@ class SphericalPendulum(AbstractSystem):
         """Period, s, of the swing in a vertical plane through `amplitude`, rad, on both sides.
 
         It grows without limit towards an amplitude of half a turn."""
-        # The complement of k^2 = sin^2, which has no digits of it near half a turn.
+        # By the complement of k^2 = sin^2, because 1 - k^2 loses its digits near half a turn.
         complement = jnp.cos(0.5 * amplitude) ** 2
         return 4.0 * jnp.sqrt(self.length / self.gravity) * complete_elliptic(complement)

@@ -5,9 +5,8 @@ motions about it. Equations, symbols and units in `_top.py`.
     (C n)^2 >= 4 A W l cos(theta)                    the condition that roots exist
     V'(theta) = (h_Z - C n cos(theta))^2 / (2 A sin^2(theta)) + W l cos(theta)
 
-Each function computes what the method of `Top` with its name, or the end of it, returns. Near the
-least spin the radicand is formed from differences of spins: nothing cancels, and it is zero exactly
-there.
+Each function computes the method of `Top` whose name is, or ends in, its own. Near the least spin
+the radicand is formed from differences of spins: nothing cancels, and it is zero exactly there.
 
 With s and c, sine and cosine of theta / 2, the pseudo-potential is
 
@@ -96,7 +95,7 @@ def pseudo_potential(
     s, c = jnp.sin(0.5 * theta), jnp.cos(0.5 * theta)
     p = barrier(C * n)  # rounded once: a product within the difference would not vanish
     up, down = h_Z - p, h_Z + p
-    # At the vertical only momenta that let the axis pass have no pole.
+    # At the vertical there is no pole where the momenta let the axis pass.
     upright = s == 0.0
     around = jnp.where(upright, 0.0, up * c / jnp.where(upright, 1.0, s)) + down * s / c
     V = around * around / (8.0 * A) + Wl * (1.0 - 2.0 * s * s)
@@ -111,7 +110,7 @@ def pseudo_potential_minimum(A: Scalar, C: Scalar, Wl: Scalar, h_Z: Scalar, n: S
     stands = (up == 0.0) & (down * down >= 16.0 * A * Wl)
     hangs = (down == 0.0) & (up * up + 16.0 * A * Wl >= 0.0)
     sleeps = stands | hangs
-    # Any other momenta keep the branch that is not taken free of an end as its root.
+    # Other momenta in the branch that is not taken, so that its root is not at an end.
     up, down = (jnp.where(sleeps, C, momentum) for momentum in (up, down))
 
     def fall(theta: Scalar) -> Scalar:
@@ -125,7 +124,7 @@ def pseudo_potential_minimum(A: Scalar, C: Scalar, Wl: Scalar, h_Z: Scalar, n: S
 
 
 def _constant(x: Scalar) -> Scalar:
-    """A value without derivatives, rounded once for all who take it."""
+    """A value without derivatives, rounded once for every use."""
     return barrier(jax.lax.stop_gradient(x))
 
 

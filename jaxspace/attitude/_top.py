@@ -175,7 +175,8 @@ class Top(AbstractSystem):
         attitude, omega = attitude_and_omega(y)
         _, theta, phi = Top.angles(y)
         across = omega[0] * jnp.sin(phi) + omega[1] * jnp.cos(phi)
-        # sin(theta) from the parts of the attitude: an angle close to pi has no digits of it.
+        # sin(theta) from the parts of the attitude: from an angle close to pi it would lose its
+        # digits.
         a, b, c, d = attitude.wxyz
         sine = 2.0 * safe_sqrt((b * b + c * c) * (a * a + d * d)) / attitude.norm_squared
         # Zero at the vertical, where the line of nodes is undefined.
@@ -240,7 +241,7 @@ class Top(AbstractSystem):
         - `n`: spin, rad/s.
 
         **Returns** (h_Z - C n cos(theta))^2 / (2 A sin^2(theta)) + W l cos(theta); infinite at a
-        vertical through which these momenta do not let the axis pass.
+        vertical that the axis cannot pass with these momenta.
         """
         return pseudo_potential(*self._letters(), as_float(theta), as_float(h_Z), as_float(n))
 

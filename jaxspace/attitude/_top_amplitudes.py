@@ -1,5 +1,5 @@
-"""The parameters a and b of a heavy top a time after its start, and the angles by which they turn,
-in the letters of `_top_motion`.
+"""The parameters a and b of a heavy top after a given time, and the angles by which they turn, in
+the letters of `_top_motion`.
 
 Source: that of `_top_motion`.
 """
@@ -36,8 +36,8 @@ def amplitudes(start: TopStart, s: Scalar, c: Scalar, d: Scalar) -> tuple[Array,
 
 
 def third_angles(start: TopStart, phase: Jacobi, duration: Scalar) -> tuple[Scalar, Scalar]:
-    """The angles by which a and b are turned, without alpha t, rad, and the half turns of both
-    that lie behind."""
+    """The angles by which a and b are turned, without alpha t, rad, including the half turns
+    completed."""
     s, c, d = phase.s, phase.c, phase.d
     down, up = start.down, start.up
     returns = phase.half_periods != 0.0

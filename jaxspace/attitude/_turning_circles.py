@@ -1,20 +1,20 @@
 """The circles between which a heavy top nutates: the cubic of `nutation.py`, solved without a lost
 digit.
 
-It is solved for d = y3 - |beta|, measured from the vertical at which the weight is highest,
-whose constants are e = alpha - |beta| and g = gamma - N:
+The unknown is d = y3 - |beta|, measured from the vertical at which the weight is highest, whose
+constants are e = alpha - |beta| and g = gamma - N:
 
     d^3 + a2 d^2 + a1 d = (|beta| g)^2,     a2 = 2 |beta| - e - N^2,   a1 = 2 |beta| (N g - e)
     q = |beta| (2 - u1 - u2) = d + a2 = (|beta|^2 X - a1)/d
     X = (1 - u1)(1 - u2) = g^2/d = (a1 + q d)/|beta|^2
 
-d, q and X are not negative, and of each pair of forms one is a sum of what is not negative: a1 < 0
-or a1 >= 0 decides. So no digit is lost where d and 1 - u1 vanish together, the separatrix, where
-the period is infinite; e and g, which decide there, are formed from the state, not from alpha and
+d, q and X are not negative, and of each pair of forms one is a sum of non-negative terms: the sign
+of a1 selects it. So no digit is lost where d and 1 - u1 vanish together, the separatrix, where the
+period is infinite; e and g, which decide there, are formed from the state, not from alpha and
 gamma.
 
-Of a nearly steady precession alpha and gamma do not hold the width u1 - u2 either: f has nearly a
-double root. A state does, by f and its slope there:
+For a nearly steady precession alpha and gamma do not determine the width u1 - u2, because f has
+nearly a double root. A state does, through f and its slope there:
 
     P = (u1 - u)(u - u2) = u'^2/(y3 - beta u)
     u1 + u2 - 2 u = [f'(u) + beta P]/(y3 - beta u)
@@ -98,9 +98,9 @@ def turning_circles(
     a1 = 2.0 * b * half_slope
     # Behind a barrier, because every form below reads it.
     d = barrier(_largest_root(a2, a1, (b * g) ** 2))
-    # Of each pair of forms the one that adds numbers that are not negative. Those divided by d
-    # have d > 0, because a1 < 0 or a2 < 0; those divided by |beta| have |beta| > 0, because
-    # a2 > 0. Where d vanishes with a2, at the critical spin, the sum still has a derivative.
+    # Of each pair of forms, the one that adds non-negative numbers. Those divided by d have d > 0,
+    # because a1 < 0 or a2 < 0; those divided by |beta| have |beta| > 0, because a2 > 0. Where d
+    # vanishes with a2, at the critical spin, the sum still has a derivative.
     wide, falls = (a2 > 0.0) | ((a2 == 0.0) & (b > 0.0)), (a1 < 0.0) | (a2 <= 0.0)
     below = jnp.where(falls & (d > 0.0), d, 1.0)
     width = jnp.where(wide, b, 1.0)
@@ -116,7 +116,7 @@ def turning_circles(
     product_up = 0.25 * jnp.maximum(product, 0.0)
     sum_down = 0.5 * jnp.where(total_down < 0.0, 0.0, total_down)
     product_down = 0.25 * product_down
-    # Of two equal numbers the one that is formed from the smaller terms.
+    # The two forms are equal: that with the smaller terms is taken.
     nearer = sum_up < sum_down
     total = jnp.where(nearer, sum_up, sum_down)
     apart_squared = total * total - 4.0 * jnp.where(nearer, product_up, product_down)

@@ -33,7 +33,8 @@ from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, inverse_norm
 from ..rotations import Quaternion
 
-# Of the orbit; the energy of a rotation alone, without a mass, is none of a scene's invariants.
+# Invariants of the orbit. Energy is not among them: a scene counts none for a rotation without a
+# mass.
 KEEPS = frozenset({"angular_momentum", "axial_angular_momentum"})
 
 
@@ -71,7 +72,7 @@ class ViscousTorque(AbstractEffect):
     keeps: ClassVar[frozenset[str]] = KEEPS
 
     damping: Float[Array, "3 *#runs"] = quantity(
-        "N m s", doc="c along the three body axes; negative ones drive the motion"
+        "N m s", doc="c along the three body axes; negative values drive the motion"
     )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -1,5 +1,5 @@
-"""Despin by yo-yo: two masses on cords wound about a spinning body unwind and are let go, and take
-its spin along.
+"""Despin by yo-yo: two masses on cords wound about a spinning body unwind, are released, and carry
+its spin away.
 
     w = w0 (C - phi^2) / (C + phi^2)              phi' = w0,   C = I / (m R^2) + 1
     l_f = R sqrt(C (w0 - w_f) / (w0 + w_f))       cord for the final rate w_f
@@ -70,10 +70,10 @@ class YoYo(AbstractJump):
     """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state
     after the release.
 
-    The unwinding takes the time l / (R w0), `unwinding_time`, and is done here in none: the
-    attitude stays what it was. The spin axis is z; the rate about it is multiplied by (C -
-    phi^2)/(C + phi^2) with phi = l/R, the rates across it stay. A mass in the state falls by the
-    mass let go."""
+    The unwinding takes the time l / (R w0), `unwinding_time`; the jump takes none and leaves the
+    attitude as it was. The spin axis is z: the rate about it is multiplied by (C - phi^2)/(C +
+    phi^2) with phi = l/R, and the rates across it stay the same. A mass in the state is reduced by
+    the mass released."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"omega"})
 
@@ -81,7 +81,7 @@ class YoYo(AbstractJump):
         "kg m^2", positive=True, shared="body.inertia.2", doc="I, of the body without the yo-yo"
     )
     radius: NumberField = quantity("m", positive=True, doc="R, on which the cords are wound")
-    mass: NumberField = quantity("kg", positive=True, doc="m, of all that is let go together")
+    mass: NumberField = quantity("kg", positive=True, doc="m, of all masses released together")
     cord_length: NumberField = quantity("m", positive=True, doc="l, of one cord")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:

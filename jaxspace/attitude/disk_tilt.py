@@ -24,14 +24,14 @@ def disk_tilt(attitude: Quaternion) -> Scalar:
 
 @event("", direction=-1, needs=("attitude",))
 def lies_flat(t: Scalar, y: BodyState) -> Scalar:
-    """theta - 1e-4 rad: zero where a settling coin is all but flat.
+    """theta - 1e-4 rad: zero where a settling coin is almost flat.
 
     **Arguments**
 
     - `t`: time, s, which has no influence.
     - `y`: the state, with an attitude."""
     del t
-    # Short of zero, towards which the precession grows without bound and the steps shrink.
+    # Not at zero itself, towards which the precession grows without bound and the steps shrink.
     return disk_tilt(y.attitude) - 1e-4
 
 

@@ -50,7 +50,7 @@ from ..core.types import as_float
 
 FASTEST_DRIFT = math.atan(math.sqrt(0.5))
 """Angle, rad, at which the drift by structural damping without resonance is fastest."""
-# A bracket in which every number has its place shrinks to rounding.
+# Enough halvings for a bracket of any floating-point numbers to shrink to rounding.
 _HALVINGS = 60
 
 
@@ -204,12 +204,12 @@ class AttitudeDrift(AbstractSystem):
         tangent = jnp.tan(0.5 * start)
         cosine = jnp.cos(start)
         # x = ln of the ratio of tan(theta/2): a start on the axis needs no logarithm of zero.
-        room = -jnp.log(jnp.where(tangent > 0.0, tangent, 1.0))
-        room = jnp.where(tangent > 0.0, jnp.maximum(room, 0.0), jnp.inf)
+        limit = -jnp.log(jnp.where(tangent > 0.0, tangent, 1.0))
+        limit = jnp.where(tangent > 0.0, jnp.maximum(limit, 0.0), jnp.inf)
 
         def excess(x: Scalar) -> tuple[Scalar, Scalar]:
-            """K t of the way to x, less that of the duration, and its slope: both times cos^2 of
-            the angle there, which is zero where they are infinite."""
+            """K t at x minus K times the duration, and its slope, both times cos^2 of the angle
+            there, which is zero where they are infinite."""
             square = (tangent * jnp.exp(x)) ** 2
             moved = tangent * tangent * jnp.expm1(2.0 * x) * (1.0 + cosine)
             c = (1.0 - square) / (1.0 + square)
@@ -218,8 +218,7 @@ class AttitudeDrift(AbstractSystem):
             ratio2 = self.frequency_ratio**2
             return below * c * c + a * secants, (1.0 - ratio2 * c * c) ** 2 + self.damping**2
 
-        # Halved and not by Newton's steps alone: near resonance the curve is flat, and these run
-        # away.
+        # By halving, because near resonance the curve is flat and Newton's steps alone diverge.
         def halved(_, ends):
             low, high = ends
             x = 0.5 * (low + high)
@@ -227,7 +226,7 @@ class AttitudeDrift(AbstractSystem):
             return jnp.where(above, low, x), jnp.where(above, x, high)
 
         low = jnp.where(s < 0.0, (s - r4) / log, 0.0)
-        high = jnp.where(s < 0.0, 0.0, jnp.minimum((s + r4) / log, room))
+        high = jnp.where(s < 0.0, 0.0, jnp.minimum((s + r4) / log, limit))
         ends = jax.lax.stop_gradient(jnp.broadcast_arrays(low, high))
         x = 0.5 * sum(jax.lax.fori_loop(0, _HALVINGS, halved, tuple(ends)))
         # A step of Newton's carries the derivatives of the first order, two those of the second.
@@ -235,7 +234,7 @@ class AttitudeDrift(AbstractSystem):
         for _ in range(2):
             over, slope = excess(x)
             # After a long time the distance to a right angle is below rounding.
-            x = jnp.minimum(x - over / slope, room)
+            x = jnp.minimum(x - over / slope, limit)
         return 2.0 * jnp.arctan(tangent * jnp.exp(x))
 
     def _weights(self) -> tuple[Scalar, Scalar, Scalar]:

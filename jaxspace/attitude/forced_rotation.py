@@ -105,7 +105,7 @@ def bearing_reactions(
     # The forces lie across the shaft, so that their moment, s x (a R_a + b R_b), gives the sum.
     lever = cross(moment, shaft)
     on_second = scale(1.0 / (second - first), lever - scale(first, force))
-    # What the body's own turn takes lies across the shaft, but for its rounding.
+    # The moment that the turn takes lies across the shaft, to rounding.
     drive = dot(about_O.times(alpha), shaft)
     return BearingReactions(force - on_second, on_second, drive)
 

@@ -98,9 +98,10 @@ def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scal
     stiffness = 3.0 * (along - outwards) / across
     endless = stiffness == 0.0
     rate = mean_motion * jnp.sqrt(jnp.where(endless, 1.0, stiffness))
-    # K of the complementary modulus, an input without a difference near a right angle.
+    # K by the complementary modulus, which near a right angle is computed without a difference.
     period = 4.0 * complete_elliptic(jnp.cos(amplitude) ** 2) / rate
-    # Last, so that the derivatives are those of the constant, and not infinity times zero.
+    # The infinite values are set last, so that their derivatives are zero and not infinity times
+    # zero.
     return jnp.where(endless, jnp.inf, period)
 
 

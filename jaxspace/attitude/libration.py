@@ -80,7 +80,7 @@ def libration_is_stable(k1: Scalar, k3: Scalar) -> Flag:
     it is false: there a mode does not swing, or two coincide and grow slowly.
     """
     product = k1 * k3
-    # The flag below refuses a negative product; here it must only not make NaN.
+    # The flag below is false for a negative product, of which the root here must not be NaN.
     root = jnp.sqrt(jnp.maximum(product, 0.0))
     return (k1 > k3) & (product > 0.0) & (1.0 + 3.0 * k1 + product > 4.0 * root)
 

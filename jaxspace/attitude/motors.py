@@ -35,7 +35,7 @@ class ConstantTorque(AbstractMotor):
 
     drive: NumberField = quantity("N m", key="torque", doc="on every wheel")
     until: OptionalNumberField = quantity(
-        "s", optional=True, doc="time at which the motor stops; never where it is left out"
+        "s", optional=True, doc="time at which the motor stops; without it the motor never stops"
     )
 
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
@@ -63,7 +63,8 @@ class PointingControl(AbstractMotor):
         del t, speed
         target = Quaternion(with_rank(self.target, y.omega.ndim - 1)).normalised()
         error = target.inverse().then(y.attitude).wxyz
-        # Of both quaternions of one attitude the nearer: the body turns the short way.
+        # Of the two quaternions of an attitude the nearer one, so that the body turns the short
+        # way.
         sign = jnp.where(error[0] < 0.0, -1.0, 1.0)
         demand = -2.0 * self.stiffness * sign * error[1:] - self.damping * y.omega
         return -wheel_torques(axes, demand)
@@ -77,8 +78,8 @@ def wheel_torques(axes: Array, torque: Vector) -> Array:
     - `axes`: of three wheels or more, of length one, as columns, (3, wheels, *runs).
     - `torque`: N m, in body axes, (3, *runs).
 
-    **Returns** the torques, N m, (wheels, *runs). On the body act those that are opposite to the
-    torques on the wheels."""
+    **Returns** the torques, N m, (wheels, *runs). The torques on the body are opposite to those on
+    the wheels."""
     gram = jnp.sum(axes[:, None] * axes[None, :], axis=2)
     return along_axes(axes, solve3(gram, with_rank(torque, gram.ndim - 2)))
 

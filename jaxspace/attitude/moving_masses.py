@@ -42,7 +42,7 @@ class ParticleEquations(NamedTuple):
     """The terms of the moment about the origin, N m, and the force, N, each (3, *runs).
 
     `inertia_rate`, [J'] omega, and `jet_damping`, its part by the masses with the opposite sign,
-    are not among the terms of the sum: they stand in the form 7.11-12."""
+    are not terms of the sum: they belong to the form 7.11-12."""
 
     moment: Vector
     force: Vector
@@ -123,8 +123,8 @@ def particle_equations(
 class MovingMasses(AbstractEffect):
     """Point masses that move in a body on given paths.
 
-    The mass of the body is that of all; its inertia that of the rest, without the masses, about the
-    mass centre of the rest, from which the paths count."""
+    The body's mass includes the moving masses. Its inertia is that of the rest, without them, about
+    the mass centre of the rest, which is also the origin of the paths."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
@@ -140,13 +140,13 @@ class MovingMasses(AbstractEffect):
         """Contributions of the masses to the inertia, kg m^2, and h, kg m^2/s, at the time `t`, s,
         in a body of the mass `all_mass`, kg, with `rank` axes of runs."""
         t = jnp.asarray(t, float) if not isinstance(t, jax.Array) else t
-        # By the derivative of the path, so that places and velocities cannot disagree.
+        # Velocities are derivatives of the path, so that they cannot disagree with the places.
         places, velocities = jax.jvp(self.path, (t,), (jnp.ones_like(t),))
         places, velocities = (with_rank(x, rank, axes=2) for x in (places, velocities))
         mass = with_rank(self.mass, rank)
         first, flow = jnp.sum(mass * places, axis=1), jnp.sum(mass * velocities, axis=1)
         one = with_rank(jnp.eye(3, dtype=places.dtype), rank, axes=2)
-        # Less the part of the common mass centre, which the masses move.
+        # Minus the part of the common mass centre, which moves with the masses.
         square = jnp.sum(mass * dot(places, places), axis=0) - dot(first, first) / all_mass
         outer = jnp.sum(mass * places[:, None] * places[None, :], axis=2)
         outer = outer - first[:, None] * first[None, :] / all_mass

@@ -46,8 +46,8 @@ class Nutation(eqx.Module):
     """One nutation of a top between its two turning circles.
 
     - `N`, 1/s, and `beta`, 1/s^2: constants of the equations above.
-    - `alpha_up` = alpha - beta and `alpha_down` = alpha + beta, 1/s^2: what alpha - beta u is where
-      the axis points up and down.
+    - `alpha_up` = alpha - beta and `alpha_down` = alpha + beta, 1/s^2: the values of alpha - beta u
+      where the axis points up and down.
     - `gamma_up` = gamma - N and `gamma_down` = gamma + N, 1/s, likewise.
     - `start`: a place on the way.
 
@@ -103,7 +103,7 @@ class Nutation(eqx.Module):
         none. Infinite with the period, unless the spin is zero."""
         roots = self._roots()
         ever = self._means(roots)[2]
-        # A body that creeps up without spin keeps its plane, and does not turn for ever.
+        # A body that approaches the vertical without spin stays in its plane: the angle is finite.
         endless = self._sign() * jnp.where(self.N == 0.0, 0.0, jnp.copysign(jnp.inf, self.N))
         return jnp.where(ever, endless, self._precession(roots))
 
@@ -114,7 +114,8 @@ class Nutation(eqx.Module):
         roots = self._roots()
         total, product, ever = self._means(roots)
         rate = 0.25 * self._precession(roots) / complete_first(total, product)
-        # The mean of an endless motion is that of its end, where nearly all of the time is spent.
+        # In a motion of infinite period the mean is the rate at its end, where nearly all of the
+        # time is spent.
         return jnp.where(ever, 0.5 * self._sign() * self.N, rate)
 
     @property

@@ -20,8 +20,8 @@
 Source: Thomson 7.11, Problem 12 (r0 along x, u along z; with the signs corrected), in the momenta
 of Lagrange's equations: the state holds p and not z', so that its rate holds no acceleration of the
 body, and the momentum of all is conserved to the rounding of the run.
-A thrust pushes the body and not the damper, which therefore falls back by m0 F/(m k) along it, and
-moves the mass centre off the line of F. Gravity pushes both alike.
+A thrust pushes the body and not the damper: the damper falls back by m0 F/(m k) and moves the mass
+centre off the line of F. Gravity pushes both alike.
 """
 
 __all__ = ["DamperMotion"]
@@ -162,7 +162,7 @@ class NutationDamper(AbstractEffect):
         _, _, b = self._lines(0)
         omega = spin * axis(2, spin)
         at = jnp.stack([*omega, 0.0 * spin, dot(b, omega)])
-        # Of the equations that are integrated, so that the modes cannot disagree with the motion.
+        # From the equations that are integrated, so that the modes cannot disagree with the motion.
         result = jnp.linalg.eigvals(jax.jacfwd(field)(at))
         return jnp.real(result), jnp.imag(result)
 

@@ -1,4 +1,4 @@
-"""Numbers of interest of a body that turns: its spin, its cone, its error of attitude.
+"""Outputs of a rotating body: its spin, its cone angle, its error of attitude.
 
     q = q_0 q_e,   phi = e theta,   theta = 2 atan2(|u_e|, |w_e|)       q_e = (w_e, u_e)
 
@@ -138,7 +138,8 @@ def _turn_from(nominal: Any, attitude: Quaternion) -> Quaternion:
 def _angular_momentum_B(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Vector:
     """Angular momentum about the centre of mass, kg m^2/s, in body axes."""
     if isinstance(body, BurningBody):
-        # What was let go may leave less than the dry mass, but no propellant of negative mass.
+        # Less than the dry mass may remain after a release, but never a negative mass of
+        # propellant.
         mass = body.dry_mass if mass is None else jnp.maximum(mass, body.dry_mass)
     return body.inertia(mass).times(omega)
 

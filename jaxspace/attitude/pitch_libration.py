@@ -50,12 +50,12 @@ def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: 
     along, across, outwards = moments
     square = 3.0 * mean_motion * mean_motion * (along - outwards) / across
     s, c = jnp.sin(amplitude), jnp.cos(amplitude)
-    # The difference is what decides near a right angle, and is formed without one.
+    # Near a right angle the difference decides: it is computed without cancellation.
     upright = square >= 0.0
     x = jnp.where(upright, square, 0.0)
     t, x, s, c = jnp.broadcast_arrays(t, x, s, c)
     result = jacobi(t, x, x * s * s, x * c * c)
-    # Each half period that was taken off turns the sign of cn.
+    # Each half period that was subtracted changes the sign of cn.
     cn = result.c * (1.0 - 2.0 * jnp.mod(jnp.abs(result.half_periods), 2.0))
     return jnp.where(upright, jnp.arctan2(s * cn, c), jnp.nan)
 
@@ -88,6 +88,7 @@ class EllipticLibration(AbstractSystem):
         return LibrationState(y.pitch_rate, pull * turning, rate)
 
     def invariants(self, t: Scalar, y: LibrationState) -> dict[str, Array]:
-        # Of a circle alone there is one, and of an orbit that is one to rounding it drifts.
+        # Only a circle has an invariant, and on an orbit that is circular to rounding it would
+        # drift.
         del t, y
         return {}

@@ -11,17 +11,17 @@ the separatrix: an infinite period, and N is the rate of the exponential approac
 the intermediate axis.
 
     symbol    meaning                                             unit
-    A, B, C   principal moments of inertia, in falling order  kg m^2
+    A, B, C   principal moments of inertia, in falling order      kg m^2
     T         kinetic energy                                      J
     h         angular momentum                                    kg m^2/s
     N         argument of the elliptic functions per second       1/s
     k         their modulus                                       1
     2T/h      distance of the invariable plane from the centre    rad/s
 
-Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability). No difference
-above is formed from T and h: 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2, and its like.
-Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion itself
-does.
+Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability). The differences
+above are not formed from T and h, but as 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2 and
+likewise. Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion
+itself does.
 """
 
 __all__ = ["Polhode"]
@@ -65,7 +65,7 @@ class Polhode(eqx.Module):
         """The polhode through `omega`, rad/s, in a body with the principal `moments`, kg m^2, in
         any order.
 
-        Raises `InputError` for a moment of zero: the spin of a rod is no point of a polhode."""
+        Raises `InputError` for a moment of zero: the spin of a rod is not on a polhode."""
         if is_concrete(moments):
             check(np.asarray(moments) > 0.0, "Polhode.of: moments", moments, "positive")
         moments = jnp.stack(

@@ -64,7 +64,7 @@ def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
     Where p_k^2 is zero their slopes follow the rule of ends of `end_sqrt`.
     """
 
-    # By argument and not by closure: the rule of ends takes its slopes from what is passed.
+    # Arguments and no closure, because the rule of ends takes its slopes from the arguments.
     def stable(*x):
         return jnp.maximum(spin_stiffness(jnp.stack(x[:3]), x[3]), 0.0)
 
@@ -139,6 +139,6 @@ def invariable_plane(inertia: AbstractInertia, y: BodyState) -> InvariablePlane:
     attitude, omega = attitude_and_omega(y)
     normal_B = unit(inertia.times(omega))
     distance = dot(omega, normal_B)
-    # As products, in the body: near a principal axis the difference has no digits of it.
+    # As products, in body axes: near a principal axis the difference would lose its digits.
     contact = attitude.rotate(cross(normal_B, cross(omega, normal_B)))
     return InvariablePlane(attitude.rotate(normal_B), distance, contact)

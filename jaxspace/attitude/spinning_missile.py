@@ -57,7 +57,7 @@ def principal_tilt(inertia: AbstractInertia) -> Complex:
     nearest = jnp.argmax(jnp.abs(axes[2]), axis=0)
     along = jnp.take_along_axis(axes, nearest[None, None], axis=1)[:, 0]
     moment = jnp.take_along_axis(moments, nearest[None], axis=0)[0]
-    # An axis has no direction: of both unit vectors the one on the side of z.
+    # An axis has two unit vectors: the one on the side of z is taken.
     return tilt_of_axis(
         _refined(inertia.matrix(), moment, jnp.where(along[2] < 0.0, -along, along))
     )
@@ -67,7 +67,7 @@ def _refined(tensor: Matrix, moment: Scalar, s: Array) -> Array:
     """The principal axis `s` of the `moment`, nearer to z than the others, with all digits of a
     small tilt."""
     # Its components across z by those of the tensor: an eigenvector has absolute errors only.
-    # With moments that are all but equal there is no more to gain.
+    # With nearly equal moments it cannot be improved.
     a = tensor[0, 0] - moment
     b = tensor[0, 1]
     c = tensor[1, 1] - moment

@@ -1,5 +1,5 @@
-"""Masses that swing out from a spinning body: on cords that are unwound and hinged to the drum, and
-on arms that lie along the spin axis at first.
+"""Masses that swing out from a spinning body: on unwound cords hinged to the drum, or on arms that
+first lie along the spin axis.
 
     (I + m R^2) w' + m R l cos(g) q' = m R l q^2 sin(g)            cords, q = w + g'
     R cos(g) w' + l q' = -R w^2 sin(g)
@@ -199,7 +199,7 @@ class SwingOutArms(AbstractSystem):
         weights = jnp.asarray(0.5 * _WEIGHTS, theta.dtype).reshape(places.shape)
         # theta = u^2: the rate starts as the root of the angle.
         start = theta == 0.0
-        # At rest on the axis nothing moves: any angle serves the mean, whose factor is zero.
+        # At rest on the axis nothing moves: the mean has a factor of zero, and any angle serves.
         u = places * jnp.sqrt(jnp.where(start, 1.0, theta))
         mean = jnp.sum(weights * 2.0 * u / self.angle_rate(u * u, w0), axis=0)
         return end_sqrt(lambda x: x, theta) * mean

@@ -29,9 +29,9 @@ and where |M| > sqrt(xy), b passes to the pole M* = xy/M, with q = b' - i rho b:
 
 Source: Klein and Sommerfeld, Theorie des Kreisels, VI (a and b as quotients of theta functions);
 Whittaker and Watson 20.6 (u(t) from any start); Thomson 5.13. A motion from any start needs no
-phase: neither an inverse function nor a turning circle is needed. D and p are sums of what is
-not negative, and no formula divides by sin(theta): nothing is singular at the vertical, on the
-separatrix or at a steady precession. A top that hangs is seen upside down.
+phase, and so neither an inverse function nor a turning circle. D and p are sums of non-negative
+terms, and no formula divides by sin(theta): nothing is singular at the vertical, on the separatrix
+or at a steady precession. A top that hangs is seen upside down.
 """
 
 __all__ = ["TopMotion"]
@@ -59,8 +59,8 @@ class TopMotion(AbstractClosedForm):
     and the `weight_moment` W l, N m.
 
     It holds for every start and any time: steady, cusped or looping, upright, hanging, through the
-    vertical and on the separatrix. Against 18 digits the state is right to some 1e-14 in units of
-    its turns, and its first derivatives to the same of their size."""
+    vertical and on the separatrix. Compared with 18 digits the state is right to about 1e-14 in
+    units of its turns, and its first derivatives to a relative 1e-14."""
 
     transverse_inertia: Float[Array, "*#runs"]
     axial_inertia: Float[Array, "*#runs"]
@@ -91,8 +91,8 @@ class TopMotion(AbstractClosedForm):
         q = jnp.where(hangs, lowered(q), q)
         # Of unit length to rounding, times the length at the start.
         q = q * jnp.sqrt(attitude.norm_squared / jnp.sum(q * q, axis=0))
-        # There and back again through a and b is the same to rounding only; the derivatives by the
-        # time are those of the motion.
+        # For a duration of zero the start itself is returned, which the way through a and b gives
+        # to rounding only; the derivatives by the time are those of the motion.
         still = jnp.asarray(duration) == 0.0
         q = _valued(jnp.where(still, attitude.wxyz, q), q)
         across = _valued(jnp.where(still, omega[:2], across), across)

@@ -1,5 +1,5 @@
-"""Relatives of the top: bodies whose spin axis is turned, held by springs, an arm or a string. One
-on a shaft is in `_shaft_pendulum.py`.
+"""Relatives of the top: spinning bodies whose axis turns, held by springs, an arm or a string. The
+body on a shaft is in `_shaft_pendulum.py`.
 
     A^2 w^4 - [A (K1 + K2) + H^2] w^2 + K1 K2 = 0                   flywheel on springs
     F = W sin(theta) + psi'^2/2 [(C/R)(1 - cos 2 theta) + (A/l) sin 2 theta]        ore crusher
@@ -124,7 +124,8 @@ def best_crusher_tilt(
         value, bend = jax.jvp(slope, (theta,), (jnp.ones_like(theta),))
         return theta - value / bend
 
-    # In the second quarter of 2 theta; between it and a right angle lies the one with weight.
+    # This root is in the second quarter of 2 theta; that with the weight lies between it and a
+    # right angle.
     theta = 0.5 * jnp.arctan2(transverse_inertia * radius, -axial_inertia * arm + 0.0 * weight)
     theta = jax.lax.fori_loop(0, 8, lambda _, x: newton(x), jax.lax.stop_gradient(theta))
     # A step more carries the first derivatives, two the second ones.
@@ -168,8 +169,8 @@ def gyro_on_a_string(
     # Zero with the runs of all arguments together, for the loop of the search.
     zero = 0.0 * lack(0.0 * as_float(theta))
     b = jax.lax.stop_gradient(increasing_root(lack, zero, 0.5 * jnp.pi + zero))
-    # Halvings have no digits to spare of a string that hangs nearly straight; and two steps carry
-    # derivatives of the second order.
+    # Of a string that hangs nearly straight the halvings leave few digits, which Newton's steps
+    # complete; two of them carry derivatives of the second order.
     b = newton(newton(b))
     tension = mass * gravity / jnp.cos(b)
     moment = tension * arm * jnp.sin(theta + b)

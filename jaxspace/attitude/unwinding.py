@@ -41,7 +41,8 @@ from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
 
 if TYPE_CHECKING:
-    # Absent only where no system reads it: for a static type checker it is there.
+    # Declared as always present for static type checkers: it is absent only where no system reads
+    # it.
     Stretch: TypeAlias = Any
 else:
     Stretch: TypeAlias = Float[Array, "*#runs"] | None
@@ -77,9 +78,9 @@ class UnwindingCords(AbstractSystem):
         return self.axial_inertia / (self.mass * self.radius * self.radius) + 1.0
 
     @staticmethod
-    @constructor(spin=argument("rad/s", doc="w_0, before the masses are let off"))
+    @constructor(spin=argument("rad/s", doc="w_0, before the masses are released"))
     def state(spin: Scalar) -> CordState:
-        """The state as the masses are let off, at the `spin` w_0, rad/s."""
+        """The state at the release of the masses, at the `spin` w_0, rad/s."""
         spin = as_float(spin)
         # phi' = w_0 from the first moment: the one motion that is regular at phi = 0.
         return CordState(spin, 0.0 * spin, spin)
@@ -150,7 +151,7 @@ class StretchingCords(AbstractSystem):
 
         **Arguments**
 
-        - `spin`: w_0, rad/s, before the masses were let off, (*runs,).
+        - `spin`: w_0, rad/s, before the masses were released, (*runs,).
         - `angle`: phi, rad, (*runs,), above zero: at zero the equations are singular."""
         rigid = UnwindingCords(self.axial_inertia, self.radius, self.mass)
         spin, angle = as_float(spin), as_float(angle)

@@ -91,9 +91,9 @@ class ReactionWheels(AbstractEffect):
     `wheels` to a state: the angular momentum of each wheel about its axis, kg m^2/s, (wheels,
     *runs). `speeds` gives their speeds.
 
-    A motor has no more than the `torque_limit`; what would raise the speed falls from there to zero
-    between the `knee` and the `speed_limit`, as on the line of a motor at constant voltage. So a
-    saturated wheel turns no faster, and can be slowed by the full torque."""
+    A motor gives at most the `torque_limit`. The torque that raises the speed falls from there to
+    zero between the `knee` and the `speed_limit`, as for a motor at constant voltage: a saturated
+    wheel turns no faster, and can be slowed by the full torque."""
 
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"angular_momentum", "axial_angular_momentum", "rotational_momentum"}
@@ -123,7 +123,7 @@ class ReactionWheels(AbstractEffect):
         high=1.0,
         strict=True,
         default=0.95,
-        doc="share of the speed limit from which the driving torque falls",
+        doc="share of the speed limit above which the driving torque falls",
     )
     motor: AbstractMotor | None = None
     part: str = eqx.field(static=True, default="wheels")
@@ -174,7 +174,8 @@ class ReactionWheels(AbstractEffect):
         return Load(
             torque_B=-jnp.sum(axes * torque, axis=1),
             parts_rate={self.part: torque},
-            # The body counts the wheels as locked: what is in their own momentum is taken off.
+            # The body's inertia counts the wheels as locked: the part that is in their own momentum
+            # is subtracted.
             inertia_B=-jnp.sum(inertia * axes[:, None] * axes[None, :], axis=2),
             momentum_B=jnp.sum(axes * y.part(self.part), axis=1),
         )

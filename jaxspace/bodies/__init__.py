@@ -1,5 +1,5 @@
-"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of
-effects, and air by its height."""
+"""Bodies with mass: inertia, mass properties, state, equations of motion, the interface of effects,
+and atmospheres."""
 
 from typing import TYPE_CHECKING
 

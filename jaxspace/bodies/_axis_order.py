@@ -1,5 +1,5 @@
-"""The principal axes of a body, in the order in which its free rotation is written: the
-intermediate moment second, and third the outer axis which the angular momentum leaves farther.
+"""The principal axes of a body, in the order in which its free rotation is written: the axis of the
+intermediate moment second, and third the outer axis from which the angular momentum stays farther.
 
 Source: `_free_rotation.py`.
 """
@@ -20,7 +20,7 @@ def axis_order(moments: Vector, omega: Vector) -> tuple[tuple[Flag, Flag], Flag]
         ((i2 - i0) * (i2 - i1) <= 0.0) & ((i0 - i1) * (i0 - i2) > 0.0),
     )
     (a, b, c), (u, v, w) = arranged(moments, middle, False), arranged(omega, middle, False)
-    # Of a sphere all three moments are equal, and any order of axes is right.
+    # For a sphere all three moments are equal, and any order of axes is right.
     share = safe_divide(b - c, a - c) * b * b * v * v
     rest = safe_divide(a - b, a - c) * b * b * v * v
     # The squares of L_1 and L_3 where the polhode crosses the plane of these two axes.

@@ -11,7 +11,7 @@
 
 Source: Thomson 5.5 (parallel axes), 7.9 (rocket with constant radii of gyration).
 
-The propellant's centre and radii of gyration are constant: right for a grain that burns evenly over
+The propellant's centre and radii of gyration are constant: exact for a grain that burns evenly over
 its length. The position of the state is the centre of mass.
 """
 
@@ -34,7 +34,7 @@ def _as_optional_inertia(x: Any) -> AbstractInertia | None:
 class AbstractBody(AbstractParameters):
     """Mass properties as functions of the mass that is left.
 
-    Shapes: masses (*runs,), vectors (3, *runs). `None` stands for what the body does not have."""
+    Shapes: masses (*runs,), vectors (3, *runs). `None` means that the body has no such property."""
 
     @abstractmethod
     def constant_mass(self) -> Scalar | None:
@@ -45,7 +45,7 @@ class AbstractBody(AbstractParameters):
         """The mass, kg, at the start of a flight; `None` when it is unknown."""
 
     def least_mass(self) -> Scalar | None:
-        """The mass, kg, below which nothing is left to burn; `None` where there is no such."""
+        """The mass, kg, below which nothing is left to burn; `None` if there is none."""
         return None
 
     @abstractmethod
@@ -101,7 +101,7 @@ class RigidBody(AbstractBody):
         return self.moment_of_inertia
 
     def inertia_per_mass(self, mass: Scalar) -> Vector:
-        # With the runs of the mass, because the caller multiplies it by components.
+        # With the axes of runs of the mass, because the caller multiplies it by components.
         return 0.0 * axis(0, mass)
 
     def centre_of_mass(self, mass: Scalar | None) -> Vector | float:

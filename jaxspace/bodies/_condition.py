@@ -1,4 +1,4 @@
-"""Conditions with parameters, on which a phase of a mission may end."""
+"""Conditions with parameters, at which a phase of a mission may end."""
 
 from abc import abstractmethod
 
@@ -9,8 +9,8 @@ from .state import BodyState
 
 
 class AbstractCondition(AbstractParameters):
-    """A condition whose zero ends a phase: of an `Event`, and in scene files. A concrete one is
-    final. One without parameters is a function, declared by `core.event`.
+    """A condition whose zero ends a phase, for an `Event` and in scene files. A concrete one is
+    final. A condition without parameters is a function, declared by `core.event`.
 
     - `direction`: 1 for a rise, -1 for a fall, 0 for both.
     - `needs`: the parts of the state that it reads."""

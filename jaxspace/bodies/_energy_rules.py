@@ -1,5 +1,5 @@
-"""Derivatives of the free rotation by what it conserves, in the letters of `_free_rotation`:
-where the formulas have differences of terms that grow, these lose no digits.
+"""Derivatives of the free rotation from its conserved quantities, in the letters of
+`_free_rotation`: they lose no digits where the formulas have differences of growing terms.
 
     L(t) . delta omega(t) + omega(t) . delta I omega(t)/2 = the same at the start        energy
     L(t) . theta = t L . delta omega                                                     about h
@@ -25,8 +25,8 @@ def _direction(moments: Vector, omega: Vector) -> tuple[Vector, Scalar]:
 
 @jax.custom_jvp
 def of_equal_energy(later: Vector, moments: Vector, omega: Vector) -> Vector:
-    """`later`, whose derivative along L is that by which T stays: I omega . delta omega + omega .
-    delta I omega / 2 is the same at both times."""
+    """`later`, with the derivative along L that conserves T: I omega . delta omega + omega . delta
+    I omega / 2 is the same at both times."""
     return later
 
 
@@ -39,7 +39,7 @@ def _of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]
         along, inverse = _direction(moments, omega)
         return dot(along, of_omega) + 0.5 * dot(omega * inverse, of_moments * omega)
 
-    # The formula has it as a difference of terms that grow like 1/tilt.
+    # In the formula it is a difference of terms that grow like 1/tilt.
     missing = change(omega, of_omega) - change(later, of_later)
     along = _direction(moments, later)[0]
     return of_equal_energy(*primals), of_later + missing * along
@@ -50,7 +50,7 @@ def by_energy(
     chi: Scalar, duration: Scalar, omega: Vector, later: Vector, start: Vector, end: Vector
 ) -> Scalar:
     """`chi`, with the derivative by which L(t) . theta = t L . delta omega; `start` and `end` are
-    L. The formula has it as a difference of terms that grow with every flip."""
+    L. In the formula it is a difference of terms that grow with every flip."""
     return chi
 
 

@@ -1,4 +1,4 @@
-"""The rotation of a body without torque, as a closed form that systems offer."""
+"""The rotation of a body without torque, as the closed form of systems."""
 
 from typing import final
 
@@ -17,5 +17,5 @@ class FreeRotation(AbstractClosedForm):
     def flow(self, duration: Scalar, y: BodyState) -> BodyState:
         assert y.attitude is not None and y.omega is not None
         turn, omega = free_turn(duration, self.inertia, y.omega)
-        # `then` gives the attitude the runs of the turn, where only the body carries runs.
+        # `then` gives the attitude the runs of the turn, also where only the body has runs.
         return BodyState(attitude=y.attitude.then(turn), omega=omega)

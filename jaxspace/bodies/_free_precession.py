@@ -20,7 +20,8 @@ from ..core.safe import safe_atan2
 
 
 class ArrangedBody(NamedTuple):
-    """A body and its start, principal axes arranged: I_i, omega, and x, y, x - y."""
+    """A body and its initial state along the arranged principal axes: I_i, omega, and x, y, x -
+    y."""
 
     moments: Vector
     omega: Vector
@@ -63,7 +64,7 @@ class Scaled(NamedTuple):
         c = phase.c / greater
         d = phase.d / greater
         s = phase.s * one
-        # D is a sum of what is not negative.
+        # D is a sum of non-negative terms.
         return cls(c, d, one, s, d * d - rate_products(body.moments)[2] * (body.omega[2] * s) ** 2)
 
 
@@ -96,7 +97,7 @@ def precession(
     angle = safe_atan2(imaginary * re + real * im, real * re - imaginary * im)
     rest = jnp.where(other, 1.0, -1.0)
     rate = h / jnp.where(other, i1, i3)
-    # Taken at the smaller of M and xy/M, for which the third integral is well conditioned.
+    # At the smaller of M and xy/M, for which the third integral is well conditioned.
     within = third(s, c, d, 1.0 + near * s * s, near * strength)
     whole, returns = _quarter(body, phase, near, strength)
     within, whole = barrier((within, whole), everywhere=True)
@@ -110,8 +111,8 @@ def precession(
 def _quarter(
     body: ArrangedBody, phase: Jacobi, pole: Scalar, strength: Scalar
 ) -> tuple[Scalar, Flag]:
-    """The third integral over a quarter period, rad, where the time reaches beyond it, and whether
-    it does."""
+    """The third integral over a quarter period, rad, where the duration is longer, and whether it
+    is."""
     returns = phase.half_periods != 0.0
     circled = body.difference < 0.0
     top = jnp.where(returns, jnp.where(circled, body.y, body.x), 1.0)

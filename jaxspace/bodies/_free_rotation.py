@@ -1,8 +1,8 @@
 """The free rotation of a rigid body in closed form: angular velocity and attitude, for every
 inertia and every start.
 
-Principal axes, right-handed, the second with the intermediate moment; omega stands for omega(0),
-omega(t) for what follows.
+Principal axes, right-handed, the second with the intermediate moment; omega means omega(0), and
+omega(t) its value a duration t later.
 
     omega_1' = a_1 omega_2 omega_3, ...
     a_1 = (I_2 - I_3)/I_1,     a_2 = (I_3 - I_1)/I_2,    a_3 = (I_1 - I_2)/I_3
@@ -25,7 +25,7 @@ turn back, later:
     M = (I_2 - I_3) G / (I_2 I_3^2),   rho = h/I_3 - h/I_1,   G = h^2 - 2T I_3
 
 A change of the start turns the body at t by theta, in its axes there. theta' = delta omega + theta
-x omega and L' = L x omega give (L . theta)' = L . delta omega = delta T, which stays:
+x omega and L' = L x omega give (L . theta)' = L . delta omega = delta T, which is constant:
 
     L(t) . theta = t L . delta omega
 
@@ -39,9 +39,10 @@ x omega and L' = L x omega give (L . theta)' = L . delta omega = delta T, which 
 
 Source: Thomson 5.10 to 5.12 (elliptic functions), 5.9 (precession about h); van Zon and Schofield
 (2007), J. Comput. Phys. 225, 145 (attitude by the third integral); Celledoni, Fasso, Sarstrom and
-Zanna (2008), SIAM J. Sci. Comput. 30, 2084. The third axis is the outer one which h leaves farther:
-|L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that neither z nor F loses a digit. The
-addition theorem needs no phase, and so for no inverse function and no separatrix.
+Zanna (2008), SIAM J. Sci. Comput. 30, 2084. The third axis is the outer one from which h stays
+farther: |L_3| <= h/sqrt(2) where the polhode comes nearest to it, so that neither z nor F loses a
+digit. The addition theorem needs no phase, hence no inverse function and no case for the
+separatrix.
 """
 
 from typing import Any
@@ -61,8 +62,8 @@ from ._free_precession import ArrangedBody, Scaled, angle_between, precession, r
 
 
 def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaternion, Vector]:
-    """The turn of a body without torque, and its angular velocity later. First derivatives hold
-    everywhere.
+    """The rotation of a body without torque after a duration, and its angular velocity then. First
+    derivatives are exact everywhere.
 
     **Arguments**
 
@@ -74,13 +75,13 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     after the duration, rad/s, (3, *runs).
 
     Near the turn about the intermediate axis, which flips again and again, the result is right to
-    1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller one counts as none. What
-    the rounding of the inputs does to the result is lost however it is computed: over 1e4 flips
-    some 1e-10 where the tilt is 0.1, and 1e-8 where it is 1e-100.
+    1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller one counts as none. The
+    rounding of the inputs alone changes the result over 1e4 flips by about 1e-10 for a tilt of 0.1,
+    and by 1e-8 for one of 1e-100.
 
     The derivative by the tilt is of the size 1/tilt during a flip, because the tilt moves the flip
-    in time, and of order one where the spin rests between two. All derivatives keep their digits in
-    both places."""
+    in time, and of order one where the spin rests between two. The derivatives keep their digits in
+    both cases."""
     runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
     moments, omega = (
         jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
@@ -95,8 +96,8 @@ def _rotated(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaterni
 
 
 def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    """By the start and the duration, with the angle about h from the identity of the module's
-    docstring; by the moments, whose formula loses nothing."""
+    """By the initial state and the duration, with the angle about h from the identity of the
+    module's docstring; by the moments through the formula itself, which loses no digits."""
     duration, moments, omega = primals
     of_duration, of_moments, of_omega = (
         None if isinstance(x, SymbolicZero) else x for x in tangents
@@ -127,8 +128,8 @@ _rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
 def _formula(
     duration: Scalar, moments: Vector, omega: Vector, *, moments_stay: bool
 ) -> tuple[Quaternion, Vector]:
-    """R and omega(t), as the module's docstring writes them. Where `moments_stay`, their
-    derivatives are those of given moments, and keep all digits."""
+    """R and omega(t), as the module's docstring writes them. Where `moments_stay`, the derivatives
+    are those for given moments, and keep all digits."""
     middle, mirrored = axis_order(moments, omega)
     # The exchange of two axes is a reflection, under which an angular velocity changes its sign.
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)
@@ -140,7 +141,7 @@ def _formula(
     phase = barrier(jacobi(duration, body.x, body.y, body.difference), everywhere=True)
     scaled = barrier(Scaled.of(body, phase), everywhere=True)
     within = barrier(_omega_within(body, scaled), everywhere=True)
-    # A half period turns two components about: which two, the side of the separatrix decides.
+    # A half period reverses two components: the side of the separatrix decides which.
     odd, circled = phase.half_periods % 2.0 != 0.0, body.difference < 0.0
     later = jnp.where(jnp.stack([odd & circled, odd, odd & ~circled]), -within, within)
     later = of_equal_energy(later, body.moments, body.omega)
@@ -158,7 +159,7 @@ def _omega_within(body: ArrangedBody, scaled: Scaled) -> Vector:
     (a1, a2, a3) = rate_coefficients(body.moments)
     (w1, w2, w3) = body.omega
     c, d, one, s, below = scaled
-    # In this order no product leaves the range: w3 s and w1 one are of order one by themselves.
+    # In this order no product leaves the range: w3 s and w1 one are each of order one.
     first = w1 * one * d + a1 * w2 * (w3 * s) * c
     second = w2 * (c * d) + a2 * (w3 * s) * (w1 * one)
     return jnp.stack([first, second, w3 * one * c + a3 * w2 * (w1 * s) * d]) / below
@@ -174,9 +175,10 @@ def _turn(
     unused: Flag,
     moments_stay: bool,
 ) -> Quaternion:
-    """R. Where it is `unused`, of a body that turns about an arbitrary axis."""
+    """R. Where the result is `unused`, that of a body that turns about an arbitrary axis."""
     i = body.moments
-    # A slow body has no direction of h: a given one keeps the unused branch finite.
+    # For a slow body the direction of h is undefined: an arbitrary one keeps the unused branch
+    # finite.
     stand_in = jnp.asarray([0.6, 0.0, 0.8], i.dtype).reshape(3, *(1,) * (i.ndim - 1))
     start, end, reached = (jnp.where(unused, stand_in, i * w) for w in (body.omega, later, reached))
     h = norm(start)
@@ -197,8 +199,8 @@ def _turn(
 
 
 def _slow(body: ArrangedBody, duration: Scalar) -> Flag:
-    """Whether the body turns through less than some 0.003 rad: there the direction of h has no
-    digits to differentiate."""
+    """Whether the body turns through less than about 0.003 rad, where derivatives of the direction
+    of h lose their digits."""
     i, w = body.moments, body.omega
     return dot(i * w, w) / jnp.min(i, axis=0) * duration * duration < 1e-5
 

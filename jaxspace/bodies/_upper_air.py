@@ -2,8 +2,8 @@
 
 The nodes are the solution of the standard's equations for six gases (Eqs. 32 to 41: diffusion of
 nitrogen, oxygen, argon, helium and hydrogen, with eddies below 115 km), integrated in steps of
-5 m. The helium is raised by 0.12 percent, which brings the printed table within its last digit up
-to 1000 km. More nodes stand at 100 and 110 km, where its coefficients have kinks.
+5 m. The helium is raised by 0.12 percent, which reproduces the printed table within its last digit
+up to 1000 km. Nodes are denser at 100 and 110 km, where its coefficients have kinks.
 
 Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), 1.3.
 """
@@ -42,7 +42,7 @@ _MOLAR_MASS_SLOPES = (-4.1312e-3, -2.95301e-3)
 
 @final
 class Climb:
-    """A cubic spline of the height as a sum: each interval adds what changes in it."""
+    """A cubic spline of the height as a sum: each interval adds its change."""
 
     def __init__(
         self, nodes: np.ndarray, values: np.ndarray, slopes: tuple[float, float], beyond: float
@@ -85,7 +85,7 @@ class Climb:
 # By the height above 86 km, km: the changes of ln rho and of the molar mass, kg/kmol.
 _ABOVE = _NODES[:, 0] - 86.0
 LOG_DENSITY = Climb(_ABOVE, np.log(_NODES[:, 1]), _DENSITY_SLOPES, _DENSITY_SLOPES[1])
-# Held constant, because a linear molar mass would become negative.
+# Constant beyond the last node, because a linear molar mass would become negative.
 MOLAR_MASS_CHANGE = Climb(_ABOVE, _NODES[:, 2], _MOLAR_MASS_SLOPES, 0.0)
 
 # Table 8: 1 - M / M_0 from 80 to 86 km.

@@ -1,4 +1,4 @@
-"""Air by height: the interface of an atmosphere, and one whose density falls exponentially.
+"""Atmospheres as functions of height: the interface, and one whose density falls exponentially.
 
     rho(h) = rho_0 exp(-(h - h_0) / H)
     p = rho g_0 H,   T = g_0 H / R_air,   c = sqrt(gamma g_0 H)     isothermal air in equilibrium
@@ -114,7 +114,7 @@ class ExponentialAtmosphere(AbstractAtmosphere):
 
     def air_at(self, height: Scalar) -> Air:
         density = self.density_at(height)
-        # The pressure carries the weight of the air above: that of one scale height.
+        # The pressure is the weight of the air above: that of one scale height.
         per_mass = GRAVITY * self.scale_height + 0.0 * density
         temperature = per_mass * MOLAR_MASS / GAS_CONSTANT
         return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))

@@ -37,9 +37,9 @@ class Load(eqx.Module):
     - `torque_B`, N m: about the centre of mass, in body axes.
     - `mass_rate`, kg/s: negative when mass leaves.
     - `parts_rate`: rates of the state's extra parts, by name.
-    - `inertia_B`, kg m^2, (3, 3, *runs): what moving parts add to the inertia of the body.
-    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, beside what turns with
-      the body. Their torque is that of the changes in body axes, without omega x momentum."""
+    - `inertia_B`, kg m^2, (3, 3, *runs): contribution of moving parts to the inertia of the body.
+    - `momentum_B`, kg m^2/s: angular momentum of moving parts in body axes, beyond that of turning
+      with the body. Their torque is that of the changes in body axes, without omega x momentum."""
 
     acceleration_N: Vector | None = None
     force_N: Vector | None = None
@@ -53,15 +53,16 @@ class Load(eqx.Module):
 class AbstractEffect(AbstractParameters):
     """Something that acts on a body. A concrete effect is final.
 
-    What it reads and adds is read off its load, which a scene traces in states that hold some of
-    their parts: a part that is `None` there may be absent, and one that raises may not.
+    A scene learns what an effect reads and adds by tracing its load in states without some of their
+    parts: a part whose absence (`None`) the load accepts is optional, and one whose absence raises
+    is required.
 
-    - `keeps`: what motion under it alone conserves, of "energy", "angular_momentum" (of the orbit,
-      all components), "axial_angular_momentum" (its z component), "rotational_momentum" (of the
-      body and its moving parts: of effects whose torques are internal); by default nothing. It is
-      declared, because no trace shows it."""
+    - `keeps`: the quantities that motion under it alone conserves, of "energy", "angular_momentum"
+      (of the orbit, all components), "axial_angular_momentum" (its z component),
+      "rotational_momentum" (of the body and its moving parts: of effects whose torques are
+      internal); by default none. They are declared, because tracing does not show them."""
 
-    # Without an annotation it is no field of the class, and a subclass may make it one.
+    # Without an annotation it is not a field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
 
     @abstractmethod
@@ -74,14 +75,14 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
-        """The rate of the state as a guide leaves it, from the `rate` under all loads: a rail holds
-        a body on its line. By default nothing is held, and nothing costs."""
+        """The rate of the state under a constraint, from the `rate` under all loads: a rail holds a
+        body on its line. By default there is no constraint, which costs nothing."""
         del t, y
         return rate
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State] | None:
-        """The extra parts of the state that this effect integrates, by name, as they start; `None`
-        if it has none.
+        """The initial values of the extra parts of the state that this effect integrates, by name;
+        `None` if it has none.
 
         **Arguments**
 
@@ -102,7 +103,7 @@ class AbstractEffect(AbstractParameters):
         **Arguments**
 
         - `rest`: a system of position and velocity whose accelerations perturb the motion."""
-        # Absent by default: a new effect is correct without them, only slower.
+        # Absent by default: an effect is correct without them, only slower.
         del rest
         return None
 
@@ -111,18 +112,17 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def switches(self) -> dict[str, str]:
-        """The parts of the state by which the load jumps, as of a system
-        (`AbstractSystem.switches`)."""
+        """The parts of the state at whose changes the load jumps (`AbstractSystem.switches`)."""
         return {}
 
     def ground(self) -> Scalar | None:
-        """Radius, m, of the sphere about the origin above which the effect is meant: a run that
-        passes below it gets a warning. Zero where the effect goes on inside of its planet; `None`,
-        the default, without a warning."""
+        """Radius, m, of the sphere about the origin above which the effect is valid: a run that
+        passes below it gets a warning. Zero for an effect that is valid inside its planet; `None`,
+        the default, for no warning."""
         return None
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
-        """Whether the state lies outside of what the effect describes, such as a table, for each
+        """Whether the state lies outside the range of the effect, such as that of a table, for each
         run; `None`, the default, where every state is inside (`AbstractSystem.outside`)."""
         del t, y, body
         return None
@@ -141,7 +141,7 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
 
     **Arguments**
 
-    - `y`: the state; parts that it holds already stay as they are.
+    - `y`: the state; parts that it already holds are left unchanged.
     - `effects`, `body`: of the scene.
 
     **Raises** `InputError` where two effects integrate a part of the same name."""
@@ -156,5 +156,5 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
             result[name] = part
     if not result:
         return y
-    # Parts in the state stay: a phase continues with the parts of the one before.
+    # Parts in the state are left unchanged: a phase continues with those of the previous phase.
     return dataclasses.replace(y, parts={**result, **(y.parts or {})})

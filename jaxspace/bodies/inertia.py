@@ -9,8 +9,8 @@
              minus the product of inertia, -int xy dm
     h        angular momentum                            kg m^2/s
 
-A slender rod has no moment about its axis: one principal moment may be zero. There is nothing that
-a torque about this axis could turn; the rate about it stays what it is.
+A slender rod has no moment about its axis: one principal moment may be zero. A torque about this
+axis has nothing to accelerate, and the rate about it is constant.
 
 Source: Thomson 5.3 (tensor), 5.5 (parallel axes), 7.1, 7.10 (slender body).
 """
@@ -39,7 +39,7 @@ class AbstractInertia(AbstractParameters):
     def times(self, omega: Vector) -> Vector:
         """Angular momentum h = J omega, kg m^2/s, from omega, rad/s, (3, *runs).
 
-        The runs of the body and of omega broadcast; here, in `solve` and in `plus_diagonal`."""
+        The runs of the body and of omega broadcast, as in `solve` and `plus_diagonal`."""
 
     @abstractmethod
     def solve(self, h: Vector) -> Vector:
@@ -58,9 +58,9 @@ class AbstractInertia(AbstractParameters):
 class PrincipalInertia(AbstractInertia):
     """Inertia in principal axes.
 
-    One moment may be zero, that of a slender rod about its axis; the other two are then equal. No
-    torque changes its rate about the axis, which stays. Derivatives by the moments of a rod hold
-    where these two stay equal.
+    One moment may be zero, that of a slender rod about its axis; the other two are then equal. Its
+    rate about the axis is constant under any torque. Derivatives by the moments of a rod are valid
+    while these two remain equal.
 
     Raises `InputError` when a moment exceeds the sum of the other two, which no body allows, and
     when more than one is zero: a point does not turn."""

@@ -54,7 +54,7 @@ from .principal_axes import principal_axes
 class MassProperties(eqx.Module):
     """Mass, centre of mass and inertia of a part or of a whole body, in one set of axes.
 
-    - `mass`: kg, (*runs,); that of a hole is negative, and so is its tensor.
+    - `mass`: kg, (*runs,); negative for a hole, as is its tensor.
     - `centre`: of mass, from the origin of the axes, m, (3, *runs).
     - `tensor`: about the centre of mass, kg m^2, (3, 3, *runs). A rod or a particle, whose tensor
       is singular, may be a part too."""
@@ -65,8 +65,8 @@ class MassProperties(eqx.Module):
 
     @property
     def inertia(self) -> InertiaTensor:
-        """The inertia about the centre of mass; raises `InputError` where it is that of no body
-        which can turn about every axis."""
+        """The inertia about the centre of mass. Raises `InputError` where no body that can turn
+        about every axis has it."""
         return InertiaTensor(self.tensor)
 
     def about(self, point: Vector) -> Matrix:
@@ -88,12 +88,12 @@ class MassProperties(eqx.Module):
         return MassProperties(self.mass, attitude.rotate(self.centre), tensor)
 
     def hole(self) -> "MassProperties":
-        """This part as one to be taken away."""
+        """This part as one to be removed."""
         return MassProperties(-self.mass, self.centre, -self.tensor)
 
 
 def combined(*parts: MassProperties) -> MassProperties:
-    """The body that is made of `parts`, one or more in the same axes (Thomson 5.5).
+    """The body composed of `parts`, one or more in the same axes (Thomson 5.5).
 
     The runs of the parts broadcast. Not finite where the masses add up to zero."""
     total = reduce(jnp.add, [part.mass for part in parts])
@@ -151,7 +151,7 @@ class PivotImpact(NamedTuple):
     - `omega`: angular velocity after the impact, rad/s, (3, *runs).
     - `velocity`: of the centre of mass after it, m/s, (3, *runs).
     - `impulse`: on the body at the pivot, N s, (3, *runs).
-    - `energy_loss`: kinetic energy that is gone, J, (*runs,)."""
+    - `energy_loss`: kinetic energy dissipated, J, (*runs,)."""
 
     omega: Vector
     velocity: Vector
@@ -164,8 +164,9 @@ def pivot_impact(
 ) -> PivotImpact:
     """The motion after one point of the body is stopped and held as a pivot (Thomson 5.5-P10).
 
-    The impulse acts at the pivot, so that the angular momentum about it stays. All vectors are in
-    the axes of `inertia`, relative to the pivot's own velocity where that moves steadily.
+    The impulse acts at the pivot, so that the angular momentum about it is conserved. All vectors
+    are in the axes of `inertia`, and velocities are relative to the pivot where that moves
+    steadily.
 
     **Arguments**
 
@@ -176,8 +177,8 @@ def pivot_impact(
     - `omega`: before the impact, rad/s, (3, *runs).
 
     **Returns** omega, velocity, impulse and the loss of energy. Where the pivot is the centre of
-    mass omega stays, and where the body turned about the pivot already nothing changes. A rod that
-    is caught at a point of its own axis keeps its rate about that axis.
+    mass omega does not change, and where the body already turned about the pivot nothing changes. A
+    rod that is caught at a point of its own axis keeps its rate about that axis.
 
     **Raises** `InputError` for a tensor that is not positive definite.
     """
@@ -185,14 +186,14 @@ def pivot_impact(
     rank = max(*ranks, jnp.ndim(mass))
     arm, velocity, omega = (with_rank(x, rank) for x in (arm, velocity, omega))
     about_pivot = parallel_axes(_able_to_turn(inertia, arm), mass, arm)
-    # The pivot's velocity is what the impulse takes away: solved for the change, which is zero to
-    # rounding where the body turns about the pivot already.
+    # The impulse removes the velocity of the pivot. The unknown is the change, which is zero to
+    # rounding where the body already turns about the pivot.
     surplus = velocity - cross(omega, arm)
     change = about_pivot.solve(mass * cross(arm, surplus))
     gain = cross(change, arm) - surplus
     # velocity + gain, without the digits that cancel where the pivot is close to the centre.
     after = cross(omega + change, arm)
-    # T - T' as a sum of squares: what is lost is the energy of the change of motion.
+    # T - T' as a sum of squares: the energy lost is that of the change of motion.
     loss = kinetic_energy(inertia, change) + 0.5 * mass * dot(gain, gain)
     return PivotImpact(omega + change, after, mass * gain, loss)
 

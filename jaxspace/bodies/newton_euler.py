@@ -15,9 +15,9 @@
 
 Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass), 7.11 (moving parts).
 
-Mass that leaves takes along the momentum that it has where it burns. What it gives up on the way to
-the nozzle is the effect `JetDamping`. The motion of the centre of mass inside the body is not a
-velocity of the body.
+Mass that leaves carries the momentum that it has where it burns. The momentum that it gives up on
+the way to the nozzle is the effect `JetDamping`. The motion of the centre of mass inside the body
+does not count as a velocity of the body.
 """
 
 __all__ = ["angular_acceleration", "linear_acceleration"]
@@ -87,7 +87,7 @@ def angular_acceleration(
     tensor, added = with_rank(tensor, rank, axes=2), with_rank(added, rank, axes=2)
     whole = tensor + added
     total = with_rank(total, rank)
-    # Parts on the axis of a rod leave it without a moment: the rate about it stays.
+    # Parts on the axis of a rod leave it without a moment: the rate about it is constant.
     bare = jnp.stack([whole[k, k] == 0.0 for k in range(3)])
     stand_in = jnp.where(bare, 1.0, 0.0).astype(whole.dtype)
     return solve3(whole + diagonal(stand_in), jnp.where(bare, 0.0, total))

@@ -11,9 +11,10 @@
     u_i        velocity that springs give it, in body axes                      m/s
     E          energy of the springs                                            J
 
-Momentum stays. The kinetic energy, turning included, grows by sum m_i u_i^2 / 2, which the springs
-give. The angular momentum stays where sum m_i d_i x u_i = 0, as for two parts driven along the line
-of their centres: elsewhere a spring would turn the parts, too, which is left out.
+Momentum is conserved. The kinetic energy, that of rotation included, grows by sum m_i u_i^2 / 2,
+the energy of the springs. The angular momentum is conserved where sum m_i d_i x u_i = 0, as for two
+parts driven along the line of their centres. Otherwise a spring would also turn the parts, which is
+neglected.
 
 Source: momentum and angular momentum of rigid parts (Thomson 5.5, 5.6); two masses and a spring.
 """
@@ -54,8 +55,8 @@ class Detached(AbstractJump):
     )
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
-        """The state of the part. A state without an attitude has the axes of the body, one without
-        omega does not turn."""
+        """The state of the part. A state without an attitude is taken in the axes of the body; one
+        without omega does not turn."""
         del t
         rank = y.position.ndim - 1
         offset, kick = with_rank(self.offset, rank), with_rank(self.kick, rank)
@@ -75,7 +76,7 @@ class Detached(AbstractJump):
 
 @final
 class _AsPoint(eqx.Module):
-    """The state of a part that flies as a point (`Detached.as_point`)."""
+    """The state of a part that moves as a point (`Detached.as_point`)."""
 
     part: Detached
 
@@ -86,13 +87,13 @@ class _AsPoint(eqx.Module):
 def come_apart(
     *parts: MassProperties, kicks: Sequence[Vector] | None = None
 ) -> tuple[Detached, ...]:
-    """The parts into which a body comes apart, so that its momentum stays.
+    """The parts into which a body separates, with its momentum conserved.
 
     **Arguments**
 
     - `parts`: two or more, in the same axes; together they are the whole (`combined`).
     - `kicks`: velocities, m/s, (3, *runs) each, that springs give the parts relative to each other;
-      what they have in common is taken out. Without them the parts separate at zero speed.
+      their common part is removed. Without kicks the parts separate at zero speed.
 
     **Returns** a `Detached` for each part.
 
@@ -118,7 +119,7 @@ def come_apart(
 
 
 def spring_speed(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:
-    """Speed of two masses relative to each other, m/s, after springs between them have let go.
+    """Relative speed of two masses, m/s, after springs between them have released their energy.
 
     At zero energy the slope by the energy is infinite (the rule of ends in `core/safe.py`), those
     by the masses are zero.

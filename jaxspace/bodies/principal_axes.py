@@ -1,4 +1,5 @@
-"""Principal moments and axes, and functions of the inertia tensor, which need no choice of axes.
+"""Principal moments and axes, and functions of the inertia tensor that do not depend on a choice of
+axes.
 
     J = V diag(I) V^T,   f(J) = V diag(f(I_1), f(I_2), f(I_3)) V^T
 
@@ -40,8 +41,8 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
 
     The derivative of an axis exists only where its moment differs from the others: where two are
     equal to rounding, those of their axes are not finite, in both modes, while the third axis has
-    its own. Of equal moments the sum has the right derivative, each one alone that along the axis
-    which happens to be returned. Functions that do not depend on the choice of axes have
+    its own. For equal moments the derivative of their sum is right, and that of each one is along
+    the axis that happens to be returned. Functions that do not depend on the choice of axes have
     derivatives there, too: `tensor_function` for a function of the tensor, `FreeRotation` for the
     motion."""
     return _principal_axes(inertia.matrix())

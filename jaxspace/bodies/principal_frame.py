@@ -14,8 +14,8 @@
     theta    turn of the principal frame                       rad
 
 Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Operators, II.2. The
-principal axes of two equal moments have no derivative; the motion has one, and this is how it comes
-out right.
+principal axes of two equal moments have no derivative; the motion has one, which this module
+computes.
 """
 
 __all__ = ["free_turn"]
@@ -42,15 +42,14 @@ _PAIRS = ((1, 2), (2, 0), (0, 1))
 def free_turn(
     duration: Scalar, inertia: AbstractInertia, omega: Vector
 ) -> tuple[Quaternion, Vector]:
-    """The turn of the body, in its axes at the start, and its angular velocity, rad/s, a
-    `duration`, s, after `omega`.
+    """The rotation of a body after a `duration`, s, in its axes at the start, and its angular
+    velocity then, rad/s.
 
     Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of
     a tensor differ by the relative gap g > 0, the one by the element that couples them has an error
     of about eps/g, or of g where that is less. Derivatives of second order hold for principal
     moments of any kind, and for a tensor whose moments differ, where the error is about eps/g^2;
-    where g < eps^(1/4) (1e-4 in double precision), those that are of second order in the tensor are
-    NaN.
+    where g < eps^(1/4) (1e-4 in double precision), the second derivatives by the tensor are NaN.
 
     **Arguments**
 
@@ -106,8 +105,8 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
 
 
 def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
-    """Only along inputs that vary: a constant tensor must not enter with derivatives that are
-    zero, or not a number."""
+    """The derivative along the inputs that vary: a constant tensor must not enter with derivatives
+    that are zero or NaN."""
     still = [isinstance(x, SymbolicZero) for x in tangents]
     moving = [k for k in range(3) if not still[k]]
 
@@ -161,7 +160,8 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
         back = _half_right(k, between[k])
         one = 2 * k + 1
         none = 2 * k + 2
-        # The difference to the same axes without a split: its value cancels, its derivative stays.
+        # The difference from the same axes without a split, whose value cancels and whose
+        # derivative remains.
         change = turns.wxyz[:, one] - turns.wxyz[:, none]
         real = real + jnp.where(equal[k], change[:1], 0.0)
         vector = vector + jnp.where(equal[k], back.rotate(change[1:]), 0.0)
@@ -170,9 +170,9 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
 
 
 def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
-    """The tensor in its own principal axes, which are a turn of the given ones, and which pairs of
-    moments are equal: a pair keeps its element off the diagonal. Right to the third order; for
-    moments that are close, to the first, and then NaN."""
+    """The tensor in its principal axes, the turn to them from the given axes, and the pairs of
+    equal moments, which keep their element off the diagonal. Right to third order; for close
+    moments to first order, and NaN beyond."""
     eps = float(jnp.finfo(local.dtype).eps)
     gap = jax.lax.stop_gradient(jnp.stack([jnp.abs(local[i, i] - local[j, j]) for i, j in _PAIRS]))
     largest = jax.lax.stop_gradient(local[2, 2])
@@ -184,7 +184,7 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
         moments, _once_differentiable(between, whole, jnp.where(close, jnp.nan, 0.0))
     )
     frame = Quaternion(jnp.stack([jnp.ones_like(gap[0]), *jnp.zeros_like(gap)]))
-    # Two turns: the first leaves of the elements what is of second order, which Hessians see.
+    # Two turns, because the first leaves elements of second order, which would enter Hessians.
     for _ in range(2):
         apart = jnp.stack([local[i, i] - local[j, j] for i, j in _PAIRS])
         between = jnp.stack([_derivative_of(local[i, j]) for i, j in _PAIRS])
@@ -197,8 +197,7 @@ def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
 
 @jax.custom_jvp
 def _once_differentiable(x: Array, whole: Scalar, bar: Array) -> Array:
-    """`x`, whose derivative has itself one of 0 or NaN, as the `bar` says, along all that moves the
-    `whole`."""
+    """`x`, whose second derivative by everything that moves the `whole` is the `bar`, 0 or NaN."""
     del whole, bar
     return x
 

@@ -1,4 +1,4 @@
-"""Mass, centre of mass and inertia of uniform parts, each in axes of its own.
+"""Mass, centre of mass and inertia of uniform solids, shells and rods, each in its local axes.
 
     simplex of n vertices    int r r^T dm = m / (n (n + 1)) [sum r_i r_i^T + (sum r_i)(sum r_i)^T]
     box                      A = m (b^2 + c^2) / 12
@@ -22,7 +22,7 @@
     z        height of the centre of mass above the base                    m
 
 Source: Thomson 5.3 (the integrals) and Problems 5.5-6, -7, 5.12-2; the quotients are reduced, so
-that a shell (r = R), a full body (r = 0), a cone (top 0) and a tube (top R) are no exceptions.
+that a shell (r = R), a full body (r = 0), a cone (top 0) and a tube (top R) need no special case.
 """
 
 __all__ = [
@@ -51,7 +51,7 @@ from .mass_properties import MassProperties
 def particles(
     masses: Float[Array, "particles *#runs"], places: Float[Array, "3 particles *#runs"]
 ) -> MassProperties:
-    """A set of particles that are held together (Thomson 5.3).
+    """A rigid set of particles (Thomson 5.3).
 
     **Arguments**
 
@@ -96,7 +96,7 @@ def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassPr
     # From the first vertex, as in `particles`.
     apart = vertices - vertices[:, :1]
     centre = jnp.mean(apart, axis=1)
-    # Of the formula above the second term is zero about the centre.
+    # About the centre the second term of the formula above is zero.
     share = with_rank((mass / (count * (count + 1)))[None], vertices.ndim - 2)
     tensor = _tensor(share, apart - centre[:, None])
     return MassProperties(mass, vertices[:, 0] + centre, tensor)
@@ -222,7 +222,7 @@ def _triaxial(name: str, mass: Scalar, lengths: Vector, share: float) -> MassPro
     _check_solid(name, mass, {}, {"lengths": lengths})
     x, y, z = (a * a for a in lengths)
     moments = share * mass * jnp.stack([y + z, z + x, x + y])
-    # Plus zero, for the runs of the lengths.
+    # Plus zero, to broadcast to the runs of the lengths.
     mass = as_float(mass) + 0.0 * moments[0]
     return MassProperties(mass, 0.0 * moments, diagonal(moments))
 

@@ -18,10 +18,10 @@ Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), Eqs. 18, 22, 23, 33, 
 8 and I.
 
 Above 86 km the standard gives the densities of six gases by differential equations, which were
-solved once; here ln rho and M are cubic splines through that solution, within 1e-3 of it, and of
-the printed table within its last digit. Temperature is that of the standard there. The standard
-gives no speed of sound above 86 km: c is continued. Above 1000 km ln rho falls on with its last
-slope and M stays; below the ground the first layer goes on, to a depth of 100 km.
+solved once; here ln rho and M are cubic splines through that solution, which agree with it to 1e-3
+and with the printed table to its last digit. Temperature is that of the standard there. The
+standard gives no speed of sound above 86 km: c is continued. Above 1000 km ln rho continues with
+its last slope and M is constant; below the ground the first layer continues to a depth of 100 km.
 
 Every value is continuous. Slopes jump at the bases of the layers (11, 20, 32, 47, 51, 71 km of H),
 that of the density by up to a fifth, and at 86 km; there the derivative is the mean of both sides.
@@ -78,7 +78,7 @@ def standard_atmosphere(height: Scalar) -> Air:
 
     **Returns** the `Air` there."""
     height = jnp.asarray(height, jnp.result_type(height, float))
-    # The splines of the upper air are most of the work: flights below leave them out.
+    # The splines of the upper air are most of the work, and are skipped where all runs are below.
     return lax.cond(jnp.any(height > MIXED), _all_air, _lower_air, height, *_layers(height))
 
 
@@ -111,7 +111,7 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     columns = _COLUMNS.astype(dtype)
     base, low, thick, rate = columns[:4].reshape(4, len(LAYERS), *(1,) * level.ndim)
     exponent, decay, lapse = columns[4:]
-    # Every layer adds the height climbed in it, so that no run of a batch needs a branch.
+    # Every layer adds the change of height within it, so that no run of a batch needs a branch.
     climbed = jnp.clip(level - base, low, thick)
 
     # As a product of matrices, which the compiler vectorises, unlike a sum over layers.
@@ -154,16 +154,16 @@ def _upper_temperature(above: Scalar) -> Scalar:
 
 @final
 class StandardAtmosphere(AbstractAtmosphere):
-    """The U.S. Standard Atmosphere, 1976, to 1000 km and on."""
+    """The U.S. Standard Atmosphere, 1976, to 1000 km and extrapolated above."""
 
     density_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="by which the density of the standard is multiplied"
+        "", non_negative=True, default=1.0, doc="factor on the density of the standard"
     )
 
     @classmethod
     @constructor(model=Choice(("us_1976",), doc="the standard"))
     def named(cls, model: str, **fields: Scalar) -> "StandardAtmosphere":
-        """The standard by its name, as scene files give it."""
+        """The standard by its name, for scene files."""
         del model
         return cls(**fields)
 

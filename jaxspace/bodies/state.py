@@ -23,15 +23,15 @@ if TYPE_CHECKING:
     AttitudePart: TypeAlias = Any
 else:
     VectorPart: TypeAlias = Float[Array, "3 *#runs"] | None
-    # A name of its own: in axes of a batch and in shapes, the runs of a mass and of a position need
-    # not agree.
+    # A separate name, because in axes of a batch and in shapes the runs of a mass and of a position
+    # need not agree.
     ScalarPart: TypeAlias = Float[Array, "*runs_of_mass"] | None
     AttitudePart: TypeAlias = Quaternion | None
 
 
 def as_part(x: Any) -> Any:
-    """Plain numbers as an array; anything else as it is, because a state is also built from what
-    is no number: axes of a batch, which are whole numbers, and shapes."""
+    """Plain numbers as an array; anything else as it is, because a state is also built from axes of
+    a batch, which are integers, and from shapes."""
     return as_float(x) if isinstance(x, float | list | tuple) else x
 
 
@@ -42,7 +42,8 @@ class BodyState(eqx.Module):
 
     Vectors are (3, *runs), along a trajectory (3, times, *runs); the mass is (*runs,) or
     (times, *runs). `parts` holds whatever else an effect integrates, by name. A part that is `None`
-    is absent: it is no leaf of the tree, hence in no integration, no batch and no gradient.
+    is absent: it is not a leaf of the tree, and so takes no part in an integration, a batch or a
+    gradient.
 
     Raises `InputError` for an array whose first axis does not hold the components."""
 
@@ -72,7 +73,7 @@ class BodyState(eqx.Module):
             check_components("BodyState.attitude", self.attitude.wxyz, 4)
 
     def check_start(self) -> None:
-        """Raise `InputError` for known numbers that no body starts with: a mass that is not
+        """Raise `InputError` for known numbers that no initial state can have: a mass that is not
         positive, a quaternion of zeros."""
         check_positive("BodyState.mass", self.mass)
         if isinstance(self.attitude, Quaternion):
@@ -96,7 +97,7 @@ PARTS = ("position", "velocity", "attitude", "omega", "mass", "parts")
 
 
 def sample_state(parts: Iterable[str]) -> BodyState:
-    """A state that holds these `parts`, for shapes and operation counts: every number is one."""
+    """A state with these `parts`, all ones, for shapes and operation counts."""
     vector = jnp.ones(3)
     # Ones and not zeros: a vector field may divide by a distance or a mass.
     every = BodyState(vector, vector, Quaternion(jnp.ones(4)), vector, jnp.ones(()), {})

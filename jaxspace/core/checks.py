@@ -13,6 +13,9 @@ import numpy as np
 from jax.core import Tracer
 from jax.typing import ArrayLike
 
+# Kinds of types of numbers: whole ones, with and without sign, real and complex.
+NUMBERS = frozenset("iufc")
+
 
 class InputError(ValueError):
     """A field has a value that is not allowed."""
@@ -34,7 +37,7 @@ def is_concrete(x: object) -> bool:
     ):
         return False
     # Booleans and text have no range that could be checked.
-    return np.issubdtype(np.asarray(x).dtype, np.number)
+    return isinstance(x, float | int) or x.dtype.kind in NUMBERS
 
 
 def _show(x: object) -> str:

@@ -6,11 +6,12 @@ Tracing a vector field takes longer than a short run, and a run needs several su
 import functools
 import weakref
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, Literal, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.extend.core import Literal as Constant
 from jax.typing import DTypeLike
 from jaxtyping import PyTree
 
@@ -115,6 +116,40 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
         return cached(makes, named)
 
     return of_trees
+
+
+def reads_a_leaf(function: Callable[[Any], T]) -> Callable[[Any], T]:
+    """A function of a tree that returns one of its leaves, or `None`: run once for each structure
+    and shapes, to see which leaf it is. One that computes its result runs every time.
+
+    To read a leaf takes a hundredth of the time in which a scene makes its regularised
+    variables."""
+
+    @once_per_structure
+    def place(tree: PyTree) -> int | Literal["none", "computed"]:
+        shapes, static = eqx.partition(tree, lambda x: isinstance(x, jax.ShapeDtypeStruct))
+        try:
+            jaxpr = jax.make_jaxpr(lambda shapes: function(eqx.combine(shapes, static)))(shapes)
+        # Whatever a tree raises that asks a traced number for its value.
+        except Exception:  # noqa: BLE001
+            return "computed"
+        if not jaxpr.jaxpr.outvars:
+            return "none"
+        leaves = jax.tree.leaves(tree)
+        arrays = [k for k, x in enumerate(leaves) if isinstance(x, jax.ShapeDtypeStruct)]
+        places = dict(zip(jaxpr.jaxpr.invars, arrays, strict=True))
+        (result,) = jaxpr.jaxpr.outvars
+        # A number that no array holds is a literal, which cannot be looked up.
+        return "computed" if isinstance(result, Constant) else places.get(result, "computed")
+
+    @functools.wraps(function)
+    def of_tree(tree: Any) -> Any:
+        where = place(tree)
+        if isinstance(where, int):
+            return jax.tree.leaves(tree)[where]
+        return function(tree) if where == "computed" else None
+
+    return of_tree
 
 
 def without_numbers(function: Callable[..., T]) -> Callable[..., T]:

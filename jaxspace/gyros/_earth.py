@@ -11,7 +11,7 @@
     M, N            radii of curvature along the meridian and across it  m
     p, z            distance from the axis, height above the equator     m
     mu, J_2, Omega  gravitational parameter, second zonal, rate          m^3/s^2, 1, rad/s
-    G, g            attraction; gravity, which a plumb line feels        m/s^2
+    G, g            attraction; gravity, along which a plumb line hangs  m/s^2
 
 Source: Thomson 2.6, 6.11; Titterton and Weston, Strapdown Inertial Navigation Technology, 3.7.
 With f = J_2 = 0 the earth is the sphere of the book.
@@ -25,7 +25,7 @@ from ..core import Scalar, Vector
 
 
 class Earth(NamedTuple):
-    """An earth: a, f, mu, J_2 and its rate, each (*runs,)."""
+    """The constants of an earth: a, f, mu, J_2 and its rate, each (*runs,)."""
 
     radius: Scalar
     flattening: Scalar

@@ -21,15 +21,15 @@ Small motions, with a = H W_N and b = wl + H W_N:
     wl, we      weight of the bail times its depth below the axis, times its
                 offset to the east, which damps                                      N m
     W           angular velocity of east, north and up: of the earth and the ship    rad/s
-    f           gravity less the acceleration of the ship                            m/s^2
+    f           gravity minus the acceleration of the ship                           m/s^2
 
 Source: Thomson 6.4, 6.5 (in 6.5-11 the first root holds (C phi')^4); the heading error: problems
 6.5-5 and -6.
-Valid for a rotor whose spin momentum stays, gimbals without friction, and an axis that does not
-point to the vertical, where the azimuth does not exist (gimbal lock). The pin of the bail pushes
-the axis along u alone, and a follow-up ring carries the rest of its weight: gravity by itself has
-no moment about the vertical, and would damp nothing. The ship keeps latitude, speed and course; at
-a pole nothing leads to the meridian.
+Valid for a constant spin momentum, gimbals without friction, and an axis away from the vertical,
+where the azimuth does not exist (gimbal lock). The pin of the bail pushes the axis along u alone,
+and a follow-up ring carries the rest of its weight: gravity alone has no moment about the vertical,
+and would not damp. The ship keeps latitude, speed and course; at a pole the compass has no meridian
+to seek.
 """
 
 from typing import final
@@ -44,7 +44,7 @@ from ._linear import LinearFlow, rows
 
 STANDARD_GRAVITY = 9.80665
 
-# Number of substitutions of the two equations of the rest into each other.
+# Number of substitutions of the two equations of the equilibrium into each other.
 REST_STEPS = 4
 
 
@@ -137,7 +137,7 @@ class Gyrocompass(AbstractSystem):
         tilt_rate: Scalar = 0.0,
         azimuth_rate: Scalar = 0.0,
     ) -> GyrocompassState:
-        """The state of angles, rad, and rates, rad/s."""
+        """The state with these angles, rad, and rates, rad/s."""
         given = (as_float(x) for x in (tilt, azimuth, tilt_rate, azimuth_rate))
         return GyrocompassState(*jnp.broadcast_arrays(*given))
 
@@ -226,7 +226,8 @@ class Gyrocompass(AbstractSystem):
 
     def _rest(self) -> tuple[Scalar, Scalar]:
         """Tilt and azimuth, rad, of the rest on a ship that does not roll, by the moments of H and
-        of the bail; those of the inertias are less by the earth's rate over the spin, 1e-7."""
+        of the bail; the moments of the inertias are smaller by the earth's rate over the spin,
+        1e-7."""
         east, north, up = self.frame_rate
         level = jnp.sqrt(east * east + north * north)
         H = self.spin_momentum
@@ -245,5 +246,5 @@ class Gyrocompass(AbstractSystem):
         """f / g, to the east, north and up."""
         size = self.roll_acceleration / self.gravity * jnp.cos(self.roll_frequency * t)
         east, north = jnp.sin(self.roll_direction), jnp.cos(self.roll_direction)
-        # Apparent gravity: a bail hangs along gravity less the acceleration of its support.
+        # Apparent gravity: a bail hangs along gravity minus the acceleration of its support.
         return -size * east, -size * north, -1.0

@@ -3,8 +3,8 @@
     [y(t), 1] = exp([[A, b], [0, 0]] t) [y(0), 1]
 
 The exponential holds for every A, also where it is singular, and so do its derivatives. An
-instrument whose fast and slow motions differ by a factor of 1e6 costs no more than any other; the
-digits that the phase of the fastest motion loses, eps |A t|, are lost.
+instrument whose fast and slow motions differ by a factor of 1e6 costs no more than any other. The
+relative error is that of the phase of the fastest motion, eps |A t|.
 
 Source: Higham, Functions of Matrices, 10.3 (scaling and squaring).
 """
@@ -21,7 +21,7 @@ from ..core import AbstractClosedForm, Scalar, State
 from ..core.layout import component_axes_of
 from ..core.shapes import with_rank
 
-# Norms up to 2^48, beyond which no digit of the phase is left.
+# Squarings for norms up to 2^48, beyond which the phase has no digit left.
 SQUARINGS = 48
 
 
@@ -80,8 +80,8 @@ class LinearFlow(AbstractClosedForm):
         matrix, drive = with_rank(self.matrix, len(runs), axes=2), with_rank(self.drive, len(runs))
         a = jnp.broadcast_to(matrix * duration, (n, n, *runs))
         b = jnp.broadcast_to(drive * duration, (n, *runs))
-        # With b as one more column, and zeros below, the exponential also holds the integral of
-        # what b drives, even where A has no inverse (Van Loan 1978).
+        # With b as one more column, and zeros below, the exponential contains the integral of the
+        # motion that b drives, even where A has no inverse (Van Loan 1978).
         upper = jnp.concatenate([a, b[:, None]], axis=1)
         whole = jnp.concatenate([upper, jnp.zeros((1, n + 1, *runs), x.dtype)])
         front, back = (0, 1), (-2, -1)
@@ -93,7 +93,8 @@ class LinearFlow(AbstractClosedForm):
 def _exponential(a: Float[Array, "*runs n n"]) -> Float[Array, "*runs n n"]:
     """exp(a), by squaring that of a matrix whose norm is at most 4.
 
-    JAX alone squares once too few between powers of two, and errs by up to 1e-7 there."""
+    The exponential of JAX squares once too little between powers of two, with errors of up to
+    1e-7."""
     norm = jax.lax.stop_gradient(jnp.max(jnp.sum(jnp.abs(a), axis=-2), axis=-1))[..., None, None]
     number = jnp.clip(jnp.ceil(jnp.log2(0.25 * jnp.maximum(norm, 4.0))), 0, SQUARINGS)
     power = expm(a * 2.0**-number)
@@ -102,12 +103,12 @@ def _exponential(a: Float[Array, "*runs n n"]) -> Float[Array, "*runs n n"]:
         def once(x: Array) -> Array:
             return jnp.where(k < number, jnp.matmul(x, x, precision="highest"), x)
 
-        # Only as long as one of the runs still squares: a product of matrices costs more than the
-        # question.
+        # Skipped when no run of the batch needs a further squaring: a product of matrices costs
+        # more than the test.
         return jax.lax.cond(jnp.any(k < number), once, lambda x: x, power), None
 
-    # A scan with a fixed number of turns can be differentiated in reverse, and compiles one of
+    # A scan with a fixed number of iterations can be differentiated in reverse, and compiles one of
     # them.
     power, _ = jax.lax.scan(square, power, jnp.arange(SQUARINGS, dtype=a.dtype))
-    # Further squarings would leave no digit: NaN says so, a wrong number would not.
+    # Further squarings would leave no digit: the result is NaN in place of a wrong number.
     return jnp.where(norm <= 2.0**SQUARINGS, power, jnp.nan)

@@ -4,21 +4,21 @@
     phi' = v_n / (M + h),   lambda' = v_e / ((N + h) cos(phi)),   h' = v_u
     C' = C [omega] - [Omega + rho] C
     strapdown   f = (1 + S_a) f_B + b,  omega = (1 + S_g) omega_B + e          C: body to level axes
-    gimballed   the same of instruments that a table keeps level; e turns the table
+    gimballed   the same with instruments that a table keeps level; e turns the table
 
     symbol              meaning                                                   unit
     phi, lambda, h      latitude, longitude, height that the navigator computes   rad, m
     v                   velocity over the ground: east, north, up                 m/s
-    C                   attitude that it computes; of a table, its tilt
-    f_B, omega_B        what perfect accelerometers and gyros feel                m/s^2, rad/s
+    C                   attitude that it computes; for a table, its tilt
+    f_B, omega_B        what perfect accelerometers and gyros measure             m/s^2, rad/s
     b, e                bias of the accelerometers, drift of the gyros            m/s^2, rad/s
     S_a, S_g            errors of scale                                           1
     Omega, rho          rate of the earth, of level axes over it                  rad/s
     h*, v_u*, k_1, k_2  reading of an altimeter, its gains                        m, m/s, 1/s, 1/s^2
 
-The vehicle moves on a path of its own (see `felt_on`), which the navigator does not know. Errors of
-the navigator are those of 6.11: `errors` gives them as `NavigationErrors` has them, whose motion is
-the derivative of this one on a sphere.
+The vehicle moves on a path (see `felt_on`) that the navigator does not know. `errors` gives the
+errors of 6.11 in the form of `NavigationErrors`, whose equations are the derivative of these on a
+sphere.
 
 Source: Thomson 6.10, 6.11; Titterton and Weston, Strapdown Inertial Navigation Technology, 3, 12.
 Level axes do not exist at a pole. Without an altimeter the height is unstable (6.11).
@@ -57,13 +57,14 @@ class NavigatorState(eqx.Module):
 
 @final
 class InertialNavigator(AbstractSystem):
-    """A navigator in a vehicle on a parallel, a steady course or a path of its own, strapdown by
-    default. State: `NavigatorState`, best made by `state`.
+    """A navigator in a vehicle on a parallel, a steady course or any path, strapdown by default.
+    State: `NavigatorState`, best made by `state`.
 
-    - `path`: from the time, s, to a `Place`; it replaces the course that the parameters describe.
-    - `anomaly`: from latitude, longitude, rad, and height, m, to what the real gravity has over
-      that of the ellipsoid, m/s^2, (3, *runs) in level axes: deflections of the vertical times -g,
-      and anomaly. The navigator does not know it.
+    - `path`: a function from the time, s, to a `Place`, which replaces the course given by the
+      parameters.
+    - `anomaly`: a function from latitude, longitude, rad, and height, m, to the difference of the
+      real gravity from that of the ellipsoid, m/s^2, (3, *runs) in level axes: deflections of the
+      vertical times -g, and anomaly. The navigator does not know it.
     - `gimballed`: whether a table keeps the instruments level."""
 
     latitude: NumberField = quantity("rad", doc="of the vehicle at the time zero")
@@ -78,7 +79,7 @@ class InertialNavigator(AbstractSystem):
     )
     roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of that swing")
     accelerometer_bias: Three = quantity("m/s^2", default=ZERO, doc="b")
-    gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, what gyros tell too much")
+    gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, excess of the rate that gyros show")
     accelerometer_scale: Three = quantity("", default=ZERO, doc="S_a")
     gyro_scale: Three = quantity("", default=ZERO, doc="S_g, of a body's gyros")
     altitude_rate_gain: NumberField = quantity("1/s", default=0.0, doc="k_1")
@@ -155,12 +156,12 @@ class InertialNavigator(AbstractSystem):
         return Earth(self.radius, self.flattening, self.mu, self.j2, self.earth_rate)
 
     def felt(self, t: Scalar) -> Felt:
-        """The motion of the vehicle at `t`, s, and what perfect instruments would feel."""
+        """The motion of the vehicle at `t`, s, and the readings of perfect instruments."""
         return felt_on(self._course if self.path is None else self.path, self.earth, t)
 
     def errors(self, t: Scalar, y: NavigatorState) -> NavigationErrorState:
-        """The errors of what the navigator holds, in the true level axes, exactly; its tilt is that
-        of the attitude it knows in inertial space."""
+        """The exact errors of the navigator's state in the true level axes; the tilt is the error
+        of its attitude in inertial space."""
         felt = self.felt(t)
         place = felt.place
         true = Quaternion.identity() if self.gimballed else felt.attitude
@@ -176,8 +177,8 @@ class InertialNavigator(AbstractSystem):
         return NavigationErrorState(position, velocity, level.rotate_back(tilt))
 
     def error_equations(self, t: Scalar = 0.0) -> NavigationErrors:
-        """The linear error equations of 6.11 at the time `t`, s, with constant coefficients: exact
-        to first order for a body that keeps its heading on a parallel of a sphere."""
+        """The linear error equations of 6.11 with the coefficients of the time `t`, s: exact to
+        first order for a body that keeps its heading on a parallel of a sphere."""
         felt = self.felt(t)
         p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
         radius = jnp.sqrt(p * p + z * z)
@@ -217,7 +218,7 @@ class InertialNavigator(AbstractSystem):
         if self.anomaly is not None:
             place = felt.place
             more = self.anomaly(place.latitude, place.longitude, place.height)
-            # Specific force is acceleration less gravity, so that the anomaly is subtracted.
+            # Specific force is acceleration minus gravity, so that the anomaly is subtracted.
             force = force - with_rank(more, force.ndim - 1)
         if self.gimballed:
             # The table has the axes of the instruments.
@@ -232,7 +233,7 @@ class InertialNavigator(AbstractSystem):
         return attitude.rotate(sensed), _plus(turn, self.gyro_scale, self.gyro_drift)
 
     def _inertial(self, y: NavigatorState, level: Quaternion) -> tuple[Vector, Vector]:
-        """Position and velocity in inertial axes that meet those of the earth now."""
+        """Position and velocity in inertial axes that coincide with those of the earth now."""
         p, z = self.earth.from_axis(y.latitude, y.height)
         r = jnp.stack(jnp.broadcast_arrays(p * jnp.cos(y.longitude), p * jnp.sin(y.longitude), z))
         spin = jnp.stack(jnp.broadcast_arrays(-r[1], r[0], 0.0 * r[2]))

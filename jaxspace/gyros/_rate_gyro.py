@@ -102,7 +102,7 @@ class RateGyro(AbstractSystem):
 
     @property
     def drift_rate(self) -> Scalar:
-        """The input rate, rad/s, that error torques feign: M / H."""
+        """The input rate, rad/s, that the error torques simulate: M / H."""
         return self.error_torque / self.spin_momentum
 
     @property
@@ -119,8 +119,8 @@ class RateGyro(AbstractSystem):
 
     @property
     def overshoot(self) -> Scalar:
-        """Overshoot of the step response as a fraction of the steady angle; zero from a damping
-        ratio of one on."""
+        """Overshoot of the step response as a fraction of the steady angle; zero for damping ratios
+        of one and more."""
         z = self.damping_ratio
         inside = z < 1.0
         under = jnp.where(inside, z, 0.0)

@@ -83,7 +83,7 @@ class TwoGimbalGyro(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: GimbalState) -> GimbalState:
         del t
-        # From the momentum, whose errors do not add to the drift of psi.
+        # By the momentum, whose errors do not add to the drift of psi.
         psi_rate = self.outer_rate(y)
         spin = self._spin_moment(y, psi_rate)
         inner, outer = self._moments(y, psi_rate, spin)
@@ -102,7 +102,7 @@ class TwoGimbalGyro(AbstractSystem):
             theta=y.theta_rate,
             psi=psi_rate,
             theta_rate=tilting / self.inner_inertia,
-            # A moment that all runs share has the shape of the runs in a rate.
+            # A moment shared by all runs is broadcast to the runs in a rate.
             angular_momentum=turning + jnp.zeros_like(y.angular_momentum),
             spin_momentum=spin,
             slip_inner=None if y.slip_inner is None else jnp.zeros_like(y.slip_inner),
@@ -110,16 +110,16 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
-        """The energy less the work of the moments, J, and the momentum about Z less the impulse of
-        M_Z, kg m^2/s; of those the ones that friction and motor leave."""
-        kept = {}
+        """The energy minus the work of the moments, J, and the momentum about Z minus the impulse
+        of M_Z, kg m^2/s; only those that friction and motor conserve."""
+        conserved = {}
         if self.inner_bearing is None and self.outer_bearing is None and self.motor is None:
             # Constant moments have potentials: the angles times the moments.
             work = self.moment_inner * y.theta + self.moment_outer * y.psi
-            kept["energy"] = self.energy(y) - work
+            conserved["energy"] = self.energy(y) - work
         if self.outer_bearing is None:
-            kept["angular_momentum"] = y.angular_momentum - self.moment_outer * t
-        return kept
+            conserved["angular_momentum"] = y.angular_momentum - self.moment_outer * t
+        return conserved
 
     def energy(self, y: GimbalState) -> Scalar:
         """Kinetic energy of rotor and gimbals, J."""
@@ -140,8 +140,8 @@ class TwoGimbalGyro(AbstractSystem):
     ) -> GimbalState:
         """The state from the angles, rad, and the rates, rad/s, of the gimbals.
 
-        It holds the momentum about the outer axis, of which the spin has the part H cos(theta):
-        an outer rate far below H cos(theta)/A is exact to a rounding of that, not of itself."""
+        The state holds the momentum about the outer axis, which includes H cos(theta) of the spin:
+        an outer rate far below H cos(theta)/A has an error of a rounding of the latter."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
@@ -177,8 +177,8 @@ class TwoGimbalGyro(AbstractSystem):
         return jnp.min(jnp.stack(jnp.broadcast_arrays(*margins)), axis=0)
 
     def stick_or_slip(self, t: Scalar, y: GimbalState) -> GimbalState:
-        """The state after a bearing has come to rest or has begun to slip; others stay as they
-        are."""
+        """The state after a bearing has come to rest or has begun to slip; the other bearing is
+        unchanged."""
         del t
         least = self.friction_margin(0.0, y)
         for name, bearing, rate, applied, slip in self._slipping(y):
@@ -319,7 +319,7 @@ class TwoGimbalGyro(AbstractSystem):
         s = jnp.sin(y.theta)
         c = jnp.cos(y.theta)
         H = self.spin_momentum(y)
-        # As one product, because both terms vanish where psi' does.
+        # As one product, because both terms vanish where psi' vanishes.
         inner = (self._gimbal_difference() * psi_rate * c - H) * psi_rate * s + self.moment_inner
         outer = self.moment_outer + H * s * y.theta_rate
         return inner, outer if spin is None else outer - spin * c
@@ -334,8 +334,8 @@ class TwoGimbalGyro(AbstractSystem):
     def _slipping(
         self, y: GimbalState
     ) -> Iterator[tuple[str, BearingFriction, Scalar, Scalar, Scalar]]:
-        """Iterate over the bearings whose slip is a part of the state: the name of the slip there,
-        the friction, the rate, the moment that acts at rest, and the slip."""
+        """Iterate over the bearings whose slip is a part of the state: the name of the slip in the
+        state, the friction, the rate, the moment at rest, and the slip."""
         psi_rate = self.outer_rate(y)
         inner, outer = self._moments(y, psi_rate, self._spin_moment(y, psi_rate))
         if self.inner_bearing is not None and y.slip_inner is not None:
@@ -347,7 +347,7 @@ class TwoGimbalGyro(AbstractSystem):
         """The state with the gimbal of the bearing `name` at rest where it is `now`."""
         if name == "slip_inner":
             return replace(y, theta_rate=jnp.where(now, 0.0, y.theta_rate))
-        # The outer gimbal is stopped by its momentum, from which its rate follows.
+        # The outer gimbal is stopped through its momentum, from which its rate follows.
         still = self.spin_momentum(y) * jnp.cos(y.theta)
         return replace(y, angular_momentum=jnp.where(now, still, y.angular_momentum))
 
@@ -359,6 +359,6 @@ class TwoGimbalGyro(AbstractSystem):
 def _less_sine(x: Scalar) -> Scalar:
     """x - sin(x), right to rounding also for a small x."""
     small = jnp.abs(x) < 1.0
-    # Where the closed form counts, the series gets zero: its powers may overflow.
+    # Where the closed form is used, the series gets zero, because its powers may overflow.
     near = jnp.where(small, x, 0.0)
     return jnp.where(small, near**3 * stumpff(near * near)[1], x - jnp.sin(x))

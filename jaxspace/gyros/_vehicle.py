@@ -65,8 +65,8 @@ Path = Callable[[Scalar], Place]
 
 
 class Felt(NamedTuple):
-    """Place, velocity over the ground, its rate and the rate of the level axes; the body's attitude
-    and its rate relative to level axes, in body axes."""
+    """Motion of the vehicle: place, velocity over the ground, its rate and the rate of the level
+    axes; the body's attitude and its rate relative to level axes, in body axes."""
 
     place: Place
     velocity: Vector
@@ -89,7 +89,8 @@ def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
         north = (along + place.height) * rate.latitude
         return jnp.stack(jnp.broadcast_arrays(east, north, rate.height)), (place, rate)
 
-    # Velocity and acceleration by one nested derivative, whose place and rates come along.
+    # Velocity and acceleration by one nested derivative, which also returns the place and its
+    # rates.
     v, v_rate, (place, rate) = jax.jvp(velocity, (t,), (one,), has_aux=True)
     rank = v.ndim - 1
     turn = with_rank(earth.own_rate(place.latitude), rank)

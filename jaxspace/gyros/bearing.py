@@ -1,7 +1,7 @@
-"""Friction of a bearing, and what drives a rotor.
+"""Friction of a bearing, and the motor of a rotor.
 
     M_f = -c r - M_d sign(r)          r != 0: the bearing slips
-    |M_f| <= M_d                      r = 0:  it may stick, and holds what acts
+    |M_f| <= M_d                      r = 0:  it may stick, and balances the applied moment
 
     symbol   meaning                                              unit
     r        rate of the bearing                                  rad/s
@@ -9,7 +9,7 @@
 
 Dry friction is smooth with a `creep` rate r_0, M_d tanh(r / r_0): a stuck bearing then creeps.
 Without it slip is a part of the state (1, -1, and 0 where the bearing sticks) that events change:
-where r falls to zero, and where what acts on a stuck bearing outgrows M_d.
+where r falls to zero, and where the moment on a stuck bearing exceeds M_d.
 
 Source: Thomson 6.7 (viscous), 4.3 (dry); Filippov (1988), Differential Equations with Discontinuous
 Righthand Sides, 2.
@@ -57,7 +57,7 @@ class BearingFriction(AbstractParameters):
 
     def margin(self, rate: Scalar, applied: Scalar, slip: Scalar) -> Scalar:
         """A margin that falls to zero where a slipping bearing stops, rad/s, and where a stuck one
-        begins to slip, N m, under the moment `applied`, N m, less the friction."""
+        begins to slip, N m, under the moment `applied`, N m, without the friction."""
         # One number for both, so that one event serves a bearing that slips and one that sticks.
         return jnp.where(slip == 0.0, self.dry - jnp.abs(applied), slip * rate)
 
@@ -69,9 +69,10 @@ class BearingFriction(AbstractParameters):
 
 @final
 class RotorMotor(AbstractParameters):
-    """A motor on the line M = K (n_0 - r): the bearing of the rotor is counted in.
+    """A motor with the characteristic M = K (n_0 - r), which includes the bearing of the rotor.
 
-    It stands on the inner gimbal, so that its torque changes the spin and no momentum of all."""
+    It is mounted on the inner gimbal, so that its torque changes the spin and not the total
+    momentum."""
 
     gain: NumberField = quantity("N m s", non_negative=True, doc="K, torque per lack of speed")
     speed: NumberField = quantity("rad/s", doc="n_0, of the rotor in the inner gimbal without load")

@@ -25,7 +25,7 @@ from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.safe import end_sqrt
 from ..core.types import as_float
 
-# Newton's steps double the digits.
+# The number of Newton's steps, each of which doubles the digits.
 STEPS = 60
 
 

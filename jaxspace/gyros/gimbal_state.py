@@ -41,8 +41,8 @@ class GimbalState(eqx.Module):
 
 
 def near_gimbal_lock(t: Scalar, y: GimbalState) -> Scalar:
-    """|sin(theta)| - 1e-3: zero where the rotor's axis all but lies along the outer gimbal's:
-    the condition of an event with `direction=-1`.
+    """|sin(theta)| - 1e-3: zero where the rotor's axis is almost along the outer gimbal's: the
+    condition of an event with `direction=-1`.
 
     **Arguments**
 

@@ -26,7 +26,7 @@ problem 1 (second harmonic; 6.3-16 lacks -(1/2) C n cos(theta_0) of the expansio
 of theta).
 Valid as long as theta turns back before 0 and 180 deg, that is for |theta_0'| < H (1 -
 |cos(theta_0)|) / sqrt(J I_1), which is X at the nearer of the two. A faster gimbal passes over the
-pole, which is another motion: its walk is NaN.
+pole, a motion of another kind: its walk is NaN.
 
 The quadrature is exact to 1e-14 up to 0.8 of that rate, to 1e-10 at 0.9 and to 1e-3 at 0.99; at the
 rate itself the period is infinite.
@@ -46,13 +46,14 @@ from ..core.special import stumpff
 
 # The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
-# Newton's steps double the digits, from 1e-2 on. The last two, which carry the derivatives, count.
+# Newton's steps double the digits, from 1e-2 on. The last two, which carry the derivatives, are
+# included.
 STEPS = 6
 
 
 @final
 class GimbalWalk(eqx.Module):
-    """One nutation of a gyro in two gimbals without moments, and the drift that it leaves.
+    """One nutation of a gyro in two gimbals without moments, and the drift that it causes.
 
     - `theta`, rad, and `theta_rate`, rad/s: theta_0 and its rate.
     - `spin_momentum`: H, kg m^2/s.
@@ -110,8 +111,8 @@ class GimbalWalk(eqx.Module):
         chi, deviation, theta, slope = self._nodes()
         s0 = jnp.sin(self.theta)
         bend = self._bend(deviation)
-        # psi' / X' = theta_0' sin(chi) J / (H v), v = sin(theta) - bend. Of it 1/v_0 has the mean
-        # zero: it is taken off, because the drift of a small nutation is of second order.
+        # psi' / X' = theta_0' sin(chi) J / (H v), v = sin(theta) - bend. Its part 1/v_0 has the
+        # mean zero and is subtracted, because the drift of a small nutation is of second order.
         inverse = (bend - self._rise(deviation)) / ((jnp.sin(theta) - bend) * s0)
         turn = self.theta_rate * self.inner_inertia / self.spin_momentum
         # Means over time: equal steps in chi have the duration 1 / X'.
@@ -123,8 +124,8 @@ class GimbalWalk(eqx.Module):
         _, d, theta, slope = self._nodes()
         s0 = jnp.sin(self.theta)
         inertia = self.outer_inertia(self.theta)
-        # d / X' less X / X_0'^2 = share rest / X': what is taken off has the mean zero, because X =
-        # theta_0' sin(chi). The offset is of second order, and so is every term of the rest.
+        # d / X' less X / X_0'^2 = share rest / X': the subtracted part has the mean zero, because X
+        # = theta_0' sin(chi). The offset is of second order, and so is every term of the rest.
         growth = self._difference() * jnp.sin(2.0 * self.theta + d) * jnp.sin(d)
         odd = s0 * (d**3 * stumpff(d * d)[1] + d * growth / inertia)
         even = 2.0 * jnp.cos(self.theta) * jnp.sin(0.5 * d) ** 2
@@ -175,7 +176,7 @@ class GimbalWalk(eqx.Module):
         return 2.0 * jnp.cos(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
 
     def _bend(self, deviation: Scalar) -> Scalar:
-        """sin(theta) - X' sqrt(J I_Z)/H: what the change of I_Z takes off the slope of X."""
+        """sin(theta) - X' sqrt(J I_Z)/H: the part of the slope of X due to the change of I_Z."""
         theta = self.theta + deviation
         turned = jnp.sin(theta) * jnp.cos(theta) * self._fall(deviation)
         return self._difference() * turned / self.outer_inertia(theta)

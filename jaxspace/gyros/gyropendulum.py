@@ -98,11 +98,12 @@ class Gyropendulum(AbstractSystem):
         (sqrt(H^2 + 4 A Wl) -+ H) / (2 A)."""
         H, A = self.spin_momentum, self.transverse_inertia
         root = jnp.sqrt(H * H + 4.0 * A * self.weight_moment)
-        # The difference of the two would have no digit of the slow one.
+        # By the product of the roots, because their difference loses all digits of the slow one.
         return 2.0 * self.weight_moment / (root + H), (root + H) / (2.0 * A)
 
     def tuned(self, radius: Scalar) -> "Gyropendulum":
-        """The same with the spin momentum of Schuler's period on a sphere of `radius`, m."""
+        """This gyropendulum with the spin momentum for Schuler's period on a sphere of `radius`,
+        m."""
         ratio = 1.0 / schuler_frequency(self.gravity, radius)
         # Exactly: the precession has this frequency, so that Wl = H p + A p^2.
         momentum = self.weight_moment * ratio - self.transverse_inertia / ratio

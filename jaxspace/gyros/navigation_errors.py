@@ -1,4 +1,5 @@
-"""Errors of an inertial navigator: how faults of gyros and accelerometers become errors of place.
+"""Errors of an inertial navigator: how errors of gyros and accelerometers become errors of
+position.
 
     r'' + 2 W x r' + W x (W x r) = phi x A + b + w0^2 (-x, -y, 2 z) - (0, 0, k_1 z' + k_2 z)
     phi' = e - W x phi
@@ -8,7 +9,7 @@ in axes that turn with W, z upwards, constant W and A.
     symbol   meaning                                                     unit
     r, phi   error of position; tilt of the table                        m, rad
     W        angular velocity of the table's axes in inertial space      rad/s
-    A        specific force that the accelerometers feel                 m/s^2
+    A        specific force that the accelerometers measure              m/s^2
     b, e     bias of the accelerometers, drift of the gyros              m/s^2, rad/s
     w0       Schuler's frequency sqrt(g / r)                             rad/s
     k_1,k_2  gains of an altimeter in the vertical channel               1/s, 1/s^2
@@ -92,7 +93,7 @@ class NavigationErrors(AbstractSystem):
         turn = _cross_matrix(self.rate)
         axes = jnp.eye(3, dtype=w2.dtype).reshape(3, 3, *(1,) * len(runs))
         up = axes[2] * axes[2][:, None]
-        # The gradient of a point's attraction, which restores across and repels upwards.
+        # The gradient of a point's attraction: restoring horizontally, repelling vertically.
         attraction = w2 * (3.0 * up - axes)
         of_position = attraction - self.altitude_gain * up
         of_position = of_position - jnp.einsum("ij...,jk...->ik...", turn, turn)
@@ -118,7 +119,7 @@ class NavigationErrors(AbstractSystem):
 
 
 def _fit(x: Array, shape: tuple[int, ...]) -> Array:
-    """An array with axes of length one for the runs that it does not carry."""
+    """An array with axes of length one for the runs that it does not have."""
     return x.reshape(*x.shape, *(1,) * (len(shape) - x.ndim))
 
 
@@ -148,7 +149,7 @@ def coupled_rates(schuler: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
     w0, w = schuler, rate
     root = w0 * jnp.sqrt(9.0 * w0 * w0 - 8.0 * w * w)
     oscillation = 0.5 * (root - w0 * w0 + 2.0 * w * w)
-    # By the product of both: near the speed of an orbit their difference has no digits.
+    # By the product of both, because near the speed of an orbit their difference loses its digits.
     growth = (w * w + 2.0 * w0 * w0) * ((w0 - w) * (w0 + w)) / oscillation
     return jnp.sqrt(oscillation), jnp.sqrt(growth)
 

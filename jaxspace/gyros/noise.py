@@ -39,7 +39,7 @@ def gyro_noise(
     runs = jnp.broadcast_shapes(jnp.shape(angle_walk), jnp.shape(rate_walk), jnp.shape(step))
     white, wander = (jax.random.normal(k, (samples, *runs)) for k in jax.random.split(key))
     root = jnp.sqrt(jnp.asarray(step, white.dtype))
-    # The sum up to the step before, so that the bias begins at zero.
+    # The sum up to the previous step, so that the bias begins at zero.
     bias = rate_walk * root * (jnp.cumsum(wander, axis=0) - wander)
     return angle_walk / root * white + bias
 
@@ -73,6 +73,6 @@ def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) ->
 
     **Arguments**
 
-    - `time`: over which is averaged, s.
+    - `time`: time over which is averaged, s.
     - `angle_walk`, `rate_walk`: as in `gyro_noise`."""
     return angle_walk**2 / time + rate_walk**2 * time / 3.0

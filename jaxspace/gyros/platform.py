@@ -11,7 +11,7 @@
     T               disturbing torque                                         N m
     K_p, K_d, K_i   gains of the servo                                        N m, N m s, N m/s
 
-Without servo the platform nutates at h / sqrt(J I), and a steady torque is taken up by the gyro,
+Without servo the platform nutates at h / sqrt(J I), and a steady torque makes the gyro precess,
 theta = T t / h in the mean. With a gain K_p alone the loop is unstable for every gain: it needs the
 lead K_d or the damping c.
 
@@ -48,7 +48,7 @@ class PlatformState(eqx.Module):
 @final
 class PlatformAxis(AbstractSystem):
     """One axis of a stable platform, without servo by default. State: `PlatformState`; `at_rest`
-    makes the one in which everything is zero."""
+    makes the state in which everything is zero."""
 
     platform_inertia: NumberField = quantity("kg m^2", positive=True, doc="J")
     gyro_inertia: NumberField = quantity("kg m^2", positive=True, doc="I")
@@ -82,7 +82,8 @@ class PlatformAxis(AbstractSystem):
         return self.spin_momentum / jnp.sqrt(self.platform_inertia * self.gyro_inertia)
 
     def first_angle(self, t: Scalar) -> Scalar:
-        """theta, rad, at a time `t`, s, short of a nutation: T h t^3 / (6 I J) (Thomson 6.8-5)."""
+        """theta, rad, at a time `t`, s, much shorter than a nutation: T h t^3 / (6 I J) (Thomson
+        6.8-5)."""
         inertias = self.platform_inertia * self.gyro_inertia
         return self.torque * self.spin_momentum * t**3 / (6.0 * inertias)
 

@@ -19,9 +19,9 @@
 The order is the book's: roll outside, about the vehicle's x axis, then yaw about z, and pitch about
 y inside. At a yaw of 90 deg roll and pitch turn about one axis: gimbal lock. The motors give the
 platform the moment -s at every other yaw, by the virtual work of E^T; the book's resolver, E^-1,
-raises the gain of the loop there by 1/cos^2(yaw). A vehicle that passes close to the lock makes the
-roll gimbal flip by half a turn. A fourth gimbal outside, about the vehicle's z axis, is driven so
-that the yaw stays small (K_4 times yaw times the cosine of roll), and the lock is not met.
+raises the gain of the loop by 1/cos^2(yaw). A vehicle that passes close to the lock makes the roll
+gimbal flip by half a turn. A fourth gimbal outside, about the vehicle's z axis, is driven so that
+the yaw stays small (K_4 times yaw times the cosine of roll), which avoids the lock.
 
 Source: Thomson 6.8, 6.9.
 Valid for small angles of the gyros; of a gimbal only the inertia about its own axis counts.
@@ -64,9 +64,9 @@ class StablePlatformState(eqx.Module):
 class StablePlatform(AbstractSystem):
     """A platform in three gimbals, or in four. State: `StablePlatformState`, made by `state`.
 
-    - `fourth`: whether there is a gimbal outside of that of roll, about the vehicle's z axis. Four
+    - `fourth`: whether there is a gimbal outside the roll gimbal, about the vehicle's z axis. Four
       gimbals turn three axes: their accelerations lose the ratio of J to I_g in roundings.
-    - `secant`: whether the motors get the signals by the book's resolver."""
+    - `secant`: whether the signals reach the motors through the book's resolver."""
 
     platform_inertia: Three = quantity("kg m^2", positive=True, doc="J, about its axes")
     gimbal_inertia: NumberField = quantity(
@@ -112,8 +112,8 @@ class StablePlatform(AbstractSystem):
         runs = jnp.broadcast_shapes(mass.shape[2:], forces.shape[1:])
         mass = jnp.broadcast_to(mass, (*mass.shape[:2], *runs))
         forces = jnp.broadcast_to(forces, (forces.shape[0], *runs))
-        # With pivots: towards the lock two axes fall together, and only the gimbals' own inertia
-        # keeps the matrix regular.
+        # With pivots: towards the lock two axes coincide, and only the inertia of the gimbals keeps
+        # the matrix regular.
         result = jnp.linalg.solve(
             jnp.moveaxis(mass, front, back), jnp.moveaxis(forces, 0, -1)[..., None]
         )
@@ -142,7 +142,7 @@ class StablePlatform(AbstractSystem):
         self, roll: Scalar = 0.0, yaw: Scalar = 0.0, pitch: Scalar = 0.0, outer: Scalar = 0.0
     ) -> StablePlatformState:
         """The state of gimbals at these angles, rad, at the time zero, with the platform and the
-        gyros at rest in inertial space, from where the attitude counts."""
+        gyros at rest in inertial space, where the attitude is the identity."""
         given = (outer, roll, yaw, pitch) if self.fourth else (roll, yaw, pitch)
         angles = jnp.stack(jnp.broadcast_arrays(*(as_float(x) for x in given)))
         still = jnp.zeros_like(angles[:3])
@@ -152,8 +152,8 @@ class StablePlatform(AbstractSystem):
         return StablePlatformState(angles, rates, still, still, still, level)
 
     def held(self, t: Scalar, angles: Gimbals) -> Gimbals:
-        """The rates of the gimbals, rad/s, at which the platform stays in inertial space, with the
-        fourth one at rest; without bound towards the lock."""
+        """The rates of the gimbals, rad/s, at which the platform is at rest in inertial space, with
+        the fourth gimbal at rest; they grow without bound towards the lock."""
         turn = _vehicle_axes(angles).rotate_back(self.vehicle_turn(t))
         roll, pitch, yaw = resolve_signals(-turn, -angles[-1], -angles[-2])
         rates = jnp.stack(jnp.broadcast_arrays(roll, yaw, pitch))
@@ -176,7 +176,7 @@ class StablePlatform(AbstractSystem):
             of_gimbals = jnp.einsum("ki...,i...->k...", gimbal_axes(phi), rates)
             return of_gimbals + _vehicle_axes(phi).rotate_back(self.vehicle_turn(t))
 
-        # Along (1, rates): how the axes bend and how the vehicle's turn changes, together.
+        # Along (1, rates): the change of the axes and that of the vehicle's rate, together.
         return jax.jvp(turn, (t, phi), (jnp.ones_like(t), jnp.broadcast_to(rates, phi.shape)))
 
     def _motors(self, phi: Array, rates: Array, axes: Array, signals: Vector) -> Gimbals:

@@ -26,7 +26,7 @@ def solve_by_diffrax(
     settings: LoopSettings,
     adjoint: diffrax.AbstractAdjoint | None,
 ) -> Outcome:
-    """The outcome by diffrax's loop, for its adjoints, and for methods that carry more than a state
+    """The outcome of diffrax's loop, for its adjoints and for methods that carry more than a state
     from step to step."""
     chosen = None
     if settings.plan is None:
@@ -73,7 +73,7 @@ def solve_by_diffrax(
 
 
 class _Chosen(NamedTuple):
-    """The steps that the tolerance calls for: their nodes in normalised time, how many there are,
+    """The steps that the tolerance requires: their nodes in normalised time, how many there are,
     how many were rejected, and whether they ran out."""
 
     nodes: Float[Array, " nodes"]
@@ -83,7 +83,7 @@ class _Chosen(NamedTuple):
 
 
 def _chosen_steps(field: PyTree, y0: State, settings: LoopSettings) -> _Chosen:
-    """The steps that the tolerance calls for. Without derivatives."""
+    """The steps that the tolerance requires, without derivatives."""
     field, y0 = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, (field, y0)
     )

@@ -1,4 +1,5 @@
-"""A vector field of which reverse mode stores the arguments alone, and computes the rest again."""
+"""A vector field whose arguments alone are stored for reverse mode, which computes the rest
+again."""
 
 from typing import final
 

@@ -34,7 +34,7 @@ from .status import Status
 # Number of parts of a step that are sampled at once.
 PARTS = 16
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
-# is smooth; elsewhere the best result so far counts.
+# is smooth; elsewhere the best result so far is used.
 REPETITIONS = 12
 
 
@@ -173,7 +173,7 @@ class SearchedStep(NamedTuple):
     width: Float[Array, ""]
 
 
-class _Found(NamedTuple):
+class _SearchState(NamedTuple):
     """The first event of each run in the parts of a step that were searched, as in `Location`.
 
     - `part`: the number of the next part to search."""
@@ -203,21 +203,21 @@ def searched(
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
     shares = jnp.linspace(0.0, 1.0, PARTS + 1, dtype=step.s0.dtype)
 
-    def searching(found: _Found) -> Array:
-        return (found.part < count) & jnp.any(going & ~found.here)
+    def searching(search: _SearchState) -> Array:
+        return (search.part < count) & jnp.any(going & ~search.here)
 
-    def part(found: _Found) -> _Found:
+    def part(search: _SearchState) -> _SearchState:
         length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
-        begin = step.s0 + found.part.astype(length.dtype) * length
-        end = jnp.where(found.part + 1 == count, step.s1, begin + length)
+        begin = step.s0 + search.part.astype(length.dtype) * length
+        end = jnp.where(search.part + 1 == count, step.s1, begin + length)
         nodes = begin + shares * (end - begin)
         earliest = jnp.full(runs, jnp.inf)
         which = -jnp.ones(runs, jnp.int32)
         status = jnp.full(runs, Status.COMPLETED, jnp.int32)
         sizes = []
-        at_start = first & (found.part == 0)
+        at_start = first & (search.part == 0)
         for number, event in enumerate(sought.events):
-            size = found.sizes[number]
+            size = search.sizes[number]
             along = _AlongStep(event, step.segment, step.polynomial, runs)
             zero = _first_zero(along, nodes, at_start, sought.rounding[number], size, span)
             sizes.append(zero.size)
@@ -229,17 +229,17 @@ def searched(
             earliest = jnp.where(sooner, zero.time, earliest)
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
-        here = going & ~found.here & jnp.isfinite(earliest)
-        return _Found(
-            found.part + 1,
-            found.here | here,
-            jnp.where(here, earliest, found.s),
-            jnp.where(here, which, found.which),
-            jnp.where(here, status, found.status),
-            jnp.where(going & ~found.here, jnp.stack(sizes), found.sizes),
+        here = going & ~search.here & jnp.isfinite(earliest)
+        return _SearchState(
+            search.part + 1,
+            search.here | here,
+            jnp.where(here, earliest, search.s),
+            jnp.where(here, which, search.which),
+            jnp.where(here, status, search.status),
+            jnp.where(going & ~search.here, jnp.stack(sizes), search.sizes),
         )
 
-    nothing = _Found(
+    nothing = _SearchState(
         jnp.asarray(0),
         jnp.zeros(runs, bool),
         jnp.broadcast_to(step.s1, runs),
@@ -247,25 +247,25 @@ def searched(
         location.status,
         location.sizes,
     )
-    found = jax.lax.while_loop(searching, part, nothing)
-    here = found.here
+    search = jax.lax.while_loop(searching, part, nothing)
+    here = search.here
 
-    def kept(new: Array, old: Array) -> Array:
+    def updated(new: Array, old: Array) -> Array:
         return jnp.where(here, new, old)
 
     return location._replace(
         waiting=location.waiting | here,
-        which=kept(found.which, location.which),
-        status=kept(found.status, location.status),
-        start=kept(step.s0, location.start),
-        y0=jax.tree.map(kept, step.y0, location.y0),
-        length=kept(found.s - step.s0, location.length),
-        y=jax.tree.map(kept, step.y0, location.y),
-        whole=kept(step.s1 - step.s0, location.whole),
+        which=updated(search.which, location.which),
+        status=updated(search.status, location.status),
+        start=updated(step.s0, location.start),
+        y0=jax.tree.map(updated, step.y0, location.y0),
+        length=updated(search.s - step.s0, location.length),
+        y=jax.tree.map(updated, step.y0, location.y),
+        whole=updated(step.s1 - step.s0, location.whole),
         # The dense output is accurate to a hundredth of the step.
-        change=kept(0.02 * (step.s1 - step.s0), location.change),
-        again=jnp.where(here, found.which >= 0, location.again),
-        sizes=found.sizes,
+        change=updated(0.02 * (step.s1 - step.s0), location.change),
+        again=jnp.where(here, search.which >= 0, location.again),
+        sizes=search.sizes,
     )
 
 
@@ -287,7 +287,7 @@ def _first_zero(
     dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
     start, duration = span
-    # Per second, and relative to the largest time of the run.
+    # The rounding of the time, from the rate per second and the largest time of the run.
     second = along.segment.rate.astype(g.dtype)
     longest = jnp.maximum(jnp.abs(start), jnp.abs(duration))
     change = rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
@@ -330,7 +330,7 @@ def shortened(
     first_slope = none
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
-        # At both ends of the step, by one copy of the condition in the program.
+        # At both ends of the step, with one copy of the condition in the program.
         values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
         value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
@@ -341,7 +341,7 @@ def shortened(
     change = -safe_divide(value, slope).astype(length.dtype) * length
     # Beyond an event at which the field jumps, such as the end of the propellant, the condition may
     # be flat, so that its slope does not lead back; the slope at the start of the step does. Where
-    # the condition itself jumps no slope does, and the place by the dense output stays.
+    # the condition itself jumps no slope leads back, and the place by the dense output is used.
     share = -safe_divide(first, first_slope)
     back = (slope == 0.0) & (value * first < 0.0) & (share > 0.0) & (share < 1.0)
     change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)

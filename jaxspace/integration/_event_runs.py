@@ -87,7 +87,7 @@ class Samples(NamedTuple):
     - `candidate`: the intervals in which there may be a zero.
     - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
     - `size`: the largest condition.
-    - `ill`: how long after the start, s, it is first not finite."""
+    - `ill`: time after the start, s, at which it is first not finite."""
 
     times: Float[Array, "samples *#runs"]
     states: State

@@ -42,7 +42,7 @@ def follows_layout(system: AbstractSystem, y0: PyTree) -> bool:
                 single.vector_field(t, jax.tree.map(lambda x, k=k: x[..., k], states))
                 for k in range(runs)
             ]
-        except Exception:  # noqa: BLE001 - whatever a user's field raises, it is no batch
+        except Exception:  # noqa: BLE001 - whatever a user's field raises, it is not a batch
             return False
         alone = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *each)
         pairs = zip(jax.tree.leaves(together), jax.tree.leaves(alone), strict=True)

@@ -56,7 +56,7 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
 
 def _record_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     outs, out_dims = _solve_batch(values, dims, problem=problem)
-    # The record of a mapped run is computed again where it is used, so that this one is not read.
+    # The record of a mapped run is computed again where it is used, and this one is never read.
     empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals]
     return [*outs, *empty], [*out_dims, *[None] * len(empty)]
 
@@ -99,7 +99,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
                 *args, *record, *last, problem=inner, moving=moving, columns=columns
             )
 
-        # A rank that no result has says that every result carries the runs already.
+        # A rank that no result has, because every result carries the runs already.
         ranks = [-1] * (problem.num_states if primitive is along_p else len(moving))
         outs = over_blocks(block, mapped, size, ranks, _with_axis(last, last_dims, size, -1))
         return outs, [x.ndim - 1 for x in outs]

@@ -9,7 +9,7 @@ from ..core import InputError
 SHARE = 0.5
 """Share of the memory for recorded steps: a derivative holds the record and its source at once."""
 SMALL = 2**28
-"""Bytes that any machine has: the memory is asked for beyond them alone."""
+"""Bytes that any machine has: below this the memory is not checked."""
 
 
 def check_memory(what: str, steps: int, per_step: int) -> None:
@@ -23,12 +23,12 @@ def check_memory(what: str, steps: int, per_step: int) -> None:
     size = steps * per_step
     if size <= SMALL:
         return
-    room = SHARE * memory()
-    if size > room:
+    available = SHARE * memory()
+    if size > available:
         raise InputError(
             f"Accuracy.max_steps is {steps}: with room for all of them {what} would take "
             f"{size / 1e9:.0f} GB of memory; on this machine it must be at most "
-            f"{int(room) // per_step}."
+            f"{int(available) // per_step}."
         )
 
 
@@ -40,6 +40,6 @@ def memory() -> float:
         return limit
     try:
         return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
-    # A system that is not of the POSIX kind.
+    # Not a POSIX system.
     except (AttributeError, ValueError):
         return float("inf")

@@ -136,10 +136,10 @@ def _advance(
     z1, local = barrier((z1, local))
     if settings.longest_steps is not None:
         local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
-    # So short a step is accepted whatever its error, which the status then reports.
+    # A step this short is accepted whatever its error, which the status then reports.
     tiny = ~(jnp.abs(h * rate) > SMALLEST_STEP * jnp.abs(segment.duration))
     good = moving & ((local <= 1.0) | tiny)
-    # By the direction of the duration, because a step that lands may go back a little.
+    # By the direction of the duration, because a step that lands may be slightly backwards.
     beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
     past = good & ~loop.landing & beyond
     accept = good & ~past
@@ -223,8 +223,8 @@ def _too_long(
     y: OwnState,
     z1: Regular,
 ) -> Array:
-    """The step relative to the longest one allowed, as an error that makes the control shorten
-    it."""
+    """The length of the step relative to the longest one allowed, as an error that makes the
+    control shorten it."""
     assert settings.longest_steps is not None
     index = jnp.minimum(y.segment, settings.end - 1.0).astype(int)
     longest = settings.longest_steps[index] * jnp.abs(segment.duration)

@@ -64,8 +64,9 @@ class Problem:
     def __init__(self, parts: Parts):
         arrays, self.static = eqx.partition(parts, eqx.is_array)
         leaves, self.structure = jax.tree.flatten(arrays)
-        # Only the shapes may stay here: the arguments of the primitives are tracers. Weak types
-        # stay: a parameter given as a Python number takes the precision of the state.
+        # Only the shapes are stored here, because the arguments of the primitives are tracers. Weak
+        # types are preserved: a parameter given as a Python number takes the precision of the
+        # state.
         self.avals = [shape_of(x) for x in leaves]
         field, y0, _ = parts
         self.num_field = len(arguments_of(field))
@@ -82,13 +83,13 @@ class Problem:
         """The arrays of the outcome; of one that is `recorded`, then those of its record."""
         field, y0, settings = self.parts(args)
         assert not (recorded and settings.sought is not None), (
-            "events are found outside derivatives"
+            "events are located outside derivatives"
         )
         # The type of the state decides which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
-            kept = own.recording, own.count
-            return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*kept)]
+            recorded_steps = own.recording, own.count
+            return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
             estimated = settings.sought is None
             settings = dataclasses.replace(
@@ -101,8 +102,8 @@ class Problem:
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
-        kept = loop.recording, loop.num_accepted
-        return [*jax.tree.leaves(outcome), *_arrays_of(*kept)]
+        recorded_steps = loop.recording, loop.num_accepted
+        return [*jax.tree.leaves(outcome), *_arrays_of(*recorded_steps)]
 
     def record(self, *args: Array) -> list[Array]:
         """The arrays of the outcome, then those of the record."""

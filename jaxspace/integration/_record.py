@@ -50,7 +50,7 @@ class RecordLayout(NamedTuple):
         """The layout for states and steps like these."""
         leaves, structure = jax.tree.flatten(y)
         dtypes = tuple(x.dtype for x in leaves)
-        # The clock may be finer than the state; both keep every digit.
+        # The time may have a higher precision than the state; both are stored exactly.
         dtype = max((step.dtype, *dtypes), key=lambda d: d.itemsize)
         return cls(tuple(x.shape for x in leaves), dtypes, structure, step.shape, limit, dtype)
 
@@ -75,7 +75,7 @@ class RecordLayout(NamedTuple):
     @property
     def longest(self) -> int:
         """Largest number of steps between two recorded states: a power of two."""
-        # One row stays free for the state after the next step.
+        # One row is reserved for the state after the next step.
         rows = (self.size - self.limit * self.step_size) // self.state_size - 1
         stride = 1
         while rows * stride < self.limit:
@@ -138,10 +138,10 @@ class Recording(NamedTuple):
             return added
 
         def full(recording: Recording) -> Bool[Array, ""]:
-            room = layout.step_start(n + 1) - (recording.count + 1) * layout.state_size
-            return taken & (n + 1 < layout.limit) & (room < 0)
+            free = layout.step_start(n + 1) - (recording.count + 1) * layout.state_size
+            return taken & (n + 1 < layout.limit) & (free < 0)
 
-        return jax.lax.while_loop(full, lambda kept: kept.thinned(layout), added)
+        return jax.lax.while_loop(full, lambda recording: recording.thinned(layout), added)
 
     def thinned(self, layout: RecordLayout) -> "Recording":
         """Drop every second state, the first one included, and double the stride."""
@@ -149,7 +149,7 @@ class Recording(NamedTuple):
         half = layout.size // (2 * size)
         count = self.count // 2
         moved = self.numbers[: 2 * half * size].reshape(half, 2, size)[:, 1].reshape(-1)
-        # The steps at the other end of the array stay.
+        # The steps at the other end of the array are left.
         is_state = jnp.arange(half * size) < count * size
         front = jnp.where(is_state, moved, self.numbers[: half * size])
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, front, 0, 0)

@@ -5,7 +5,7 @@
     backwards  (p*, y_n*) = (p*, 0) + [y_{n+1}*, d_n*] d(step)/d(p, y_n)
 
 If the steps were chosen again, a difference of one rounding could lead to other steps, and the
-derivative would be that of no run (observed: an error as large as the derivative itself, over a
+derivative would belong to no run (observed: an error as large as the derivative itself, over a
 thousand steps). The ends of the accepted steps are therefore recorded, with as many states as the
 buffer holds. Backwards, the steps between two of these checkpoints are repeated in chunks, whose
 states are all in memory at once.
@@ -30,8 +30,8 @@ from ._record import Record
 from .loop import TERM, LoopSettings
 
 CHUNK = 32
-"""Steps between which all states are kept at once: more of them leave the cache, fewer are taken
-twice in short runs."""
+"""Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
+of them short runs take more steps twice."""
 
 # Maps the cotangents of the results of a step to those of the field and of the state before it.
 Pullback: TypeAlias = Callable[[PyTree], tuple[PyTree, ...]]
@@ -222,7 +222,7 @@ class Replay(eqx.Module):
         count: Array,
         apart: Array,
     ) -> State:
-        """The buffer filled, from row `to` on, with `count` states that lie `apart` steps apart.
+        """The buffer filled, from row `to` on, with `count` states that are `apart` steps apart.
 
         The first is `y`, before step `n`. The last row of the buffer takes the states between
         them."""

@@ -21,7 +21,7 @@ from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem
 from ..core.structure import once_per_structure, without_numbers
-from ..core.tracing import depending_on
+from ..core.tracing import depending_on, is_traced
 from ..solvers.second_order import moved, parts_of
 from ._eccentric import is_eccentric, is_second_order_regularised
 from .methods import HIGH_ORDER, LOW_ORDER, REGULARISED, SECOND_ORDER, STIFF
@@ -73,10 +73,10 @@ def is_second_order(system: AbstractSystem, y: PyTree) -> bool:
     if len(jaxpr.outvars) != 2:
         return False
     travel, acceleration = jaxpr.outvars
-    # The same variable, and not equal numbers: these would prove nothing.
+    # The same variable, because equal numbers would prove nothing.
     if travel is not velocity:
         return False
-    # A literal number follows nothing, and cannot be looked up.
+    # A literal number depends on nothing, and cannot be looked up.
     constant = isinstance(acceleration, Literal)
     return constant or acceleration not in depending_on(jaxpr, [velocity])
 
@@ -104,7 +104,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
     return not beside or is_second_order_regularised(context.system, context.y)
 
 
-# The first that holds decides: what is exact comes first, and what serves all systems last.
+# The first rule that holds decides: exact methods come first, and the one for all systems last.
 RULES = (
     Rule(
         "the system has a closed form",
@@ -149,12 +149,23 @@ def select_method(
     - `starts`: returns several runs, in place of `ts`.
 
     **Returns** a solver, or "closed_form"."""
-    if starts is None and ts is not None:
-        starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
+    if starts is None:
+        starts = _known_start(system, y0, ts)
     # Two rules use the runs.
     looked_at = None if starts is None else functools.cache(starts)
     context = SelectionContext(system, y0, rtol, looked_at)
     return next(rule.method for rule in RULES if rule.holds(context))
+
+
+def _known_start(
+    system: AbstractSystem, y0: PyTree, ts: ArrayLike | Sequence[float] | None
+) -> Callable[[], InitialConditions] | None:
+    """What returns a single run; `None` where its numbers are unknown."""
+    leaves = jax.tree.leaves((system, y0, ts))
+    shapes = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
+    if ts is None or shapes or is_traced(leaves):
+        return None
+    return functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
 
 
 def eligible_methods(
@@ -170,8 +181,6 @@ def eligible_methods(
     - `system`, `y0`: a system and a state, or their shapes.
     - `rtols`: relative tolerances.
     - `ts`: save times, s, without which a stiff run is not recognised."""
-    starts = None
-    if ts is not None:
-        starts = functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
+    starts = _known_start(system, y0, ts)
     contexts = [SelectionContext(system, y0, rtol, starts) for rtol in rtols]
     return tuple(rule.method for rule in RULES if any(rule.holds(c) for c in contexts))

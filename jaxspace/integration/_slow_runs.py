@@ -43,7 +43,7 @@ def without_slow_runs(
     - `none`: no run."""
 
     def attempt(carry: _Attempt) -> _Attempt:
-        # Built again here: to select it behind the loop would take a selection for every array.
+        # Built again here, because a selection after the loop would be needed for every array.
         loop = run(restarted(carry.loop, carry.left_out))
         result = slow(loop)
         left_out = carry.left_out | result

@@ -188,7 +188,7 @@ def state_dtype(y: PyTree) -> jnp.dtype:
                 f"y0 holds {leaf!r} of type {type(leaf).__name__}: it must hold arrays."
             )
     dtypes = {leaf.dtype for leaf in leaves}
-    if len(dtypes) != 1 or not jnp.issubdtype(next(iter(dtypes)), jnp.floating):
+    if len(dtypes) != 1 or not jnp.issubdtype(*dtypes, jnp.floating):
         raise InputError(
             f"y0 holds arrays of the types {sorted(map(str, dtypes))}: it must hold one "
             f"floating-point type."
@@ -207,6 +207,8 @@ def as_state(y0: PyTree) -> PyTree:
         return number or getattr(x, "weak_type", False)
 
     leaves = jax.tree.leaves(y0)
+    if not any(map(is_plain, leaves)):
+        return y0
     given = {x.dtype for x in leaves if hasattr(x, "dtype") and not is_plain(x)}
     dtype = next(iter(given)) if len(given) == 1 else jnp.result_type(float)
     return jax.tree.map(lambda x: jnp.asarray(x, dtype) if is_plain(x) else x, y0)
@@ -216,7 +218,7 @@ def check_initial_state(y0: PyTree) -> None:
     """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
     state_dtype(y0)
     known = [x for x in jax.tree.leaves(y0) if is_concrete(x)]
-    if all(np.all(np.isfinite(np.asarray(x))) for x in known):
+    if all(np.isfinite(np.asarray(x)).all() for x in known):
         return
     # Only now by name: to build the names takes longer than the check.
     for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:

@@ -114,9 +114,11 @@ def resolve(
     dtype = state_dtype(y0)
     rtol = DEFAULT_RTOL.get(dtype.name, 1e-2) if accuracy.rtol is None else accuracy.rtol
     # Zero stands for a traced tolerance, for which the rules of structure decide.
-    known_rtol = float(np.max(np.asarray(rtol))) if is_concrete(rtol) else 0.0
+    known_rtol = 0.0
     if is_concrete(rtol):
-        check_tolerance(float(np.min(np.asarray(rtol))), dtype)
+        known = np.asarray(rtol)
+        known_rtol = float(known.max())
+        check_tolerance(float(known.min()), dtype)
     check_countable(accuracy.max_steps)
     method = accuracy.method
     exactly = method == "closed_form" or (method == "auto" and has_closed_form(system))
@@ -168,7 +170,8 @@ def _starts_of_rest(
         pairs = zip(jax.tree.leaves(system), jax.tree.leaves(axes), strict=True)
         known = {id(x): n for x, n in pairs}
         if not all(id(x) in known for x in jax.tree.leaves(rest)):
-            # An array that the rest has not from the whole: it may carry runs, or none.
+            # An array of the rest that the whole system does not have: it may or may not carry
+            # runs.
             return None
         axes = jax.tree.map(lambda x: known[id(x)], rest)
         runs = (rest, decoupled.rest_of(y), ts)
@@ -200,6 +203,9 @@ def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
 
 def check_countable(max_steps: int) -> None:
     """Raise `InputError` for more steps than JAX's whole numbers count."""
+    # So many count whatever the setting.
+    if max_steps <= 2**31 - 1:
+        return
     most = jnp.iinfo(jnp.result_type(int)).max
     allowed = f"at most {most}, to which JAX counts"
     if not jax.config.read("jax_enable_x64"):
@@ -217,7 +223,7 @@ CAPABILITIES = {
 def _check_needs(system: AbstractSystem, method: diffrax.AbstractSolver | str) -> None:
     """Raise `InputError` if the system does not offer what the method needs, and why."""
     needs = method if isinstance(method, str) else solver_traits(method).needs
-    # The capability has the name of the method that answers for it.
+    # The capability has the name of the system's method that provides it.
     if not needs or getattr(system, needs)() is not None:
         return
     name = method if isinstance(method, str) else type(method).__name__

@@ -89,7 +89,7 @@ class Crossings(eqx.Module):
         )
 
 
-class _Found(NamedTuple):
+class _SearchState(NamedTuple):
     """State of the search.
 
     - `times`, `before`: times of the zeros, s, and the sample before each. There is one row more
@@ -129,8 +129,8 @@ def crossings_between(
     fixed = jax.tree.map(_fixed, (system, event, times, states))
     along = ConditionOnRun(fixed[0], fixed[1], config, run_axes)
     samples = sampled(along, fixed[2], fixed[3])
-    found = _search(along, samples)
-    stored = jnp.minimum(found.count, event.capacity)
+    search = _search(along, samples)
+    stored = jnp.minimum(search.count, event.capacity)
     used = _numbers(event.capacity, stored) < stored
 
     # Zeros one after the other: those of all runs with the same number share an integration.
@@ -146,7 +146,7 @@ def crossings_between(
         t, y = newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
         return carry, (t, y, used & (slope * jnp.sign(times[-1] - times[0]) > 0.0))
 
-    rows = (found.times[:-1], found.before[:-1], used)
+    rows = (search.times[:-1], search.before[:-1], used)
     _, (ts, at_zeros, rising) = jax.lax.scan(one, None, rows)
     at_zeros = times_behind_components(at_zeros, run_axes)
     crossings = Crossings(
@@ -154,10 +154,10 @@ def crossings_between(
         jax.tree.map(lambda x: jnp.where(used, x, jnp.nan), at_zeros),
         rising,
         stored,
-        found.count > event.capacity,
-        _status(along, samples, found),
+        search.count > event.capacity,
+        _status(along, samples, search),
     )
-    # Up to the first sample that is not finite, the search has covered every interval.
+    # The search has covered every interval up to the first sample that is not finite.
     return crossings.until(times[0], samples.ill)
 
 
@@ -184,59 +184,59 @@ def _numbers(count: int, runs: Array) -> Array:
     return jnp.arange(count).reshape(-1, *(1,) * runs.ndim)
 
 
-def _search(along: ConditionOnRun, samples: Samples) -> _Found:
+def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
     """All zeros of each run, up to one more than the capacity."""
     event, runs = along.event, samples.times.shape[1:]
-    room = event.capacity + 1
+    capacity = event.capacity + 1
     intervals = samples.candidate.shape[0]
-    rows, numbers = _numbers(room, samples.at_zero), _numbers(intervals, samples.at_zero)
+    rows, numbers = _numbers(capacity, samples.at_zero), _numbers(intervals, samples.at_zero)
 
-    def ahead(found: _Found) -> Array:
-        open_to = (found.count < room) & ~found.unresolved
-        return samples.candidate & (numbers >= found.following) & open_to
+    def ahead(search: _SearchState) -> Array:
+        open_to = (search.count < capacity) & ~search.unresolved
+        return samples.candidate & (numbers >= search.following) & open_to
 
-    def look(found: _Found) -> _Found:
-        sought = jnp.any(ahead(found), axis=0)
-        index = jnp.argmax(ahead(found), axis=0)
+    def look(search: _SearchState) -> _SearchState:
+        sought = jnp.any(ahead(search), axis=0)
+        index = jnp.argmax(ahead(search), axis=0)
         y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
         end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
-        dip = (value * other > 0.0) & ~found.again
+        dip = (value * other > 0.0) & ~search.again
         # The second zero of a dip is sought from its first one, where the sign is opposite.
-        last = pick(found.times, jnp.maximum(found.count - 1, 0), along.run_axes)
-        start = jnp.where(found.again, last, t)
-        value = jnp.where(found.again, -other, value)
+        last = pick(search.times, jnp.maximum(search.count - 1, 0), along.run_axes)
+        start = jnp.where(search.again, last, t)
+        value = jnp.where(search.again, -other, value)
         there, met, sure = close_in(
             FromSample(along, y, t), (t, end), (value, other), sought, start
         )
         good = sought & met & sure
-        here = (rows == found.count) & good
+        here = (rows == search.count) & good
         # The second zero of a dip counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
-        return _Found(
-            jnp.where(here, there, found.times),
-            jnp.where(here, index, found.before),
-            found.count + good.astype(int),
-            jnp.where(sought & ~again, index + 1, jnp.where(sought, index, found.following)),
+        return _SearchState(
+            jnp.where(here, there, search.times),
+            jnp.where(here, index, search.before),
+            search.count + good.astype(int),
+            jnp.where(sought & ~again, index + 1, jnp.where(sought, index, search.following)),
             again,
-            found.unresolved | (sought & ~sure),
+            search.unresolved | (sought & ~sure),
         )
 
     none = jnp.zeros(runs, bool)
     at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
-    start = _Found(
-        times=jnp.broadcast_to(samples.times[0], (room, *runs)),
-        before=jnp.zeros((room, *runs), int),
+    start = _SearchState(
+        times=jnp.broadcast_to(samples.times[0], (capacity, *runs)),
+        before=jnp.zeros((capacity, *runs), int),
         count=at_start.astype(int),
         following=jnp.zeros(runs, int),
         again=none,
         unresolved=none,
     )
-    return jax.lax.while_loop(lambda found: jnp.any(ahead(found)), look, start)
+    return jax.lax.while_loop(lambda search: jnp.any(ahead(search)), look, start)
 
 
-def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array, "*runs"]:
+def _status(along: ConditionOnRun, samples: Samples, search: _SearchState) -> Int[Array, "*runs"]:
     """Status of the search."""
-    status = jnp.where(found.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
+    status = jnp.where(search.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
     few = _change_unexplained(along, samples) > RESOLVED
     status = jnp.where(few, Status.SAMPLES_TOO_FEW, status)
     ill = jnp.isfinite(samples.ill)
@@ -244,9 +244,9 @@ def _status(along: ConditionOnRun, samples: Samples, found: _Found) -> Int[Array
 
 
 def _change_unexplained(along: ConditionOnRun, samples: Samples) -> Scalar:
-    """Root mean square of the change of the condition that the rates do not explain, relative to
-    that of the condition."""
-    # Not from `samples.g`, whose first value may be a sign alone.
+    """Root mean square of the part of the condition's change that its rates do not explain,
+    relative to that of the condition."""
+    # Computed again and not from `samples.g`, whose first value may be a sign alone.
     g, slopes = jax.vmap(along.slope)(samples.times, samples.states)
     steps = jnp.diff(samples.times, axis=0)
     change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])

@@ -68,8 +68,8 @@ def first_in_intervals(
     numbers = jnp.arange(count).reshape(-1, *(1,) * len(runs))
 
     # Intervals are searched one by one, because a dip may turn out to hold no zero.
-    def look(found: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
-        when, hit, unresolved, first = found
+    def look(search: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
+        when, hit, unresolved, first = search
         ahead = candidate & (numbers >= first)
         index = jnp.argmax(ahead, axis=0)
         t, value = pick((times, g), index, len(runs))
@@ -90,7 +90,7 @@ def first_in_intervals(
         jnp.zeros(tuple(runs), int),
     )
     when, hit, unresolved, _ = jax.lax.while_loop(
-        lambda found: jnp.any(candidate & (numbers >= found[3])), look, start
+        lambda search: jnp.any(candidate & (numbers >= search[3])), look, start
     )
     return when, hit, unresolved
 
@@ -108,7 +108,8 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
 
 
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
-    """Time after the start, s, at which the condition is first not finite; infinite if it never is.
+    """Time after the start, s, at which the condition is first not finite; infinite if it always is
+    finite.
 
     States that are not finite do not count, because they have another status."""
     ill = ~jnp.isfinite(g)

@@ -1,5 +1,5 @@
-"""Whether the exact part of a motion is computed by its closed form, and only the rest by steps:
-this pays off where the turns of the exact part would use up many of the steps of a run.
+"""Whether the exact part of a motion is computed by its closed form, and only the rest by steps.
+This pays off where the turns of the exact part would use up many of the steps of a run.
 
     n = 1.2 (1e-9 / rtol)^(1/8) a >= N / 2
 

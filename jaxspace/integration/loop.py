@@ -148,7 +148,7 @@ def integrate_loop(
         )
 
     start = _start(settings, *tools, field, y0, recorded)
-    # A single run waits for no other, and a plan does not run out of steps.
+    # A single run does not wait for others, and a plan does not run out of steps.
     if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
 
@@ -278,8 +278,8 @@ def _advance(
         )
         again = location.again
         location = _located(settings, loop, field.segments, span, interpolation, going, accept, y1)
-        # Nothing of a run that waits counts any more: neither its steps nor their error, but that
-        # of the step that ends at its event. Beyond the event the field may jump.
+        # Of a run that waits no step counts any more, and no error but that of the step that ends
+        # at its event. Beyond the event the field may jump.
         y1 = nan_where(location.waiting, y1)
         counts = jnp.where(going, ~location.waiting, again & ~location.again)
         worst = jnp.where(counts, solver_state[1], loop.solver_state[1])

@@ -25,9 +25,9 @@ from .loop import LoopSettings
 from .normalised_time import ScaledVectorField, Segments
 
 BLOCK = 64
-"""Runs in a block: enough to pay for the dispatch of each operation, and few enough that what a
-step keeps of them stays in the first levels of the cache. On low orbits blocks of 64 were faster
-than those of 512."""
+"""Runs in a block: enough to pay for the dispatch of each operation, and few enough that the data
+of a step stay in the first levels of the cache. On low orbits blocks of 64 were faster than those
+of 512."""
 
 
 # Field, initial state and settings of a loop, or a tree of this structure.
@@ -35,7 +35,7 @@ Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 
 
 class _CannotMap(Exception):
-    """Some array has no place for a further axis of runs."""
+    """An array cannot have a further axis of runs."""
 
 
 def add_run_axis(
@@ -102,7 +102,7 @@ def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
     t = jax.ShapeDtypeStruct(runs, sought.rounding.dtype)
     try:
         values = [eqx.filter_eval_shape(event.condition, t, y0) for event in sought.events]
-    except Exception:  # noqa: BLE001 - whatever a user's condition raises, it is no batch
+    except Exception:  # noqa: BLE001 - whatever a user's condition raises, it is not a batch
         return False
     return all(value.shape == runs for value in values)
 

@@ -5,13 +5,13 @@ depends on a method reads its traits."""
 
 from ..solvers import DOP853, RKN1210, AdaptiveRegularised, ExponentialRosenbrock, Tsit5
 
-# Serves every system; of order 8.
+# For every system; of order 8.
 HIGH_ORDER = DOP853()
-# Serves every system; of order 5, with fewer evaluations at loose tolerances.
+# For every system; of order 5, with fewer evaluations at loose tolerances.
 LOW_ORDER = Tsit5()
 # For r' = v, v' = a(t, r) alone.
 SECOND_ORDER = RKN1210()
 # For eccentric orbits.
 REGULARISED = AdaptiveRegularised()
-# For slow motion beside a fast linear one.
+# For slow motion together with a fast linear one.
 STIFF = ExponentialRosenbrock()

@@ -59,8 +59,8 @@ class Segments(eqx.Module):
     def time(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`."""
         if len(self) == 1:
-            # From 0 to 1, without looking it up: every stage of a step asks for it, and each would
-            # read the ends in a loop of its own, which first calls compile.
+            # From 0 to 1, without a search: every stage of a step evaluates it, and each would
+            # search the ends in a separate loop, which first calls would compile.
             return self.t0 + self.total * s
         start, u, width = self._segment(s)
         return self.t0 + self.total * (u + (s - start) * width)
@@ -86,7 +86,8 @@ class Segments(eqx.Module):
 
     def _edge(self) -> Scalar:
         """Some roundings of a time, s, in the direction of the run."""
-        # Rounding of the time, of the fraction, and of the numbers behind an effect's break times.
+        # Rounding of the time, of the fraction, and of the numbers from which an effect computes
+        # its break times.
         rounding = 4.0 * jnp.finfo(self.total.dtype).eps
         return rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
 

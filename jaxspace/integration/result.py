@@ -36,8 +36,8 @@ class IntegrationResult(NamedTuple):
     - `status`: of each run.
     - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
       of each run in units of the tolerance.
-    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if asked
-      for.
+    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if
+      requested.
     - `dense`: the steps, if requested.
     - `found`: the events that ended the runs, if events are sought."""
 
@@ -50,7 +50,7 @@ class IntegrationResult(NamedTuple):
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
-    """The result with its status where a run ends `outside` of what its system describes."""
+    """The result with the status for runs that end `outside` the range of their system."""
     if outside is None:
         return result
     # Steps that missed the tolerance did so because the run left the model.
@@ -143,7 +143,7 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     ends = outcome.step_ends
     assert ends is not None
     taken = jnp.isfinite(ends)
-    # An infinite end would have the time NaN, and a derivative that is NaN.
+    # For an infinite end the time would be NaN, and so would its derivative.
     times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
     taken = taken.reshape(*taken.shape, *(1,) * (times.ndim - taken.ndim))
     start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]

@@ -42,7 +42,7 @@ class Status(enum.IntEnum):
 
 _SENTENCES = {
     Status.COMPLETED: "The run reached its end within the tolerance.",
-    Status.EVENT: "The run stopped at its event, found to the tolerance.",
+    Status.EVENT: "The run stopped at its event, located to the tolerance.",
     Status.TOLERANCE_MISSED: (
         "Some steps missed the tolerance: look for a collision or a singularity, or take more "
         "fixed steps."
@@ -103,9 +103,10 @@ def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> N
 
     `where` is a further sentence: the time and the state in which a single run failed."""
     every = np.asarray(status).reshape(-1)
-    failed = np.flatnonzero(every > Status.EVENT)
-    if failed.size == 0:
+    failures = every > Status.EVENT
+    if not failures.any():
         return
+    failed = np.flatnonzero(failures)
     which = ""
     if every.size > 1:
         which = f"Run {failed[0]} ({failed.size} of {every.size} runs failed): "
@@ -123,7 +124,8 @@ def status_from(
     - `out_of_steps`: whether the steps ran out before the end.
     - `finite`: whether the state stayed finite.
     - `max_local_error`: in units of the tolerance; up to 1 is within it."""
-    # The order says which failure explains the others: NaN first, then the steps, then the error.
+    # In the order in which one failure explains the others: NaN first, then the steps, then the
+    # error.
     status = jnp.where(max_local_error > 1.0, Status.TOLERANCE_MISSED, Status.COMPLETED)
     status = jnp.where(out_of_steps, Status.MAX_STEPS, status)
     return jnp.where(finite, status, Status.NOT_FINITE).astype(jnp.int32)

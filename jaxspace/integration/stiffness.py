@@ -1,12 +1,13 @@
-"""Whether a run is stiff: slow motion beside a fast linear one, by its initial numbers.
+"""Whether a run is stiff, that is slow motion together with a fast linear one, by its initial
+numbers.
 
     w = max |eigenvalue of J|,    J = df/dy at the start
     1. w |span| >= 1e4, and w h >= 300      explicit steps would be more than a run may take
     2. |J(y + f / w) - J(y)| <= 0.05 w      the fast motion is linear
     3. a step of 300 / w by the exponential method is within the tolerance
 
-All are measured relative to the lengths of the state's blocks, as the tolerance is. A body that
-spins, or an orbit of many revolutions, fails at the second line: its Jacobian turns with it. A
+All norms are relative to the lengths of the state's blocks, as the tolerance is. A body that spins,
+or an orbit of many revolutions, fails the second condition, because its Jacobian turns with it. A
 gyrocompass, damped or ringing linear modes, and a fast decay onto which the motion has settled
 pass.
 
@@ -16,6 +17,7 @@ pass.
     h       time between the save times              s
 """
 
+import math
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -28,7 +30,6 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State
-from ..core.tracing import is_traced
 from .compiling import QUICK
 from .methods import STIFF
 
@@ -47,7 +48,7 @@ MOST = 40
 
 
 class InitialConditions(NamedTuple):
-    """Runs as they are requested, of which some are sampled.
+    """Runs as they are requested, of which some are sampled; their numbers are known.
 
     - `runs`: (system, state, times), with the runs on the last axis of what carries them.
     - `run_axes`: of each array of `runs`, how many trailing axes carry runs (0 or 1).
@@ -68,27 +69,19 @@ class InitialConditions(NamedTuple):
         """Number of components of the state of one run."""
         _, state, _ = self.runs
         _, axes, _ = self.run_axes
-        sizes = [
-            np.prod(np.shape(x)[:-1] if n else np.shape(x), dtype=int)
+        return sum(
+            math.prod(np.shape(x)[:-1] if n else np.shape(x))
             for x, n in zip(jax.tree.leaves(state), jax.tree.leaves(axes), strict=True)
-        ]
-        return int(sum(sizes))
-
-    @property
-    def readable(self) -> bool:
-        """Whether all numbers are known, and the state has few enough components."""
-        leaves = jax.tree.leaves(self.runs)
-        placeholders = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
-        return not placeholders and not is_traced(leaves) and self.components <= MOST
+        )
 
 
 def is_stiff(starts: InitialConditions, rtol: float) -> bool:
     """Whether some of the runs would take an explicit method very many steps, and the exponential
     method is suited to all of these.
 
-    `False` where the numbers are unknown (under `jit`, or in a derivative), or `rtol` is zero,
-    which stands for an unknown tolerance."""
-    if rtol == 0.0 or not starts.readable:
+    `False` for a state of many components, or if `rtol` is zero, which stands for an unknown
+    tolerance."""
+    if rtol == 0.0 or starts.components > MOST:
         return False
     system, y, ts = starts.runs
     times = np.shape(ts)[0]

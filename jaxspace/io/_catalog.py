@@ -39,7 +39,7 @@ from ._modules import defined_in, read_modules
 from ._objects import entry_of, foreign_fields, function_way, object_kind, snake_case
 from ._table_kinds import Object
 
-ROOMS = (
+PACKAGES = (
     *(rotations, bodies, orbits, attitude, gyros, rockets, vehicles),
     *(mechanics, scene, control, dispersion),
 )
@@ -96,6 +96,12 @@ class Catalog(NamedTuple):
     kinds: Mapping[type, Object]
     refused: Mapping[str, str]
 
+    @property
+    def named(self) -> tuple[object, ...]:
+        """Everything that a file may name, for comparison with another catalog."""
+        things = self._replace(kinds={}, refused={})
+        return tuple(item for table in things for item in table.items())
+
     def known_times(self, effect: str) -> list[str]:
         """The names of the times at which a phase with this effect can end."""
         cls = self.effects[effect]
@@ -137,8 +143,8 @@ class Catalog(NamedTuple):
             if entry.shared
         ]
         for path, entry in declared:
-            room, _, key = path.partition(".")
-            if room == table and "." not in key:
+            package, _, key = path.partition(".")
+            if package == table and "." not in key:
                 # Optional in the shared table: whether it is needed depends on the effects that
                 # are there.
                 result.setdefault(key, entry._replace(default=None, shared=""))
@@ -180,7 +186,7 @@ def _catalog(
     kinds: dict[type, Object] = {}
     # Public names alone, because private ones may change. All packages first, because a kind finds
     # its classes among those that are imported.
-    for thing in [thing for room in ROOMS for thing in public_names(room).values()]:
+    for thing in [thing for package in PACKAGES for thing in public_names(package).values()]:
         _add(named, kinds, refused, thing)
     for name, thing in vars(solvers).items():
         if (

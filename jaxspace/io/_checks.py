@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 
 from ..bodies import AbstractBody
 from ..core import AbstractParameters, InputError
@@ -19,16 +19,18 @@ TRANSLATION = frozenset({"position", "velocity"})
 CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATION}
 
 
-# Compared and hashed by identity, because campaigns hold it as a static field.
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class Parsed:
     """A file whose entries are right one by one: its kind, values, and makers of objects."""
 
     # One of `_form.KINDS`.
     kind: str
-    values: Values
-    makers: dict[str, Maker]
-    catalog: Catalog
+    values: Values = dataclasses.field(compare=False)
+    makers: dict[str, Maker] = dataclasses.field(compare=False)
+    catalog: Catalog = dataclasses.field(compare=False)
+    # What all other fields follow from. Compared in their place, because campaigns hold a file as a
+    # static field: loaded again, the same file finds the programs compiled before.
+    source: Hashable
 
     @property
     def is_mission(self) -> bool:
@@ -98,8 +100,8 @@ def check_parsed(file: Parsed) -> list[str]:
 
 def who(path: str) -> str:
     """The entry at a path, in words."""
-    room, _, name = path.partition(".")
-    if room == "effects":
+    package, _, name = path.partition(".")
+    if package == "effects":
         return f"the effect {name}"
     if ".jump." in path:
         return f"the jump {path.rpartition('.')[2]}"

@@ -70,7 +70,8 @@ def load(
     values = table.read(_with_empty_tables(data, known), "", reading)
     if reading.errors:
         raise SceneError(path, reading.errors)
-    file = Parsed(kind_of(data), values, reading.makers, known)
+    source = (text, tuple(named.texts.items()), known.named)
+    file = Parsed(kind_of(data), values, reading.makers, known, source)
     errors = check_parsed(file) + control_errors(file)
     if file.kind == "flight" and not errors:
         errors = flight_errors(file)

@@ -93,7 +93,7 @@ class Optimum:
                 best, target = (f"{spec.factor * x:.6g}" for x in (value, demand.target))
                 unit = f" {spec.unit}" if spec.unit else ""
                 name = spec.name.replace("_", " ")
-                clauses.append(f"{name} is {best}{unit} where {limit} {target}{unit} is asked")
+                clauses.append(f"{name} is {best}{unit} where {limit} {target}{unit} is required")
         if self.infeasible:
             return f"The constraints cannot be met from this start: at best {', '.join(clauses)}."
         return self.minimum.sentence(clauses)

@@ -48,10 +48,13 @@ from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
+# One program, because outside of `jit` each small operation would be compiled; for all files of one
+# content.
+_build_as_one = eqx.filter_jit(build_mission)
+
 
 @final
-# Compared and hashed by identity, because outputs hold it as a static field.
-@dataclasses.dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True)
 class SceneFile:
     """A checked scene file: systems, initial state, times, accuracy, and dispersions.
 
@@ -64,15 +67,16 @@ class SceneFile:
     - `files`: the files that it names.
     - `modules`: Python files that were run for it."""
 
-    path: Path
+    # Compared by `text` and `parsed`, from which the other fields follow.
+    path: Path = dataclasses.field(compare=False)
     text: str
     parsed: Parsed
-    inputs: dict[str, Input | MadeInput]
-    outputs: tuple[OutputSpec, ...]
-    units: WrittenUnits
-    task: Task | None = None
-    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()))
-    modules: tuple[NamedFile, ...] = ()
+    inputs: dict[str, Input | MadeInput] = dataclasses.field(compare=False)
+    outputs: tuple[OutputSpec, ...] = dataclasses.field(compare=False)
+    units: WrittenUnits = dataclasses.field(compare=False)
+    task: Task | None = dataclasses.field(default=None, compare=False)
+    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()), compare=False)
+    modules: tuple[NamedFile, ...] = dataclasses.field(default=(), compare=False)
 
     @property
     def kind(self) -> str:
@@ -154,10 +158,7 @@ class SceneFile:
 
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
-        # One program, because outside of `jit` each small operation would be compiled.
-        return eqx.filter_jit(lambda values: build_mission(self.parsed, values, Runs()))(
-            self._numbers({})
-        )
+        return _build_as_one(self.parsed, self._numbers({}), Runs())
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""

@@ -1,7 +1,7 @@
 """A uniform bar that hangs by its end from a string or from a spring, in a vertical plane.
 
     string   L = m [v_G^2 + b^2 th'^2/12]/2 + m g (a cos(ph) + b/2 cos(th))
-    spring   the same with the length r of the spring for a, less k (r - l0)^2/2
+    spring   the same with the spring's length r in place of a, minus k (r - l0)^2/2
     v_G      the velocity of the middle of the bar, at r (sin(ph), cos(ph)) + b/2 (sin(th), cos(th))
 
     symbol   meaning                                                   unit
@@ -50,7 +50,7 @@ def _swings(reach: Scalar, bar: Scalar, gravity: Scalar) -> tuple[Scalar, Scalar
 
 @final
 class BarOnString(AbstractLagrangian):
-    """A uniform bar on a string. State: `GeneralisedState` of both angles."""
+    """A uniform bar that hangs on a string. State: `GeneralisedState` of both angles."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, of the bar")
     string_length: NumberField = quantity("m", positive=True, doc="a")

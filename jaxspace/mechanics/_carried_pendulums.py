@@ -1,4 +1,4 @@
-"""Pendulums and sliders on what moves itself, each by its Lagrangian.
+"""Pendulums and sliders on a moving support, each by its Lagrangian.
 
     centrifugal   L = I th'^2/2 + m [R^2 th'^2 + r^2 (th'+ph')^2 + 2 R r th' (th'+ph') cos(ph)]/2
     framed        L = [I + m l^2 sin^2(th)] ph'^2/2 + m l^2 th'^2/2 + m g l cos(th)
@@ -98,7 +98,8 @@ class FramedPendulum(AbstractLagrangian):
 @final
 class RotatingHoop(AbstractLagrangian):
     """A bead on a hoop that turns at a given rate about its vertical diameter. State:
-    `GeneralisedState` of the bead's angle. Its energy is Jacobi's: the motor does work."""
+    `GeneralisedState` of the bead's angle. Its `energy` is Jacobi's integral, because the motor
+    does work."""
 
     mass: NumberField = quantity("kg", positive=True, doc="m, of the bead")
     radius: NumberField = quantity("m", positive=True, doc="r, of the hoop")
@@ -139,10 +140,10 @@ class RotatingHoop(AbstractLagrangian):
         is infinite where it leaves the bottom."""
         outward = self.radius * self.rate**2
         fast = outward > self.gravity
-        # One half stands in at the bottom: the root of a negative number, or a quotient by no rate,
-        # would put NaN into the derivative of the branch that is not taken.
+        # One half replaces the value at the bottom, where the root of a negative number or a
+        # division by a rate of zero would put NaN into the derivative of the branch not taken.
         ratio = jnp.where(fast, self.gravity, 0.5) / jnp.where(fast, outward, 1.0)
-        # Of half the angle: the arc cosine has lost half of the digits near the bottom.
+        # By half the angle, because the arc cosine loses half of the digits near the bottom.
         angle = 2.0 * jnp.arctan2(jnp.sqrt(0.5 * (1.0 - ratio)), jnp.sqrt(0.5 * (1.0 + ratio)))
         return jnp.where(fast, angle, 0.0)
 

@@ -1,6 +1,6 @@
 """Description of a Lagrangian system: its coordinates, its Lagrangian, and further forces.
 
-The equations, the constraints and the symmetries of a system are found from a description alone;
+The equations, the constraints and the symmetries of a system follow from its description alone;
 `AbstractLagrangian` makes a system of it.
 """
 
@@ -22,7 +22,7 @@ class GeneralisedState(eqx.Module):
 
 
 class AbstractDescription(AbstractSystem):
-    """A Lagrangian, its coordinates and what else acts; see `AbstractLagrangian`."""
+    """A Lagrangian, its coordinates, further forces and constraints; see `AbstractLagrangian`."""
 
     if TYPE_CHECKING:
         # For checkers no field, which would stand before those of a subclass.

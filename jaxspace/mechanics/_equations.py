@@ -1,4 +1,4 @@
-"""Equations of motion from a scalar function: what derivatives of a Lagrangian give.
+"""Equations of motion by the derivatives of a Lagrangian.
 
     M(q, v) v' = dL/dq - d(p)/dq v - d(p)/dt + Q + A^T lambda
     p = dL/dv,  M = dp/dv,  Q = force - dD/dv
@@ -20,17 +20,18 @@ from ..core import Scalar
 Coordinates = Float[Array, "n *#runs"]
 Columns = Float[Array, "n k *#runs"]
 Square = Float[Array, "n n *#runs"]
-# From time, coordinates and rates to a number of each run.
+# A function of time, coordinates and rates that returns a number for each run.
 ScalarFunction = Callable[[Scalar, Array, Array], Array]
 
-# The order up to which an elimination written out for all runs beats a call of LAPACK for each.
+# The order up to which an elimination written out for all runs is faster than a call of LAPACK for
+# each run.
 WRITTEN_OUT = 6
 
 
 def momenta(function: ScalarFunction, t: Scalar, q: Coordinates, v: Coordinates) -> Coordinates:
     """The generalised momenta dL/dv, (n, *runs)."""
-    # Of the sum over the runs: each of them depends on its own rates alone, so that one reverse
-    # pass serves all.
+    # The gradient of the sum over the runs: each run depends on its own rates alone, so that one
+    # reverse pass serves all.
     return jax.grad(lambda v: jnp.sum(function(t, q, v)))(v)
 
 
@@ -38,7 +39,7 @@ def columns(function: Callable[[Array], Array], x: Coordinates) -> Array:
     """The Jacobian of a function of each run, (m, n, *runs), at `x`, (n, *runs)."""
     n = x.shape[0]
     units = jnp.eye(n, dtype=x.dtype).reshape(n, n, *(1,) * (x.ndim - 1))
-    # Forward mode: there are as many directions as coordinates, and a run stays in its column.
+    # Forward mode: there are as many directions as coordinates, and each run stays in its column.
     along = jax.vmap(lambda e: jax.jvp(function, (x,), (jnp.broadcast_to(e, x.shape),))[1])
     return jnp.moveaxis(along(units), 0, 1)
 

@@ -18,12 +18,11 @@
 
 Source: Thomson 9.12-12 to -30 (in -30 "I_hze" is l_h z_e, and m_e z_e g sin(th) is missing).
 Bending is counted across the mean axis, about which deformation has neither momentum nor angular
-momentum. An engine turned by d leaves the straight beam at C_1 - C_2 x beside it, so that engine
-and thrust are at (1 - C_2) d + y_h' to it. Across the axis of the beam itself the factor (1 - C_2)
-would be missing: the difference is the work of the axial thrust in a beam inclined by C_2 d, which
-is of the size of the softening.
-Softening of the beam by the axial load is neglected, as in the book;
-without aerodynamic forces; modes are those with the engine locked.
+momentum. An engine turned by d displaces the straight beam from it by C_1 - C_2 x, so that engine
+and thrust make the angle (1 - C_2) d + y_h' with it. Across the axis of the beam itself the factor
+(1 - C_2) would be missing: the difference is the work of the axial thrust in a beam inclined by C_2
+d, which is of the size of the softening. Softening of the beam by the axial load is neglected, as
+in the book, and so are aerodynamic forces. The modes are those with the engine locked.
 """
 
 from typing import Any, final
@@ -90,18 +89,18 @@ class FlexibleMissile(AbstractSystem):
         moment = self.actuator_stiffness * command - self.actuator_damping * y.engine_rate
         friction = 2.0 * self.damping_ratio * self.mass
         modal = friction * with_rank(self.frequencies, rank) * y.bending_rate
-        # Of the actuator, the command and the damper alone: its spring is in the stiffness matrix.
+        # The actuator adds its command and damper here: its spring is in the stiffness matrix.
         drive = jnp.concatenate([jnp.broadcast_to(moment, y.engine.shape)[None], -modal])
         pushed = with_rank(self.across(place), rank) * force
         force_of = drive + pushed - jnp.einsum("ij...,j...->i...", k, x)
-        # The elimination joins the rows of both, which must carry the same runs.
+        # The elimination joins the rows of both, which must have the same axes of runs.
         m = jnp.broadcast_to(m, (*m.shape[:2], *force_of.shape[1:]))
         rate = solve(m, force_of[:, None])[:, 0]
         return rate, self.mean_turn(y, force, place) - self.engine["turn"] * rate[0]
 
     def mean_turn(self, y: MissileState, force: Scalar = 0.0, place: Scalar = 0.0) -> Scalar:
-        """The angular acceleration of the mean axis, rad/s^2, which the engine's own does not
-        change; arguments as in `accelerations`."""
+        """The angular acceleration of the mean axis, rad/s^2, on which that of the engine has no
+        effect; arguments as in `accelerations`."""
         shapes, slopes, _ = (with_rank(x, y.engine.ndim) for x in self.hinge)
         bent = jnp.sum((self.lever * slopes + shapes) * y.bending, axis=0)
         turning = -self.thrust * ((self.lever + self.engine["shift"]) * y.engine + bent)
@@ -126,8 +125,9 @@ class FlexibleMissile(AbstractSystem):
 
     @property
     def tail_wags_dog_frequency(self) -> Scalar:
-        """The frequency, rad/s, at which an engine that swings turns the rigid missile no more: its
-        inertia undoes the thrust, a zero of the pitch: F (l_h + C_1) / (I_h + m_e l_h z_e)."""
+        """The frequency, rad/s, at which a swinging engine no longer turns the rigid missile,
+        because its inertia cancels the thrust; a zero of the pitch: F (l_h + C_1) / (I_h + m_e l_h
+        z_e)."""
         engine = self.engine
         coupled = engine["turn"] * self.inertia
         return jnp.sqrt(self.thrust * (self.lever + engine["shift"]) / coupled)
@@ -160,7 +160,7 @@ class FlexibleMissile(AbstractSystem):
     @property
     def engine(self) -> dict[str, Array]:
         """Mass m_e, mass centre z_e, moment I_h about the hinge, and the ratios `shift` C_1, m, and
-        `turn` C_2, and the moment J that is left to a free missile, kg m^2."""
+        `turn` C_2, and the moment J of the engine in a free missile, kg m^2."""
         mass = self.mass * self.engine_length / self.length
         centre = 0.5 * self.engine_length
         moment = mass * self.engine_length**2 / 3.0
@@ -181,7 +181,7 @@ class FlexibleMissile(AbstractSystem):
     @property
     def roots(self) -> Any:
         """The roots beta of the free-free beam."""
-        # As plain numbers, which leave the precision to the parameters.
+        # As plain numbers, so that the parameters decide the precision.
         return beam_roots("free-free", self.modes).tolist()
 
     @property

@@ -1,5 +1,5 @@
-"""A system from its Lagrangian: a scalar function of time, coordinates and rates, from which the
-equations of motion follow by derivatives.
+"""A system defined by its Lagrangian: a scalar function of time, coordinates and rates, whose
+derivatives give the equations of motion.
 
     d/dt dL/dv = dL/dq + Q - dD/dv + A^T lambda            v = q'
     g(t, q) = 0          holonomic constraints,     A = dg/dq
@@ -25,7 +25,7 @@ where there is none:
 Source: Thomson 9.2 to 9.9; Ascher, Chin, Reich (1994), Stabilization of DAEs and invariant
 manifolds, Numerische Mathematik 67, 131.
 Valid for a positive definite mass matrix d^2 L/dv^2 and independent constraints; redundant ones are
-served by least squares on request, and refused in a sentence otherwise.
+solved by least squares on request, and refused with an error otherwise.
 """
 
 from collections.abc import Callable
@@ -45,18 +45,19 @@ from .constraints import Accelerations, accelerations, consistent, projected, to
 
 
 class AbstractLagrangian(AbstractDescription):
-    """A system that its Lagrangian describes.
+    """A system defined by its Lagrangian.
 
-    A final class names its coordinates in `names` and has `lagrangian`; what else acts it gives by
-    `force`, `dissipation`, `holonomic` and `nonholonomic`. All of them act on components first: q
-    and v are (n, *runs), and parameters are scalars or (*runs,)."""
+    A final class names its coordinates in `names` and defines `lagrangian`; further forces and
+    constraints are given by `force`, `dissipation`, `holonomic` and `nonholonomic`. All of them act
+    on components first: q and v are (n, *runs), and parameters are scalars or (*runs,)."""
 
     def vector_field(self, t: Scalar, y: GeneralisedState) -> GeneralisedState:
         result = accelerations(self, t, y.coordinates, y.rates)
         return GeneralisedState(result.coordinate_rates, result.accelerations)
 
     def invariants(self, t: Scalar, y: GeneralisedState) -> dict[str, Array]:
-        """The energy h and the momenta of cyclic coordinates, where they are found constant."""
+        """The energy h and the momenta of cyclic coordinates, where the Lagrangian makes them
+        constant."""
         symmetry = symmetries(self)
         result = {"energy": self.energy(t, y)} if symmetry.time else {}
         p = self.momenta(t, y)
@@ -94,8 +95,8 @@ class AbstractLagrangian(AbstractDescription):
     @property
     def cyclic(self) -> tuple[str, ...]:
         """The names of the coordinates whose momenta are constant."""
-        kept = symmetries(self).cyclic
-        return tuple(name for name, is_cyclic in zip(self.names, kept, strict=True) if is_cyclic)
+        cyclic = symmetries(self).cyclic
+        return tuple(name for name, is_cyclic in zip(self.names, cyclic, strict=True) if is_cyclic)
 
 
 @final
@@ -115,7 +116,7 @@ class Lagrangian(AbstractLagrangian):
     - `redundant`: whether constraints may depend on each other; multipliers are then the
       shortest ones.
 
-    Energy and the momenta of cyclic coordinates are found, and listed among the invariants."""
+    The invariants list the energy and the momenta of cyclic coordinates, which follow from L."""
 
     function: Callable[..., Scalar]
     names: tuple[str, ...] = eqx.field(static=True, converter=tuple)  # pyright: ignore

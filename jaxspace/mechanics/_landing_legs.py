@@ -1,4 +1,4 @@
-"""A lander on legs that spread: touchdown, stroke and the load that the springs take.
+"""A lander on legs that spread: touchdown, stroke and the load on the springs.
 
     J theta'^2 / 2 + U = h,      J = M l^2 sin^2(theta) + n m l^2 / 3
     U = (M + n m / 2) g l cos(theta) + n k (theta - theta_0)^2 / 2,     D = n c theta'^2 / 2
@@ -12,7 +12,8 @@
     k, c        spring and damper in the hinge of each leg                 N m, N m s
     v           speed of the fall at touchdown                             m/s
 
-The feet slide outwards without friction and do not bounce; the impact takes the rest of the energy.
+The feet slide outwards without friction and do not bounce: the impact dissipates the rest of the
+energy.
 
 Source: Thomson 9.10 (impulsive motion of linked bars).
 Valid for a level lander that stays level, and while the feet press on the ground.
@@ -92,7 +93,7 @@ class LandingLegs(AbstractLagrangian):
         """The energy that the impact takes, J."""
         s = jnp.sin(self.rest_angle)
         legs = self.legs * self.leg_mass
-        # The difference of both energies, in which what body and legs share falls out.
+        # The difference of both energies, without the part that body and legs have in common.
         share = self.body_mass / 3.0 + legs * (1.0 / 3.0 - 0.25 * s * s)
         return 0.5 * legs * share / (self.body_mass * s * s + legs / 3.0) * speed**2
 
@@ -112,7 +113,7 @@ class LandingLegs(AbstractLagrangian):
         start = self.rest_angle
         root_before = self._root_before(speed)
         before = root_before * root_before
-        # theta = low + width sin^2(phi) takes the roots of the denominator at both ends away.
+        # theta = low + width sin^2(phi) removes the roots of the denominator at both ends.
         low, width = start - before, end - start + before
         first = jnp.arcsin(root_before / jnp.sqrt(width))
         x, weights = np.polynomial.legendre.leggauss(NODES)
@@ -132,14 +133,14 @@ class LandingLegs(AbstractLagrangian):
         return (0.25 * jnp.pi - 0.5 * first) * jnp.sum(weights * integrand, axis=0)
 
     def _root_before(self, speed: Scalar) -> Scalar:
-        """The root of the way, rad, from the start back to where the motion would have come from
-        rest; no further than upright."""
+        """The square root of the angle, rad, from the start back to where the motion would have
+        started from rest; no further than upright."""
 
         def excess(x):
             climb = self._slope(self.rest_angle - 0.5 * x * x, x * x)
             return x * jnp.sqrt(climb) - jnp.sqrt(0.5 * self.moment(self.rest_angle)) * rate
 
-        # Of the root, because the way itself has no digits to spare at a slow touchdown.
+        # The root is the unknown, because the angle itself loses its digits at a slow touchdown.
         rate = self._rate(speed)
         return increasing_root(excess, 0.0 * rate, jnp.sqrt(self.rest_angle) + 0.0 * rate)
 

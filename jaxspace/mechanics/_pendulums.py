@@ -5,7 +5,7 @@
                       + (m1+m2) g l1 cos(a) + m2 g l2 cos(b)
     elastic       L = m (r'^2 + r^2 th'^2)/2 + m g r cos(th) - k (r - l0)^2/2
 
-Angles are measured from the downward vertical, rad. Those on what moves are in
+Angles are measured from the downward vertical, rad. Pendulums on a moving support are in
 `_carried_pendulums.py`.
 
 Source: Thomson 9.3, 9.10 problems 8, 11, 12, 19.
@@ -25,7 +25,7 @@ from ._lagrangian import AbstractLagrangian
 
 def state_of_pairs(*pairs: tuple[Scalar, Scalar]) -> GeneralisedState:
     """The state of pairs of a coordinate and its rate."""
-    # Broadcast, because one of them may differ between runs and the others be shared.
+    # Broadcast, because some may differ between runs and others be shared.
     flat = jnp.broadcast_arrays(*(as_float(x) for pair in pairs for x in pair))
     return GeneralisedState(jnp.stack(flat[0::2]), jnp.stack(flat[1::2]))
 
@@ -125,7 +125,7 @@ class ElasticPendulum(AbstractLagrangian):
 
     @property
     def frequencies(self) -> tuple[Scalar, Scalar]:
-        """Angular frequencies, rad/s, of small bounces and of small swings; a ratio of two makes
-        them exchange their energy."""
+        """Angular frequencies, rad/s, of small bounces and of small swings; at a ratio of two they
+        exchange their energy."""
         rest = self.free_length + self.mass * self.gravity / self.stiffness
         return jnp.sqrt(self.stiffness / self.mass), jnp.sqrt(self.gravity / rest)

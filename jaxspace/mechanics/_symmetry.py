@@ -1,9 +1,9 @@
 """Symmetries of a Lagrangian in time and coordinates, by its derivatives.
 
-A derivative that is zero to the last bit at several places, with numbers of no meaning for the
-parameters, is zero by the structure of the function: automatic differentiation of what does not
-depend on a coordinate gives an exact zero. A coordinate that drops out for special parameters only,
-such as without gravity, is not found; no coordinate is found wrongly.
+A derivative that is exactly zero at several places, with random numbers for the parameters, is zero
+by the structure of the function: automatic differentiation by a coordinate on which nothing depends
+gives an exact zero. A coordinate that drops out for special parameters only, such as without
+gravity, is not recognised; none is recognised wrongly.
 
 Source: Thomson 9.8 (cyclic coordinates), 9.3.
 """
@@ -36,7 +36,7 @@ def symmetries(system: AbstractDescription) -> Symmetries:
     arrays, static = eqx.partition(system, eqx.is_array_like)
     leaves, structure = jax.tree.flatten(arrays)
     axes = jax.tree.leaves(component_axes_of(arrays))
-    # Without the axes of runs: one number stands for all.
+    # Without the axes of runs: one number represents all.
     shapes = tuple(np.shape(x)[: max(k, 0)] for x, k in zip(leaves, axes, strict=True))
     try:
         return _found(structure, shapes, _Static(static))
@@ -65,7 +65,7 @@ def _found(structure: Any, shapes: tuple[tuple[int, ...], ...], static: _Static)
     draw = np.random.default_rng(20260101)
     arrays = jax.tree.unflatten(structure, [draw.uniform(0.5, 1.5, shape) for shape in shapes])
     n = len(static.tree.names)
-    # Of every size, so that no piece of a function given by pieces is missed easily.
+    # Of many sizes, so that no piece of a piecewise function is missed easily.
     size = np.repeat([0.3, 1.0, 3.0, 30.0], PLACES // 4)
     t, q, v = (draw.normal(size=(k, PLACES)) * size for k in (1, n, n))
     with jax.ensure_compile_time_eval():
@@ -76,7 +76,7 @@ def _found(structure: Any, shapes: tuple[tuple[int, ...], ...], static: _Static)
 
 @eqx.filter_jit
 def _slopes(arrays: Any, static: Any, t: Any, q: Any, v: Any) -> tuple[Array, Array]:
-    """At each place what the energy, (k, places), and each momentum, (n, k, places), gains."""
+    """The rates of the energy, (k, places), and of each momentum, (n, k, places), at each place."""
 
     def one(t: Array, q: Array, v: Array) -> tuple[Array, Array]:
         system = eqx.combine(arrays, static)
@@ -92,7 +92,8 @@ def _slopes(arrays: Any, static: Any, t: Any, q: Any, v: Any) -> tuple[Array, Ar
             each.append(drag[:, None])
         result = constraints_of(system, t, q, jnp.zeros_like(v))
         if result is not None:
-            # Constraints at rest do no work; one that leaves a coordinate alone exerts no force.
+            # Constraints at rest do no work, and those that do not contain a coordinate exert no
+            # force on it.
             gains.append(jnp.sum(jnp.abs(result.errors)))
             each.append(result.matrix.T)
         return jnp.stack(gains), jnp.concatenate(each, axis=1)

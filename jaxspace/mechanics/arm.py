@@ -70,7 +70,7 @@ class ArmPendulum(AbstractSystem):
 
     @property
     def light_poles(self) -> Complex[Array, "2 *#runs"]:
-        """The same for light damping, to first order: -zeta (p +- w) -+ i (p +- w)."""
+        """The roots for light damping, to first order: -zeta (p +- w) -+ i (p +- w)."""
         zeta, w = self.damping_ratio, self.rate
         plus, minus = jnp.broadcast_arrays(self.frequency + w, self.frequency - w)
         return jnp.stack(

@@ -16,9 +16,9 @@ modes of any other.
     S, M     slope and moment at the pin of a span whose  1
              other end is as it is
 
-The hyperbolic functions of the shapes are combined into decaying exponentials from both ends, which
-no order of the mode makes large. Shapes have the mean square 1 along the beam; a free-free beam has
-|phi| = 2 at its ends.
+The hyperbolic functions of the shapes are combined into exponentials that decay from both ends,
+which stay small for modes of any order. Shapes have the mean square 1 along the beam; a free-free
+beam has |phi| = 2 at its ends.
 
 The roots of two spans are those of sum phi_i(c)^2 / (b_i^4 - b^4) = 0 over the modes of the beam
 without its pin at c, between whose roots they lie.
@@ -45,7 +45,7 @@ from ..core.safe import safe_sqrt
 from ..core.types import as_float
 
 Ends = Literal["clamped-free", "free-free", "clamped-clamped", "clamped-pinned", "pinned-pinned"]
-# Of the roots far out: (n + this) pi.
+# The phases of high roots: (n + phase) pi.
 PHASES = {
     "clamped-free": -0.5,
     "free-free": 0.5,
@@ -83,7 +83,7 @@ def beam_roots(ends: Ends, count: int, support: float | None = None) -> Float[np
             value = np.sin(x) - np.cos(x) * tanh
             slope = np.cos(x) + np.sin(x) * tanh - np.cos(x) * (1.0 - tanh**2)
         else:
-            # Over cosh: cos(x) cosh(x) itself would overflow in high modes.
+            # Divided by cosh: cos(x) cosh(x) itself would overflow in high modes.
             sech = _sech(x)
             value = np.cos(x) + sign * sech
             slope = -np.sin(x) - sign * sech * np.tanh(x)
@@ -151,8 +151,8 @@ def _inside(support: float) -> float:
 
 
 def _at_pin(end: str, z: Any) -> tuple[Any, Any]:
-    """Slope and moment, over cosh(z), at the pin of a span of the length z = b c whose other end is
-    as `end` says."""
+    """Slope and moment, over cosh(z), at the pin of a span of the length z = b c, with the other
+    end as in `end`."""
     s = np.sin(z)
     c = np.cos(z)
     tanh = np.tanh(z)
@@ -171,8 +171,8 @@ def _two_span_roots(ends: Ends, count: int, support: float) -> Float[np.ndarray,
         slope_2, moment_2 = _at_pin(last, b * (1.0 - support))
         return slope * moment_2 + moment * slope_2
 
-    # A pin lifts each root, at most to the next one of the beam without it, which a rigid motion
-    # comes before.
+    # A pin raises each root, at most to the next root of the beam without it; a rigid motion counts
+    # as the first.
     highest = beam_roots(ends, count + 1)[-1] + 0.01
     grid = np.arange(0.25, highest, 0.01)
     values = determinant(grid)
@@ -211,7 +211,7 @@ def _two_span_shape(ends: Ends, root: float, x: Scalar, derivative: int, support
     b = float(root)
     spans = (first, b * support), (last, b * (1.0 - support))
     (slope, moment), (slope_2, moment_2) = (_at_pin(*span) for span in spans)
-    # Slope and moment pass through the pin: of both conditions the one with more digits.
+    # Slope and moment are continuous at the pin: the condition with more digits is used.
     by_slope, by_moment = (slope_2, -slope), (moment_2, moment)
     shares = max(by_slope, by_moment, key=lambda pair: math.hypot(*pair))
     # The sign in which the first span starts upwards from its end.
@@ -244,15 +244,15 @@ def assumed_modes(
     **Arguments**
 
     - `shapes`: phi_i of the place x in units of the length, a function from (places,) to
-      (shapes, places); any smooth functions that meet the clamps and pins of the beam and depend
-      on none of each other.
+      (shapes, places); any smooth, linearly independent functions that satisfy the clamps and pins
+      of the beam.
     - `length`: m.
     - `stiffness`: EI, N m^2, or a function of x, from (places,) to (places, *runs).
     - `mass_per_length`: mu, kg/m, or such a function.
 
-    **Returns** the frequencies w, rad/s, (modes, *runs), the slowest first, of which none is below
-    that of the exact mode; and the shares q_i of each mode, (shapes, modes, *runs), with which its
-    modal mass is 1 kg. The derivatives of equal frequencies are not defined.
+    **Returns** the frequencies w, rad/s, (modes, *runs), the slowest first, none below that of the
+    exact mode; and the amplitudes q_i of the shapes in each mode, (shapes, modes, *runs), for a
+    modal mass of 1 kg. The derivatives of equal frequencies are not defined.
 
     **Raises** `InputError` for a length that is not positive, or shapes without an axis of shapes.
     """
@@ -290,8 +290,8 @@ def assumed_modes(
 
 
 def beam_integral(function: Callable[[Array], Array], start: Scalar, end: Scalar) -> Array:
-    """The integral of a function of the place between two places, each (*runs,), by Gauss: to
-    rounding for modes of which the interval holds few waves.
+    """The integral of a function of the place between two places, each (*runs,), by Gauss: exact to
+    rounding where the interval contains few waves of the mode.
 
     **Arguments**
 

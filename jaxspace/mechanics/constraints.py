@@ -2,10 +2,10 @@
 
     v' = M^-1 (f + A^T lambda),   S lambda = -(A M^-1 f + b),   S = A M^-1 A^T
 
-A v' + b is the derivative of what a constraint demands of the rates: dg/dt = A v + dg/dt|_q of a
-holonomic one, c of a nonholonomic one.
+A v' + b is the time derivative of the condition on the rates: dg/dt = A v + dg/dt|_q for a
+holonomic constraint, c for a nonholonomic one.
 
-Source: Thomson 9.9 (multipliers); see `AbstractLagrangian` for what decays errors of constraints.
+Source: Thomson 9.9 (multipliers); see `AbstractLagrangian` for the decay of errors of constraints.
 """
 
 __all__ = ["Accelerations", "degrees_of_freedom"]
@@ -53,7 +53,7 @@ class Constraints(NamedTuple):
 def together(
     system: AbstractDescription, t: Scalar, q: Array, v: Array
 ) -> tuple[Float[Array, "n *#runs"], Float[Array, "n *#runs"]]:
-    """Coordinates and rates with the runs of everything in the system.
+    """Coordinates and rates, broadcast to the runs of all parameters of the system.
 
     Raises `InputError` where their number is not that of the names."""
     n = len(system.names)
@@ -63,7 +63,7 @@ def together(
                 f"GeneralisedState.{name} has the shape {x.shape}: its first axis must hold the "
                 f"{n} coordinates {', '.join(system.names)}."
             )
-    # A gradient of the sum over runs must meet the rates of each run by itself.
+    # The gradient of a sum over runs requires separate rates for each run.
     runs = jax.eval_shape(system.lagrangian, t, q, v).shape
     runs = jnp.broadcast_shapes(runs, q.shape[1:], v.shape[1:])
     q, v = with_rank(q, len(runs)), with_rank(v, len(runs))
@@ -77,7 +77,7 @@ def constraints_of(
     t = jnp.asarray(t, q.dtype)
     parts = []
     if system.holonomic(t, q) is not None:
-        # Differentiated twice along the motion: what is left without accelerations is the bias.
+        # Differentiated twice along the motion: the part without accelerations is the bias.
         def rate(t: Array, q: Array) -> tuple[Array, Array]:
             g, g_rate = jax.jvp(_holonomic(system), (t, q), (jnp.ones_like(t), v))
             return g_rate, g
@@ -92,7 +92,7 @@ def constraints_of(
             assert c is not None
             return jnp.broadcast_to(c, (c.shape[0], *v.shape[1:]))
 
-        # The rates stay: they count by the matrix, whose factor is the acceleration.
+        # The rates are held constant: their change enters through the matrix.
         errors, bias = jax.jvp(lambda t, q: demand(t, q, v), (t, q), (jnp.ones_like(t), v))
         matrix = columns(lambda v: demand(t, q, v), v)
         parts.append(Constraints(matrix, errors, bias, jnp.zeros_like(errors)))
@@ -167,7 +167,8 @@ def consistent(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> tu
     return q, v - _correction(system, t, q, v, positions=False)
 
 
-# Newton's steps double the digits: from anywhere, and from the error of a step.
+# Numbers of Newton's steps, each of which doubles the digits: from any start, and from the error of
+# a step.
 NEWTON = 5
 NEWTON_NEAR = 2
 
@@ -175,8 +176,8 @@ NEWTON_NEAR = 2
 def projected(
     system: AbstractDescription, t: Scalar, q: Array, v: Array
 ) -> tuple[Array, Array] | None:
-    """`consistent` of a state that meets the constraints but for the error of a step; `None`
-    without constraints."""
+    """`consistent` of a state that meets the constraints up to the error of a step; `None` without
+    constraints."""
     q, v = together(system, t, q, v)
     if constraints_of(system, t, q, v) is None:
         return None
@@ -200,7 +201,8 @@ def _correction(
 
 
 def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scalar = 0.0) -> int:
-    """Coordinates less independent constraints at a known state of one run (Thomson 9.2).
+    """Number of coordinates minus that of independent constraints, at a known state of one run
+    (Thomson 9.2).
 
     **Arguments**
 
@@ -226,7 +228,8 @@ def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array
             "a constraint has no gradient here, so that it exerts no force: write it so that it "
             "passes through zero with a slope."
         )
-    # By rows of length one, so that the unit of a constraint does not decide on the rank.
+    # With rows scaled to length one, so that the rank does not depend on the units of the
+    # constraints.
     rank = int(np.min(np.linalg.matrix_rank(a / rows, tol=1e-10)))
     if rank < count:
         raise InputError(

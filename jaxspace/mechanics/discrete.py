@@ -1,4 +1,4 @@
-"""Variational integrator: motion that makes a discrete action stationary.
+"""Variational integrator: a motion that makes a discrete action stationary.
 
     L_d(q_0, q_1) = h L(t + h/2, (q_0 + q_1)/2, (q_1 - q_0)/h)
     p_0 = -D_1 L_d - h/2 Q - A_0^T lambda,    g(q_1) = 0
@@ -70,7 +70,7 @@ def variational_motion(
     - `system`: with holonomic constraints or none; forces and friction may act.
     - `y`: the state at the first time; one that meets the constraints, see `consistent`.
     - `ts`: the times to save, s.
-    - `steps`: equal steps from each time to the next: some 20 of order 2 to a period are few.
+    - `steps`: equal steps from each time to the next: for order 2, 20 steps in a period are few.
     - `order`: 2, 4 or 6; a step of order 4 costs five of order 2, of order 6 nine.
 
     **Returns** the states, (n, times, *runs).
@@ -107,7 +107,8 @@ def _motion(
         h = (times[1] - times[0]) / steps
 
         def one(y: _Canonical, k: Array) -> tuple[_Canonical, None]:
-            # From the start of the interval: a running sum of steps would gather rounding.
+            # From the start of the interval, because a running sum of steps would accumulate
+            # rounding.
             return jax.lax.scan(step, (start + k * h, y), parts * h)[0][1], None
 
         y, _ = jax.lax.scan(one, y, jnp.arange(steps, dtype=q.dtype))
@@ -178,7 +179,7 @@ def _step(system: AbstractDescription, t: Array, h: Array, y: _Canonical) -> _Ca
     for _ in range(2):
         x = newton(x, y, matrix, slope)
     _, p1 = _slopes(system, t, h, y.q, x[:n])
-    # The residual puts the coordinates onto the constraints, and leaves the momenta off.
+    # The residual puts the coordinates onto the constraints, but not the momenta.
     return _onto_constraints(system, t + h, _Canonical(y.q + x[:n], p1))
 
 

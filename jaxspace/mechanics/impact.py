@@ -39,8 +39,8 @@ def contact_inverse_mass(mass: Scalar, inertia: Matrix, arm: Vector, normal: Vec
     - `arm`: r, m, (3, *runs).
     - `normal`: n, of length one, (3, *runs).
 
-    **Returns** 1/m, 1/kg, (*runs,). Of a point, or with the arm along the normal, it is 1/M; of a
-    body that cannot move it is zero.
+    **Returns** 1/m, 1/kg, (*runs,). For a point, or an arm along the normal, it is 1/M; for a body
+    that cannot move it is zero.
     """
     turned = solve3(inertia, cross(arm, normal))
     return 1.0 / mass + dot(normal, cross(turned, arm))

@@ -9,8 +9,8 @@
     e        coefficient of restitution                 1
 
 Source: Thomson 9.10 (9.10-3), 4.2 (restitution).
-Contacts without friction. Several contacts at once share one e law each (Newton); a contact that
-would pull is left out.
+Contacts without friction. Each of several simultaneous contacts obeys Newton's law of restitution;
+one that would pull is left out.
 """
 
 __all__ = ["apply_impact", "apply_impulse"]
@@ -31,7 +31,7 @@ from .constraints import constraints_of, schur_solve, together
 def apply_impulse(
     system: AbstractLagrangian, t: Scalar, y: GeneralisedState, impulse: Float[Array, "n *#runs"]
 ) -> GeneralisedState:
-    """The state after generalised impulses (Thomson 9.10-3); constraints stay met.
+    """The state after generalised impulses (Thomson 9.10-3), which still satisfies the constraints.
 
     **Arguments**
 
@@ -73,8 +73,8 @@ def apply_impact(
       (k, *runs): positive when open.
     - `restitution`: e, from 0 to 1.
 
-    **Returns** the state after, and the impulses of the contacts, N s, (k, *runs): zero of those
-    that open anyway.
+    **Returns** the state after, and the impulses of the contacts, N s, (k, *runs): zero for
+    contacts that open without an impulse.
     """
     q, v = together(system, t, y.coordinates, y.rates)
     m = mass_matrix(system.lagrangian, t, q, v)

@@ -5,7 +5,7 @@
     A = [F ((1 - C_2) d + y_h') + f] / m + x_s (th + C_2 d)'' + g d'' + sum phi_i(x_s) q_i''
 
     symbol        meaning                                                     unit
-    th_g, x_g     pitch that a gyro feels; its place                          rad, m
+    th_g, x_g     pitch that a gyro measures; its place                       rad, m
     k_p, k_r      gains of the autopilot on pitch and its rate                1, s
     s, m_s, w     slosh across the missile, its mass, its frequency           m, kg, rad/s
     x_s, zeta     place of the tank, damping ratio of the slosh               m, 1
@@ -47,9 +47,9 @@ class MissileLoop(AbstractSystem):
     """A flexible missile with autopilot and slosh; without slosh by default. State:
     `MissileLoopState`, made by `state`.
 
-    - `missile`: whose actuator takes the command; its own `command` adds to it."""
+    - `missile`: the missile whose actuator receives the command; its `command` is added."""
 
-    missile: FlexibleMissile = eqx.field(metadata={"doc": "that the autopilot steers"})
+    missile: FlexibleMissile = eqx.field(metadata={"doc": "the missile that the autopilot steers"})
     pitch_gain: NumberField = quantity("", default=0.0, doc="k_p, on the pitch")
     rate_gain: NumberField = quantity("s", default=0.0, doc="k_r, on the rate of pitch")
     gyro_place: NumberField = quantity("m", default=0.0, doc="x_g, before the mass centre")
@@ -64,8 +64,8 @@ class MissileLoop(AbstractSystem):
         pitch, pitch_rate = self.felt_pitch(state)
         command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate
         pull = self._pull(y)
-        # The missile feels the slosh by spring and damper, and not by its acceleration: so the
-        # missile comes first, and no system of both has to be solved.
+        # The slosh acts on the missile through spring and damper, and not through its acceleration:
+        # the missile is computed first, and no coupled system has to be solved.
         rate, turn = missile.accelerations(state, command, self.slosh_mass * pull, self.tank_place)
         across = with_rank(missile.across(self.tank_place), state.engine.ndim)
         place = (

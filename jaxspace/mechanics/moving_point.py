@@ -1,4 +1,4 @@
-"""Angular momentum and moment about a point that itself moves.
+"""Angular momentum and moment about a moving point.
 
     h_0 = sum r_i x m_i r_i'                    r_i: particles as seen from the point
     M_0 = sum r_i x F_i = h_0' + r_c x M R_0''  R_0: the point in inertial space

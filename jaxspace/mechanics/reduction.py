@@ -24,19 +24,19 @@ from ._lagrangian import AbstractLagrangian, Lagrangian
 
 @final
 class _Routhian(eqx.Module):
-    """R of the coordinates that are kept; the parameters are the momenta of the others."""
+    """R of the remaining coordinates; the parameters are the momenta of the cyclic ones."""
 
     system: AbstractLagrangian
-    kept: tuple[int, ...] = eqx.field(static=True)
+    remaining: tuple[int, ...] = eqx.field(static=True)
     left_out: tuple[int, ...] = eqx.field(static=True)
 
     def __call__(self, t: Scalar, q: Array, v: Array, constants: Array) -> Scalar:
         c = jnp.array(self.left_out)
         shape = (len(self.system.names), *q.shape[1:])
-        kept = jnp.array(self.kept)
+        remaining = jnp.array(self.remaining)
         # The value of a cyclic coordinate does not matter.
-        q_all = jnp.zeros(shape, q.dtype).at[kept].set(q)
-        v_all = jnp.zeros(shape, v.dtype).at[kept].set(v)
+        q_all = jnp.zeros(shape, q.dtype).at[remaining].set(q)
+        v_all = jnp.zeros(shape, v.dtype).at[remaining].set(v)
         p = momenta(self.system.lagrangian, t, q_all, v_all)[c]
         m = mass_matrix(self.system.lagrangian, t, q_all, v_all)[c][:, c]
         constants = constants.reshape(constants.shape + (1,) * (p.ndim - constants.ndim))
@@ -46,7 +46,8 @@ class _Routhian(eqx.Module):
 
 
 def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> Lagrangian:
-    """The system of the other coordinates, with the momenta of the cyclic ones as constants.
+    """The system reduced to its non-cyclic coordinates, with the momenta of the cyclic ones as
+    constants.
 
     **Arguments**
 
@@ -59,15 +60,15 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
     **Raises** `InputError` where no coordinate is cyclic, or all are."""
     cyclic = set(system.cyclic)
     left_out = tuple(i for i, name in enumerate(system.names) if name in cyclic)
-    kept = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
-    if not left_out or not kept:
+    remaining = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
+    if not left_out or not remaining:
         raise InputError(
             f"{len(left_out)} of the {len(system.names)} coordinates are cyclic: some must be, "
             "and not all."
         )
     constants = system.momenta(t, y)[jnp.array(left_out)]
     return Lagrangian(
-        _Routhian(system, kept, left_out), tuple(system.names[i] for i in kept), constants
+        _Routhian(system, remaining, left_out), tuple(system.names[i] for i in remaining), constants
     )
 
 
@@ -104,7 +105,7 @@ class Hamiltonian(AbstractSystem):
         return CanonicalState(slopes[1], -slopes[0])
 
     def invariants(self, t: Scalar, y: CanonicalState) -> dict[str, Array]:
-        """Nothing is known to stay: H does where it does not depend on the time."""
+        """None is known in general: H is constant only where it does not depend on the time."""
         del t, y
         return {}
 
@@ -114,7 +115,8 @@ class Hamiltonian(AbstractSystem):
 
 
 def _legendre(t: Scalar, q: Array, p: Array, system: AbstractLagrangian) -> Scalar:
-    # At rest, because the rates are sought: with squares at most the matrix is the same.
+    # Evaluated at rest, because the rates are unknown: with at most squares of the rates the matrix
+    # is the same.
     still = jnp.zeros_like(p)
     m = mass_matrix(system.lagrangian, t, q, still)
     v = solve(m, (p - momenta(system.lagrangian, t, q, still))[:, None])[:, 0]

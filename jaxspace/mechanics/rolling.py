@@ -89,7 +89,7 @@ def turntable_motion(
     rate: Scalar,
     inertia_ratio: Scalar = 0.4,
 ) -> tuple[Array, Array]:
-    """A sphere that rolls on a turntable: its centre runs on a circle, seen at rest.
+    """A sphere that rolls on a turntable: in axes at rest its centre moves on a circle.
 
     **Arguments**
 
@@ -102,7 +102,7 @@ def turntable_motion(
     """
     turn = inertia_ratio / (1.0 + inertia_ratio) * rate * t
     c, s = jnp.cos(turn), jnp.sin(turn)
-    # By sin(u)/u, so that a plane at rest is no exception.
+    # By sin(u)/u, which is regular for a plane at rest.
     along, across = t * _sinc(turn), t * _sinc(0.5 * turn) * jnp.sin(0.5 * turn)
     vx, vy = velocity
     moved = jnp.stack([along * vx - across * vy, across * vx + along * vy])
@@ -110,7 +110,8 @@ def turntable_motion(
 
 
 def rolling_loop(radius: Scalar, turn_rate: Scalar, roll_rate: Scalar) -> tuple[Scalar, ...]:
-    """A vertical wheel that rolls on a circle: constraints that no coordinates meet (Thomson 9.4).
+    """A vertical wheel that rolls on a circle: an example of constraints that cannot be integrated
+    (Thomson 9.4).
 
     **Arguments**
 
@@ -167,7 +168,7 @@ class Trailer(AbstractSystem):
 
 def _fractions(u: Scalar) -> tuple[Scalar, Scalar]:
     """(1 - cos u) / u^2 and (u - sin u) / u^3."""
-    # Each branch has arguments that suit it, because derivatives pass through both.
+    # Each branch gets arguments within its range, because derivatives pass through both.
     small = jnp.abs(u) < 1.0
     near, far = jnp.where(small, u, 0.0), jnp.where(small, 1.0, u)
     c, s = stumpff(near * near)[:2]

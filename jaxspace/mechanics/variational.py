@@ -72,12 +72,12 @@ def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     ratio = length / span
 
     def newton(u: Array, ratio: Scalar) -> Array:
-        # sinh(u) / u = l / d, by its logarithm: Newton's iteration goes one way.
+        # sinh(u) / u = l / d in logarithms, for which Newton's iteration is monotonic.
         value = jnp.log(jnp.sinh(u) / u) - jnp.log(ratio)
         return u - value / (jnp.cosh(u) / jnp.sinh(u) - 1.0 / u)
 
     fixed = jax.lax.stop_gradient(as_float(ratio))
-    # Of a taut chain sinh(u) / u = 1 + u^2 / 6; of a long one its logarithm is about u.
+    # For a taut chain sinh(u) / u = 1 + u^2 / 6; for a long one its logarithm is about u.
     guess = jnp.minimum(jnp.sqrt(6.0 * (fixed - 1.0)), 1.0 + 2.0 * jnp.log(fixed))
     root = jax.lax.fori_loop(0, STEPS, lambda _, u: newton(u, fixed), guess)
     # A step more carries the first derivatives, two the second ones.
@@ -102,11 +102,11 @@ def brachistochrone(
     def newton(p: Array, ratio: Scalar) -> Array:
         s, c = jnp.sin(0.5 * p), jnp.cos(0.5 * p)
         step = (_lag(p) - 2.0 * ratio * s * s) / (2.0 * s * (s - ratio * c))
-        # Within the one arch of the cycloid.
+        # Kept within one arch of the cycloid.
         return jnp.clip(p - step, 0.5 * p, 0.5 * p + jnp.pi)
 
     fixed = jax.lax.stop_gradient(as_float(ratio))
-    # Of a steep end p = 3 d / h.
+    # For a steep end p = 3 d / h.
     guess = jnp.minimum(3.0 * fixed, 2.0 * jnp.pi * fixed / (fixed + 1.0))
     root = jax.lax.fori_loop(0, STEPS, lambda _, p: newton(p, fixed), guess)
     p = newton(newton(jax.lax.stop_gradient(root), ratio), ratio)

@@ -6,12 +6,12 @@
     F        force as a function of the place               N
     r(s)     path as a function of any parameter s          m
 
-A conservative force has the work U(start) - U(end) on every path, and a force without curl alone is
-one. Friction and follower forces depend on the path.
+A conservative force does the work U(start) - U(end) on every path; a force is conservative if its
+curl is zero. Friction and follower forces depend on the path.
 
 Source: Thomson 4.3, 4.4 problem 3. The quadrature has 24 nodes of Gauss: exact to rounding for
-paths without corners over which the force bends little. The work along a path with corners is the
-sum over its smooth parts.
+paths without corners along which the force varies smoothly. The work along a path with corners is
+the sum over its smooth parts.
 """
 
 __all__ = ["work_along"]
@@ -52,6 +52,6 @@ def work_along(
         r, tangent = jax.jvp(path, (s,), (jnp.ones_like(s),))
         return dot(force(r), tangent)
 
-    # With the runs of both ends, of which one may be shared.
+    # Broadcast to the runs of both ends, of which one may be shared.
     first, last = jnp.broadcast_arrays(as_float(start), as_float(end))
     return beam_integral(power, first, last)

@@ -44,16 +44,16 @@ class StopReason(enum.IntEnum):
 
 
 SENTENCES = {
-    StopReason.CONVERGED: "Converged after {steps} steps: {found}.",
+    StopReason.CONVERGED: "Converged after {steps} steps: {numbers}.",
     StopReason.STEP_LIMIT: (
-        "Stopped at the limit of steps, {steps}, short of the tolerance{asked}: {found}. "
+        "Stopped at the limit of steps, {steps}, short of the tolerance{asked}: {numbers}. "
         "Allow more{wider}, or begin nearer."
     ),
     StopReason.INFEASIBLE: (
         "The constraints cannot be met from this start: at the least violation found {unmet}."
     ),
     StopReason.NO_PROGRESS: (
-        "No step improves the result further, short of the tolerance{asked}: {found}. "
+        "No step improves the result further, short of the tolerance{asked}: {numbers}. "
         "Scale the problem better{wider}, or allow a larger tolerance."
     ),
     StopReason.NOT_FINITE: "{infinite}{where}, from which no step leads on.",
@@ -65,7 +65,7 @@ SENTENCES = {
         "is {objective:.3g}: it may fall without bound. Give bounds, or a larger scale where the "
         "optimum is far."
     ),
-    StopReason.INTERRUPTED: "Interrupted after {steps} steps: {found}.",
+    StopReason.INTERRUPTED: "Interrupted after {steps} steps: {numbers}.",
 }
 
 
@@ -73,7 +73,7 @@ SENTENCES = {
 MOST_NAMED = 4
 # A constraint whose scaled violation is below this part of the largest one counts as met.
 MET = 1e-6
-# In sizes of the unknowns. A descent that doubles its step each time is there after some 35.
+# In sizes of the unknowns. A descent that doubles each step gets there after about 35 steps.
 FARTHEST = 1e10
 
 
@@ -96,9 +96,9 @@ def stop_reason(
 
     - `infeasible`: the constraints are violated, and no step reduces that (`_infeasibility.py`).
     - `diverged`: the unknowns are beyond `farthest`."""
-    # A later line overrules those above: numbers that are not finite overrule every other reason.
+    # Later lines override those above: numbers that are not finite override every other reason.
     reason = jnp.where(limited, StopReason.STEP_LIMIT, StopReason.NO_PROGRESS)
-    # It overrules the limit of steps: more of them would not help.
+    # It overrides the limit of steps, because more of them would not help.
     reason = jnp.where(infeasible, StopReason.INFEASIBLE, reason)
     reason = jnp.where(diverged, StopReason.UNBOUNDED, reason)
     reason = jnp.where(converged, StopReason.CONVERGED, reason)
@@ -122,7 +122,7 @@ class Minimum(eqx.Module):
       unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.
-    - `search`: the state of the search, from which `minimise` can go on.
+    - `search`: the state of the search, from which `minimise` can continue.
     - `tolerance`: the tolerance of the scaled gradient and violation.
     """
 
@@ -147,15 +147,15 @@ class Minimum(eqx.Module):
         return convergence_figure(self.history, title)
 
     def sentence(self, unmet: Sequence[str] | None = None) -> str:
-        """Why the search ended, in words; of a search that stops short of the tolerance also what
-        is not met, and what helps. For a known result of one run.
+        """Why the search ended, in words; for a search that stops short of the tolerance also the
+        constraints not met, and what helps. For a known result of one run.
 
         - `unmet`: a clause for each constraint that is not met, in place of its number here.
 
         Raises `InputError` for several runs, or under `jit`."""
         if not is_concrete(self.reason) or self.reason.ndim > 0:
             raise InputError("Minimum.sentence describes one known run: pick one.")
-        found = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
+        numbers = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
         if unmet is None:
             equal, above = self.unmet
             unmet = [
@@ -164,7 +164,7 @@ class Minimum(eqx.Module):
             ]
         short = self.gradient.dtype == jnp.float32
         return SENTENCES[StopReason(int(self.reason))].format(
-            found=", ".join([found, listed(unmet)]) if unmet else found,
+            numbers=", ".join([numbers, listed(unmet)]) if unmet else numbers,
             steps=int(self.steps),
             objective=float(self.criterion.objective),
             farthest=min(FARTHEST, 1.0 / float(jnp.finfo(self.gradient.dtype).eps)),
@@ -224,12 +224,12 @@ def worst_number(minimum: Minimum) -> str:
 
 
 def _named(name: str, values: Array | None, flags: np.ndarray, asked: str) -> list[str]:
-    """Each flagged constraint with its value and what was asked."""
+    """Each flagged constraint with its value and the value required."""
     if values is None:
         return []
     flat = np.ravel(np.asarray(values))
     rows = zip(_places(values), flat, flags, strict=True)
-    return [f"{name}{place} is {x:.3g} where {asked} is asked" for place, x, on in rows if on]
+    return [f"{name}{place} is {x:.3g} where {asked} is required" for place, x, on in rows if on]
 
 
 def _places(values: Array) -> list[str]:

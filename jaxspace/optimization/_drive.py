@@ -1,11 +1,11 @@
-"""The loop of a search, in which a problem and its derivatives stand once.
+"""The loop of a search, whose program contains the problem and its derivatives once.
 
     state <- advance(state, evaluate(state))          while unfinished(state)
 
-A search says at each step where the problem is to be evaluated, and takes the result: so that
-its start, the check of its gradient, its line search and its corrections share one program. With
-known numbers the loop is Python's: `evaluate` is compiled once, a run can be watched, interrupted
-and taken up again. Under a transformation it is a loop of the compiled program.
+At each step a search gives the point at which the problem is to be evaluated, and receives the
+result: its start, the check of its gradient, its line search and its corrections share one program.
+With known numbers the loop is Python's: `evaluate` is compiled once, and a search can be watched,
+interrupted and resumed. Under a transformation it is a loop of the compiled program.
 """
 
 from collections.abc import Callable
@@ -38,7 +38,7 @@ def drive(
 
     **Arguments**
 
-    - `evaluate`: from a state to values and derivatives at its `trial`.
+    - `evaluate`: a function from a state to values and derivatives at its `trial`.
     - `advance`: the next state; `unfinished`: whether there is one.
     - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
     """
@@ -60,27 +60,29 @@ def _watched(
     advance: Callable[[S, F], S],
     unfinished: Callable[[S], Array],
     state: S,
-    found: F | None,
+    evaluation: F | None,
     progress: Progress | None,
 ) -> tuple[S, bool]:
-    def move(state: S, found: F) -> tuple[S, Array]:
-        state = advance(state, found)
+    def move(state: S, evaluation: F) -> tuple[S, Array]:
+        state = advance(state, evaluation)
         return state, unfinished(state)
 
     move = eqx.filter_jit(move, **QUICK)
-    # A search that is taken up may have nothing left to do.
-    more, taken = bool(unfinished(state)), int(state.taken)
+    # A search that is resumed may have nothing left to do.
+    more = bool(unfinished(state))
+    taken = int(state.taken)
     try:
         while more:
-            # The first evaluation is there already: it has shown whether the numbers are known.
-            found = evaluate(state) if found is None else found
-            (state, goes_on), found = move(state, found), None
+            # The first evaluation was already made, to see whether the numbers are known.
+            evaluation = evaluate(state) if evaluation is None else evaluation
+            state, goes_on = move(state, evaluation)
+            evaluation = None
             more = bool(goes_on)
             if progress is not None and int(state.taken) > taken:
                 taken = int(state.taken)
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
-        # The state of the last whole step, from which `minimise` can go on.
+        # The state of the last whole step, from which `minimise` can continue.
         return state, True
     return state, False

@@ -14,17 +14,17 @@ from ._criterion import Criterion, Point
 
 
 def as_point(start: Any, name: str = "start") -> Point:
-    """The start as a tree of arrays of floats; Python's floats are taken, too.
+    """The start as a tree of arrays of floats; Python floats are accepted.
 
-    Raises `InputError` for a part that is no float, or where there is none."""
+    Raises `InputError` for a part that is not a float, or a start without parts."""
     for path, leaf in tree_leaves_with_path(start):
         kind = getattr(leaf, "dtype", None)
         kind = np.asarray(leaf).dtype if kind is None else kind
         if not jnp.issubdtype(kind, jnp.floating):
-            # An integer is mostly no unknown: a search would change a number of steps.
+            # An integer is rarely meant as an unknown: a search would change a number of steps.
             raise InputError(
                 f"{name}{keystr(path)} is of type {kind}: unknowns must be floats. Write 1.0 in "
-                f"place of 1, or let problem close over what is no unknown."
+                f"place of 1, or let problem close over what is not an unknown."
             )
     point = jax.tree.map(jnp.asarray, start)
     if not sum(x.size for x in jax.tree.leaves(point)):
@@ -33,12 +33,12 @@ def as_point(start: Any, name: str = "start") -> Point:
 
 
 def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
-    """The shapes of what the problem returns. Raises `InputError` where it is no `Criterion`."""
-    found = jax.eval_shape(problem, start)
-    if not isinstance(found, Criterion):
-        raise InputError(f"problem returns {_kind(found)}: it must return a Criterion.")
+    """The shapes of what the problem returns. Raises `InputError` where it is not a `Criterion`."""
+    returned = jax.eval_shape(problem, start)
+    if not isinstance(returned, Criterion):
+        raise InputError(f"problem returns {_kind(returned)}: it must return a Criterion.")
     for name in ("objective", "equal_zero", "non_negative"):
-        part = getattr(found, name)
+        part = getattr(returned, name)
         if part is None and name != "objective":
             continue
         if part is None or not hasattr(part, "dtype"):
@@ -48,15 +48,16 @@ def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
             )
         if not jnp.issubdtype(part.dtype, jnp.floating):
             raise InputError(f"problem returns {name} of type {part.dtype}: it must be of floats.")
-    if found.objective.shape:
+    if returned.objective.shape:
         raise InputError(
-            f"problem returns an objective of shape {found.objective.shape}: it must be one number."
+            f"problem returns an objective of shape {returned.objective.shape}: "
+            "it must be one number."
         )
-    return found
+    return returned
 
 
 def check_scale(scale: Any, start: Point) -> None:
-    """Raises `InputError` for a scale of another structure than the start, or one that is not
+    """Raise `InputError` for a scale of another structure than the start, or one that is not
     positive."""
     if jax.tree.structure(scale) != jax.tree.structure(start):
         raise InputError("scale must have the structure of the start.")
@@ -70,7 +71,7 @@ def check_scale(scale: Any, start: Point) -> None:
 
 
 def check_steps(max_steps: int) -> None:
-    """Raises `InputError` for a number of steps that is none."""
+    """Raise `InputError` for a number of steps below one."""
     if max_steps < 1:
         raise InputError(f"max_steps is {max_steps}: it must be at least 1.")
 

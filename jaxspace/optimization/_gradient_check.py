@@ -1,13 +1,13 @@
-"""Whether the gradient of an objective is its slope: a difference along one direction.
+"""Check of the gradient of an objective against a difference along one direction.
 
     D(h) = [f(x + h d) - f(x - h d)] / 2h          D = [4 D(h/2) - D(h)] / 3 + O(h^4)
     D(h) = [4 f(x + h d/2) - f(x + h d) - 3 f(x)] / h      beside bounds; D as above, + O(h^3)
 
-The gradient of a run is that of its steps. Where a control has kinks that are no breaks of the
-integration, the steps pass over what a single value of it changes: the run is right, its gradient
-is not, and a descent comes to rest in a wrong place or diverges. A search therefore refuses to
-begin with a gradient that is not the slope. Beyond its bounds an objective may be anything: beside
-one the direction d leads inwards, and the difference is one-sided.
+The gradient of a run is that of its steps. Where a control has kinks that are not breaks of the
+integration, steps pass over the effect of a single value: the run is right and its gradient is not,
+and a descent ends at a wrong point or diverges. A search therefore refuses to begin with a gradient
+that is not the slope. Beyond its bounds an objective may be anything: near a bound the direction d
+leads inwards, and the difference is one-sided.
 """
 
 from typing import NamedTuple
@@ -20,8 +20,8 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import InputError
 
 GRADIENT_TOLERANCE = 1e-3
-"""Measured for runs at the default tolerance: sound gradients agree with the difference to 1e-8,
-those by an interpolation without breaks to 1e-2; below 1e-3 a descent does not suffer."""
+"""Measured for runs at the default tolerance: right gradients agree with the difference to 1e-8,
+those by an interpolation without breaks to 1e-2; an error below 1e-3 does not harm a descent."""
 ALLOWANCE = 3.0
 """Allowance for the errors of D(h) and D(h/2), in units of their difference. The part of rounding
 and of the tolerance of a run is effectively random."""
@@ -29,7 +29,7 @@ PROBES = 4
 
 
 class Probes(NamedTuple):
-    """Points at which a gradient is checked: x plus the `shares` of a `direction`.
+    """Points at which a gradient is checked: x plus `shares` of a `direction`.
 
     - `inwards`: whether all lie on one side of x, which is beside a bound; the last is x itself."""
 
@@ -48,11 +48,11 @@ def probes(
     components, each of the `size` of its unknown."""
     # The best step of a difference of fourth order.
     h = float(jnp.finfo(x.dtype).eps) ** 0.2
-    # Not drawn: the same start gets the same verdict every time.
+    # Not random: the same start has the same result every time.
     d = size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)
     above, below = (high - x) / h, (x - low) / h
     fits = jnp.abs(d) <= jnp.minimum(above, below)
-    # To the side with more room, as far as there is.
+    # To the side with more space, as far as it allows.
     turned = jnp.where(above >= below, 1.0, -1.0) * jnp.minimum(
         jnp.abs(d), jnp.maximum(above, below)
     )
@@ -88,7 +88,7 @@ def probed_error(
 
 def _quotient(beyond: Array, largest: Array) -> Array:
     error = beyond / jnp.where(largest > 0.0, largest, 1.0)
-    # Outside of its domain the objective is infinite, and has no slope.
+    # Outside its domain the objective is infinite and has no slope.
     return jnp.where(jnp.isfinite(error), error, 0.0)
 
 
@@ -111,7 +111,7 @@ def refuse(error: float, what: str = "the objective") -> None:
         return
     raise InputError(
         f"The gradient at the start differs from the slope of {what} by {error:.1g} of it, "
-        f"and a search would end in a wrong place: a control with kinks that are no breaks is the "
+        f"and a search would end in a wrong place: a control with kinks that are not breaks is the "
         f"likely cause; make it a jaxspace.core.Table or Spline, let the system declare its "
         f"breaks(), or use finer steps. (check_gradient=False begins all the same.)"
     )

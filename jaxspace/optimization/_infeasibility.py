@@ -1,12 +1,12 @@
-"""Whether constraints cannot be met, or a search stops short of meeting them.
+"""Detection of constraints that cannot be met, as against a search that stops early.
 
     r = sum_i w_i grad c_i - sum_j w_j grad d_j        w_j >= 0, the largest |w| = 1
     |z - clip(z - r, lower, upper)| <= min(e, V/10),   V = sum_i w_i c_i - sum_j w_j d_j > 0
 
 The projected r is the first-order condition of a least violation V: to first order no step within
 the bounds reduces it; e is 1e-3, in float32 0.01. With the violations themselves as weights w it is
-that of their sum of squares, with the multipliers of an exact penalty that of their sum. All
-numbers are scaled as in `_scaling.py`, by which a gradient that does not vanish is of the order of
+the condition for their sum of squares, with the multipliers of an exact penalty the one for their
+sum. All numbers are scaled as in `_scaling.py`: a gradient that does not vanish is then of order
 one.
 
 Source: Nocedal and Wright, Numerical Optimization, 17.2, 18.5 (stationary points of infeasibility).
@@ -22,14 +22,15 @@ VANISHED = 1e-3
 NEAREST = 30.0
 # A slope is small if meeting the constraints along it would take more than so many unit steps.
 FARTHEST = 10.0
-# Least violation, in roundings. Below it, rounding decides the signs that set the weights.
+# Least violation, in roundings. Below it rounding decides the signs from which the weights follow.
 ROUNDINGS = 1e4
 
 
 def unit_weights(
     equal: Float[Array, " equal"], above: Float[Array, " inequal"]
 ) -> tuple[Float[Array, " equal"], Float[Array, " inequal"]]:
-    """Weights of c and d divided by the largest of them, those of d not negative; zeros stay."""
+    """Weights of c and d divided by the largest of them, those of d not negative; zeros remain
+    zero."""
     above = jnp.maximum(above, 0.0)
     largest = jnp.maximum(jnp.max(jnp.abs(equal), initial=0.0), jnp.max(above, initial=0.0))
     divisor = jnp.where(largest > 0.0, largest, 1.0)
@@ -52,6 +53,6 @@ def least_violation(
     steps = jnp.clip(gradient, z - ends[1], z - ends[0])
     present = largest > ROUNDINGS * jnp.finfo(z.dtype).eps
     vanished = jnp.maximum(VANISHED, NEAREST * jnp.sqrt(jnp.finfo(z.dtype).eps))
-    # NaN is not below anything.
+    # False for NaN, which is not below anything.
     still = jnp.max(jnp.abs(steps)) <= jnp.minimum(vanished, weighted / FARTHEST)
     return present & (weighted > 0.0) & still

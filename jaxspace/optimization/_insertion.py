@@ -9,11 +9,11 @@
     r        distance from the centre                                        m
     w, v     velocity along the local vertical and across it                 m/s
     a, phi   thrust acceleration over time, its angle above the horizontal   m/s^2, rad
-    R, W, V  those of the orbit at the end; by default the circle's          m, m/s
+    R, W, V  r, w and v of the orbit at the end; by default a circle         m, m/s
     T        duration of the burn                                            s
 
-phi is a law of the fraction t/T of the burn (`laws.py`): over a flat earth the linear tangent is
-the optimum, here the bilinear tangent comes near it, and a free profile reaches it. With a constant
+phi is a law of the fraction t/T of the burn (`laws.py`). Over a flat earth the linear tangent is
+the optimum; here the bilinear tangent comes near it, and a free profile reaches it. With a constant
 flow the least time is the greatest mass.
 
 Source: Bryson and Ho, Applied Optimal Control, 2.5, 2.7 (orbit injection); Thomson 8.3.
@@ -49,8 +49,8 @@ class InsertionState(eqx.Module):
 
 @final
 class Insertion(AbstractParameters):
-    """What is given of a burn into an orbit: `thrust`, the acceleration over time, and where it
-    starts and ends."""
+    """The data of a burn into an orbit: `thrust`, the acceleration over time, and the states at its
+    ends."""
 
     thrust: AbstractThrustAcceleration
     start: InsertionState
@@ -69,7 +69,7 @@ class Insertion(AbstractParameters):
 
 @final
 class SteeredBurn(AbstractSystem):
-    """The burn under a law of the fraction of its `duration`. State: `InsertionState`."""
+    """A burn steered by a law of the fraction of its `duration`. State: `InsertionState`."""
 
     thrust: AbstractThrustAcceleration
     law: Law
@@ -98,7 +98,7 @@ class InsertionOptimum(eqx.Module):
     - `law`: the best of its kind; `duration`: T, s; `end`: the state there.
     - `radius_price`: derivative of the best T, s/m, or of the best v, 1/s, by the radius R, from
       the multiplier.
-    - `error`: what the steps estimate of their relative error.
+    - `error`: the relative error as the steps estimate it.
     - `converged`; `minimum`: of the search, whose `sentence()` says why it ended."""
 
     law: Law
@@ -124,10 +124,10 @@ def optimise_insertion(
 
     **Arguments**
 
-    - `insertion`: what is given.
-    - `law`: with which the search begins, of the fraction of the burn: a `TangentLaw`, a
+    - `insertion`: the data of the burn.
+    - `law`: the first guess, a function of the fraction of the burn: a `TangentLaw`, a
       `SteeringProfile`, a `core.Spline`, a `SteeringNetwork` or any `equinox.Module`.
-    - `duration`: of the burn, s; for "time" that with which the search begins.
+    - `duration`: of the burn, s; for "time" the first guess.
     - `form`: "time" for the least time to the orbit, "velocity" for the greatest velocity across at
       its radius in the given time.
     - `steps`: of the integration; `tolerance`, `max_steps`: of the search.
@@ -172,21 +172,23 @@ def _search(
 
     start = {"law": profile}
     if form == "time":
-        # As a share of the first guess, of order one as the other unknowns are.
+        # As a fraction of the first guess, of order one like the other unknowns.
         start["duration"] = jnp.ones_like(first)
     # The corners of the law are breaks of the burn: its gradient needs no check.
-    found = minimise(problem, start, tolerance=tolerance, max_steps=max_steps, check_gradient=False)
-    T, end, error = found.criterion.report
-    dual = found.multipliers.equal_zero
+    minimum = minimise(
+        problem, start, tolerance=tolerance, max_steps=max_steps, check_gradient=False
+    )
+    T, end, error = minimum.criterion.report
+    dual = minimum.multipliers.equal_zero
     assert dual is not None
-    # The objective over its unit: T or, with the other sign, v.
+    # The objective in its unit: T or, with the opposite sign, v.
     unit = first if form == "time" else -speed
     return InsertionOptimum(
-        law=made(found.x["law"]),
+        law=made(minimum.x["law"]),
         duration=T,
         end=end,
         radius_price=-unit * dual[0] / radius,
         error=error,
-        converged=found.converged,
-        minimum=found,
+        converged=minimum.converged,
+        minimum=minimum,
     )

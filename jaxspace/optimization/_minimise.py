@@ -41,12 +41,12 @@ def minimise(
 
     **Arguments**
 
-    - `problem`: from a point to its `Criterion`.
-    - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` that ended
-      before its time, whose search goes on with the same options.
+    - `problem`: a function from a point to its `Criterion`.
+    - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` whose search
+      ended early, to be continued with the same options.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
     - `tolerance`: for the gradient and for the violation, both scaled.
-    - `max_steps`: after how many it ends at the latest.
+    - `max_steps`: the largest number of steps.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
       objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
       the search ends there with the reason `WRONG_GRADIENT`.
@@ -56,13 +56,13 @@ def minimise(
       the larger of the start and 1. Objective and constraints are scaled by their derivatives at
       the start.
     - `progress`: called after each step with its number, objective, scaled violation and
-      gradient; not under `jit`. Ctrl-C ends such a search with what it has reached.
+      gradient; not under `jit`. Ctrl-C ends such a search with the best result so far.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
     `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
     and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
 
-    **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are no floats, a
+    **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are not floats, a
     problem that returns no `Criterion` of arrays, a `Minimum` of another problem, or a gradient
     that is not the slope.
     """
@@ -78,10 +78,10 @@ def minimise(
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     check = check_gradient and before is None
     scaled = scaled_problem(problem, x, limits, scale, before)
-    found = search(scaled, tolerance, max_steps, exact_hessian, check, progress, before)
-    if check_gradient and not is_traced(found.gradient_error):
-        refuse(float(found.gradient_error), worst_number(found))
-    return found
+    minimum = search(scaled, tolerance, max_steps, exact_hessian, check, progress, before)
+    if check_gradient and not is_traced(minimum.gradient_error):
+        refuse(float(minimum.gradient_error), worst_number(minimum))
+    return minimum
 
 
 def minimise_from(
@@ -121,7 +121,7 @@ def minimise_from(
     in_one_batch = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))
     every = in_one_batch(as_point(starts, "starts"))
     if check_gradient and not is_traced(every.gradient_error):
-        # As of one start: a search in a batch cannot be refused before it ends.
+        # As for one start, but at the end, because a search in a batch cannot be refused before.
         worst = jnp.argmax(every.gradient_error)
         first = jax.tree.map(lambda x: x[..., worst], every)
         refuse(float(first.gradient_error), worst_number(first))
@@ -129,6 +129,6 @@ def minimise_from(
     # A start whose numbers are not finite has no violation either.
     begun = jnp.where(every.reason == StopReason.NOT_FINITE, jnp.inf, every.violation)
     order = jnp.where(jnp.any(every.converged), order, begun)
-    # `argmin` would take a NaN for the least.
+    # `argmin` would take NaN as the least.
     best = jnp.argmin(jnp.where(jnp.isnan(order), jnp.inf, order))
     return jax.tree.map(lambda x: x[..., best], every), every

@@ -1,4 +1,4 @@
-"""Where to spend the propellant of an ascent in impulses: at the start, at the end, or split.
+"""The best use of the propellant of an ascent in impulses: at the start, at the end, or split.
 
     W_1 = D/T + g T/2 - w_0        vertical part of the impulse at the start,   D = Y - y_0
     W_2 = g T/2 - D/T              vertical part of the impulse at the end
@@ -12,9 +12,10 @@ vanishes.
     D > 0    at the start:  T = sqrt(2 D/g),                  c = |sqrt(2 g D) - w_0|
     D < 0    at the end:    T = [w_0 + sqrt(w_0^2 - 2 g D)]/g,  c = sqrt(w_0^2 - 2 g D)
     D = 0    degenerate for w_0 > 0: every split and every T up to 2 w_0/g have c = w_0
-             and for T = 0, where both impulses are one: c = |w_0|; no D but 0 is reached then
+             for T = 0 both impulses coincide: c = |w_0|, and only D = 0 is reached
 
-The impulse belongs to the lower altitude, where the thrust is steepest. What a gain V reaches:
+The impulse belongs to the lower altitude, where the thrust is steepest. The heights that a gain V
+reaches:
 
     T free     (w_0^2 - V^2)/2g <= D <= (w_0 + V)^2/2g     for V >= |w_0|
                (w_0 - V)^2/2g   <= D <= (w_0 + V)^2/2g     for V < w_0;   nothing for V < -w_0
@@ -50,7 +51,8 @@ class PropellantUse(eqx.Module):
     - `first`, `last`: velocity gained by the impulse at the start and at the end, m/s.
     - `first_angle`, `last_angle`: their angles above the horizontal, rad, of equal size.
     - `duration`: T, s; `final_velocity`: U, m/s, horizontal.
-    - `corner`: whether U has a kink in T there, so that a search by gradients stalls.
+    - `corner`: whether U as a function of T has a kink there, at which a search by gradients
+      stalls.
     - `degenerate`: whether other splits and durations give the same U.
     - `feasible`: False where the propellant does not reach the height without climb; U is then
       that of the steepest impulse, and the height is missed.
@@ -122,7 +124,7 @@ def propellant_use(
     D, V, g = (as_float(x) + 0.0 * u0 for x in (climb, velocity_gain, gravity))
     free = duration is None
     T = _best_duration(w0, D, g) if duration is None else as_float(duration) + 0.0 * u0
-    # Sum and difference of two terms, so that at a corner one impulse is exactly zero.
+    # As sum and difference of two terms, so that at a corner one impulse is exactly zero.
     up = D > 0.0
     mean = safe_divide(D, T)
     first = mean + 0.5 * g * T - w0
@@ -130,7 +132,7 @@ def propellant_use(
     if free:
         first = jnp.where(up, safe_sqrt(2.0 * g * jnp.maximum(D, 0.0)) - w0, 0.0)
         last = jnp.where(up, 0.0, g * T - w0)
-    # Without time no gain reaches another height: half of it goes up, and half of it down again.
+    # At T = 0 no gain reaches another height: the two impulses cancel vertically.
     one_moment = (T == 0.0) & (not free)
     still = one_moment & (D != 0.0)
     first, last = jnp.where(still, D, first), jnp.where(still, -D, last)

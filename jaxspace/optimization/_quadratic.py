@@ -45,7 +45,7 @@ def solve_programme(
     # Beyond this gap the matrix of a step loses its digits, and with them the multipliers.
     size = 1.0 + jnp.max(jnp.abs(p.q))
     enough = 100.0 * jnp.finfo(p.q.dtype).eps * size
-    # Away from zero: a step that starts on the boundary has no room.
+    # Away from zero, because no step is possible from the boundary.
     s = jnp.maximum(p.G @ start + p.h, 1e-2)
     first = _Place(start, s, jnp.full_like(s, 0.1 * size), jnp.asarray(0))
 
@@ -68,7 +68,7 @@ def _step(p: Programme, at: _Place) -> _Place:
     dual, primal = _residuals(p, at)
     weight = nu / s
     matrix = p.Q + (p.G.T * weight) @ p.G
-    # A trace of the identity: elastic unknowns are held by their inequalities alone.
+    # A small multiple of the identity, because elastic unknowns enter the inequalities alone.
     matrix = matrix + 1e-15 * jnp.max(jnp.abs(matrix)) * jnp.eye(z.size, dtype=z.dtype)
 
     factors = lu_factor(matrix)
@@ -83,9 +83,9 @@ def _step(p: Programme, at: _Place) -> _Place:
     _, ds, dnu = newton(jnp.zeros_like(s))
     share = jnp.minimum(_room(s, ds), _room(nu, dnu))
     left = jnp.mean((s + share * ds) * (nu + share * dnu)) / mean
-    # Mehrotra's choice: the more the predictor has gained, the less the step keeps to the centre.
+    # Mehrotra's choice: the more the predictor gains, the less the step is centred.
     dz, ds, dnu = newton(left**3 * mean - ds * dnu)
-    # Short of the boundary, where the matrix of the next step would be singular.
+    # Ends before the boundary, where the matrix of the next step would be singular.
     share = jnp.minimum(1.0, 0.995 * jnp.minimum(_room(s, ds), _room(nu, dnu)))
     return _Place(z + share * dz, s + share * ds, nu + share * dnu, steps + 1)
 

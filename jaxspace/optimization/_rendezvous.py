@@ -1,4 +1,4 @@
-"""The rendezvous of least total velocity, over its departure and its arrival, by gradients.
+"""The rendezvous of least total velocity, over the times of departure and arrival, by gradients.
 
     minimise |dv1(t1, t2)| + |dv2(t1, t2)|,   t1 >= earliest,  t2 <= latest
 
@@ -59,7 +59,7 @@ def least_rendezvous(
     - `chaser`, `target`, `mu`, `revolutions`, `low`: as in `orbits.interception`, of one run.
     - `start`: departure and arrival, s, at which the search begins.
     - `earliest`, `latest`: bounds of the departure and of the arrival, s.
-    - `intercept_only`: whether the impulse at the departure alone counts.
+    - `intercept_only`: whether to count the impulse at the departure alone.
     - `tolerance`: of the gradient, with the speed and the period of the chaser as units.
 
     **Returns** a `Rendezvous`.
@@ -70,10 +70,10 @@ def least_rendezvous(
 
     def problem(x: Float[Array, "2"]) -> Criterion:
         departure, arrival = x * unit_of_time
-        found = interception(
+        transfer = interception(
             chaser, target, departure, arrival, mu, revolutions=revolutions, low=low
         )
-        total = norm(found.departure) if intercept_only else found.total
+        total = norm(transfer.departure) if intercept_only else transfer.total
         # Where there is no transfer, the line search turns back.
         total = jnp.where(jnp.isfinite(total), total / speed, jnp.inf)
         bounds = []
@@ -81,10 +81,11 @@ def least_rendezvous(
             bounds.append((departure - earliest) / unit_of_time)
         if latest is not None:
             bounds.append((latest - arrival) / unit_of_time)
-        return Criterion(total, non_negative=jnp.stack(bounds) if bounds else None, report=found)
+        return Criterion(total, non_negative=jnp.stack(bounds) if bounds else None, report=transfer)
 
     x = jnp.stack([jnp.asarray(t, radius.dtype) for t in start]) / unit_of_time
-    # The motion is in closed form: there are no steps that could pass over a kink.
+    # The gradient needs no check: the motion is in closed form, without steps that could pass over
+    # a kink.
     minimum = minimise(problem, x, tolerance=tolerance, check_gradient=False)
     departure, arrival = minimum.x * unit_of_time
     total = minimum.criterion.objective * speed

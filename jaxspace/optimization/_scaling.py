@@ -56,7 +56,8 @@ def scaled_problem(
     scale: PyTree | None,
     before: Minimum | None,
 ) -> ScaledProblem:
-    """The problem of `minimise` in scaled unknowns: those of the search `before`, if given."""
+    """The problem of `minimise` in scaled unknowns, with the scales of the search `before`, if
+    given."""
     x0, unravel = ravel_pytree(start)
     low, high = (ravel_pytree(b)[0] for b in limits)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0].astype(x0.dtype)

@@ -1,5 +1,5 @@
-"""A scaled problem searched by quadratic programmes (`_sqp.py`), from its start, or from where a
-search ended before its time, to a `Minimum` in the units of the problem."""
+"""Search for the minimum of a scaled problem by quadratic programmes (`_sqp.py`), from its start or
+from the end of an earlier search, to a `Minimum` in the units of the problem."""
 
 from collections.abc import Callable
 from typing import Any, ParamSpec, TypeVar
@@ -33,8 +33,9 @@ def search(
     progress: Progress | None,
     before: Minimum | None,
 ) -> Minimum:
-    """The minimum of a scaled problem; the arguments are those of `minimise`, `check` whether the
-    gradient at the start is compared with differences, `before` the search that goes on."""
+    """The minimum of a scaled problem; the arguments are those of `minimise`, `check` says whether
+    the gradient at the start is compared with differences, and `before` is the search to
+    continue."""
     z0 = scaled.start
     me = scaled.me
     mi = scaled.mi
@@ -43,14 +44,14 @@ def search(
         stacked, criterion = scaled.numbers(z)
         return stacked, (stacked, criterion)
 
-    # Forward mode costs a run for each unknown, reverse mode several for each number, and more to
-    # compile.
+    # Forward mode costs a run for each unknown; reverse mode costs several runs for each number,
+    # and compiles for longer.
     mode = jax.jacfwd if z0.size <= 16 * (1 + me + mi) else jax.jacrev
     derivatives = mode(numbers, has_aux=True)
 
-    def evaluate(s: sqp_state.SqpState) -> sqp_state.Found:
+    def evaluate(s: sqp_state.SqpState) -> sqp_state.Evaluation:
         jacobian, (values, criterion) = derivatives(s.trial)
-        return sqp_state.Found(values, jacobian, criterion)
+        return sqp_state.Evaluation(values, jacobian, criterion)
 
     curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
     least = jnp.asarray(tolerance, z0.dtype)
@@ -62,25 +63,26 @@ def search(
         state = _resumed(before, state)
     last, interrupted = drive(
         evaluate,
-        lambda s, found: sqp.advance(s, found, limits, curvature),
+        lambda s, evaluation: sqp.advance(s, evaluation, limits, curvature),
         lambda s: sqp_state.unfinished(s, limits),
         state,
         progress,
     )
-    found = _at_once(_minimum, last, limits, scaled.size, interrupted)
-    history = found.history
+    minimum = _at_once(_minimum, last, limits, scaled.size, interrupted)
+    history = minimum.history
     if before is not None:
-        # Rows that were not taken are NaN, and would stand between both searches.
+        # Rows of steps not taken are NaN, and would separate the two searches.
         old = before.history
         history = jnp.concatenate([old[~jnp.isnan(old[:, 0])], history])
-    x, held = scaled.unravel(found.x), scaled.unravel(found.bound_multipliers)
+    x = scaled.unravel(minimum.x)
+    held = scaled.unravel(minimum.bound_multipliers)
     places = lambda m: (m.x, m.bound_multipliers, m.history)  # noqa: E731
-    return eqx.tree_at(places, found, (x, held, history))
+    return eqx.tree_at(places, minimum, (x, held, history))
 
 
 def _at_once(f: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """f(*args) as one program where its numbers are known: each of its many operations would be a
-    program of its own."""
+    """f(*args) as one compiled program where its numbers are known: otherwise each of its many
+    operations would be compiled separately."""
     return f(*args, **kwargs) if is_traced(args) else eqx.filter_jit(f, **QUICK)(*args, **kwargs)
 
 
@@ -140,9 +142,9 @@ def _minimum(
 
 
 def _resumed(before: Minimum, blank: sqp_state.SqpState) -> sqp_state.SqpState:
-    """The state in which a search ended, with room for as many further steps."""
+    """The state in which a search ended, with space for as many further steps."""
     last = before.search
-    # Other numbers of constraints make other arrays; the rows are those of the new limits.
+    # Another number of constraints means another problem; the rows are for the new limit of steps.
     if _shapes(last) != _shapes(blank):
         raise InputError("start is a Minimum of another problem: start from its x.")
     # What was pending when it ended is evaluated first.

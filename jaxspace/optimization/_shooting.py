@@ -5,13 +5,13 @@
                w_b >= 0                    the apex is not before burnout
 
 No optimality condition is used: with more nodes the result approaches linear-tangent steering, and
-it holds where that does not.
+it is valid where that is not.
 
     symbol    meaning                                                    unit
     phi_i     thrust angle at the time t_i, straight lines in between    rad
     and the symbols of `ascent.py`
 
-Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent finds false optima whose
+Source: Thomson 8.3 for the problem. Without the bound w_b >= 0 a descent ends at false optima whose
 apex is before burnout.
 """
 
@@ -62,7 +62,7 @@ class SteeredFlight(AbstractSystem):
         return {}  # The thrust does work, and changes the momentum.
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
-        # The corners of a spline and of a table are found by other means.
+        # Splines and tables declare their breaks themselves.
         return corners(self.steering) if isinstance(self.steering, SteeringProfile) else None
 
 
@@ -101,7 +101,7 @@ def optimise_steering(
 
     **Arguments**
 
-    - `ascent`: what is given, without runs.
+    - `ascent`: the data of the ascent, without runs.
     - `start`: the nodes, and the angles at which the search begins.
     - `release_angle`: at which the search begins, rad.
     - `accuracy`: of the flight, as in `simulate`.
@@ -136,7 +136,7 @@ def _search(
     def burnout(x: Unknowns) -> FlightState:
         flight = SteeredFlight(ascent.thrust, made(x["profile"]), ascent.gravity)
         ts = jnp.stack([0.0 * ascent.burn_time, ascent.burn_time])
-        # A flight that fails is no error here: its objective turns the line search back.
+        # A flight that fails raises no error: its objective turns the line search back.
         return simulate(
             flight, release_state(ascent, x["release"]), ts, accuracy=accuracy, throw=False
         ).final

@@ -11,10 +11,10 @@
     rho, Delta      weight of the constraints, radius of trust
 
 The programme of a step always has a solution, so that infeasible targets end at the point with the
-least violation. A step that raises the violation is corrected once with the constraints where it
-leads (second-order correction). Unknowns objective and constraints are
-scaled (`_scaling.py`). The loop is that of `_drive.py`: the state carries the step that waits for
-its evaluation. Files: `_sqp_state.py`, `_sqp_measures.py`.
+least violation. A step that raises the violation is corrected once with the constraints at its end
+(second-order correction). Unknowns, objective and constraints are scaled (`_scaling.py`). The loop
+is that of `_drive.py`: the state holds the step that waits for its evaluation. Files:
+`_sqp_state.py`, `_sqp_measures.py`.
 
 Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
 """
@@ -32,39 +32,39 @@ from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
 from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
-from ._sqp_state import Found, Limits, Pending, SqpState, probes_of
+from ._sqp_state import Evaluation, Limits, Pending, SqpState, probes_of
 
-# With this weight a violation that no step reduces is final.
+# The largest weight: a violation that no step reduces then is final.
 MOST_WEIGHT = 1e6
 
 
 def advance(
     s: SqpState,
-    found: Found,
+    evaluation: Evaluation,
     limits: Limits,
     curvature: Callable[[Array, Array], Array] | None = None,
 ) -> SqpState:
     """The state after an evaluation at `s.trial`: it is a probe, the start, or the end of a step.
 
-    - `curvature`: from x and the weights of (f, c, d) to the Hessian of their sum; without it
-      BFGS."""
+    - `curvature`: a function from x and the weights of (f, c, d) to the Hessian of their sum;
+      without it BFGS is used."""
 
     def probing(s: SqpState) -> SqpState:
         following = s.calls + 1
         at = probes_of(s.x, limits)
         place = s.x + at.shares[following] * at.direction
         return s._replace(
-            probed=s.probed.at[s.calls].set(found.values),
+            probed=s.probed.at[s.calls].set(evaluation.values),
             calls=following,
             trial=jnp.where(following < 0, place, s.x),
         )
 
     def searching(s: SqpState) -> SqpState:
         ways = (functools.partial(way, limits=limits) for way in (_started, _stepped))
-        s = lax.cond(s.calls == 0, *ways, s, found)
+        s = lax.cond(s.calls == 0, *ways, s, evaluation)
         if curvature is not None:
-            # By the magnitudes of the eigenvalues, none of them near zero, because the programme of
-            # a step must be convex.
+            # The magnitudes of the eigenvalues, raised above zero, because the programme of a step
+            # must be convex.
             weights = s.weight * jnp.concatenate([jnp.ones(1, s.x.dtype), s.y, -s.nu])
             values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
@@ -75,12 +75,12 @@ def advance(
     return lax.cond(s.calls < 0, probing, searching, s)
 
 
-def _started(s: SqpState, found: Found, limits: Limits) -> SqpState:
+def _started(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     """Set the scales from the values and gradients at the start."""
-    weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
-    at = scaled(found, weight, s.y.size)
+    weight = weights(evaluation.values[0], jnp.max(jnp.abs(evaluation.jacobian), axis=1))
+    at = scaled(evaluation, weight, s.y.size)
     checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits)
-    claimed = weight * (found.jacobian @ probed.direction)
+    claimed = weight * (evaluation.jacobian @ probed.direction)
     wrong, worst = probed_error(weight * s.probed, probed, claimed)
     wrong = jnp.where(checked, wrong, 0.0)
     return s._replace(at=at, weight=weight, violation=violation(at), wrong=wrong, worst=worst)
@@ -117,47 +117,49 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     mi = s.at.d.size
     solved = jnp.all(jnp.isfinite(z))
     p = jnp.where(solved, z[:n], 0.0)
-    # An equality stands in the programme as two inequalities, whose multipliers subtract.
+    # An equality enters the programme as two inequalities, whose multipliers subtract.
     y = lam[me + mi : 2 * me + mi] - lam[:me]
     pending = Pending(p, y, lam[me : me + mi], solved)
-    # Clipped, because the programme meets the bounds to its own rounding only.
+    # Clipped, because the programme meets the bounds to rounding only.
     return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
 
 
-def _stepped(s: SqpState, found: Found, limits: Limits) -> SqpState:
+def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     """Accept the pending step, correct it, or reject it and reduce the trust radius."""
     p, y, nu, solved = s.pending
-    trial = scaled(found, s.weight, s.y.size)
+    trial = scaled(evaluation, s.weight, s.y.size)
     # The model of a corrected step has the corrected constraints.
     c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
     before = s.at.f + s.rho * penalty(s.at.c, s.at.d)
     after = trial.f + s.rho * penalty(trial.c, trial.d)
     model = s.at.f + s.at.g @ p + 0.5 * p @ s.B @ p + s.rho * penalty(c, d)
     predicted = before - model
-    # Where both are rounding, also that of the programme in the constraints, the step is a success.
+    # Where gain and prediction are both rounding, that of the programme included, the step is a
+    # success.
     rounded = jnp.abs(before) + jnp.abs(s.at.f) + 1e-3 + 10.0 * s.rho
     noise = 10.0 * jnp.finfo(p.dtype).eps * rounded
     gain = before - after
     finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
-    # Of rounding alone a step may be made of, too, which then has to reduce the gradient.
+    # A step whose predicted gain is rounding is accepted only if it reduces the gradient.
     ahead = s._replace(x=s.trial, at=trial, y=y, nu=nu)
     take = (ratio > 1e-4) & ((predicted > noise) | (gradient(ahead, limits) < s.gradient))
-    # A programme that could not be solved gives no step: only the radius shrinks.
+    # Where the programme was not solved there is no step, and only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
-    # A correction is worth one trial where the constraints, and not the objective, refuse.
+    # A correction is tried once where the constraints, and not the objective, reject the step.
     raised = penalty(trial.c, trial.d) > penalty(c, d) + noise
     curved = finite & ~take & ~s.corrected & raised
-    # From the length of the step, too: a radius beyond it would let the same step come again.
+    # No more than a fraction of the step's length: with a larger radius the same step would be
+    # computed again.
     small = jnp.where(curved, s.radius, 0.35 * jnp.minimum(s.radius, length))
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
     far = penalty(s.at.c, s.at.d)
     reached = penalty(c, d)
-    # A corrected model is of other constraints than those at x.
+    # A corrected model has other constraints than those at x.
     present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
-    # Where even the model keeps half of the violation, the objective still outweighs it.
+    # Where even the model leaves half of the violation, the objective still outweighs it.
     stuck = (reached > 0.5 * far) & present
     # A short step reduces little where a long one would reduce much.
     least = 1e-6 * far * jnp.minimum(s.radius, 1.0)

@@ -6,14 +6,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ._infeasibility import ROUNDINGS, least_violation, unit_weights
-from ._sqp_state import Found, Limits, SqpState, Values
+from ._sqp_state import Evaluation, Limits, SqpState, Values
 
 
-def scaled(found: Found, weight: Array, me: int) -> Values:
+def scaled(evaluation: Evaluation, weight: Array, me: int) -> Values:
     """Objective, the first `me` constraints as equalities and the rest, times their `weight`."""
-    values, jacobian = weight * found.values, weight[:, None] * found.jacobian
+    values, jacobian = weight * evaluation.values, weight[:, None] * evaluation.jacobian
     f, c, d = values[0], values[1 : 1 + me], values[1 + me :]
-    return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], found.report)
+    return Values(f, c, d, jacobian[0], jacobian[1 : 1 + me], jacobian[1 + me :], evaluation.report)
 
 
 def violation(at: Values) -> Float[Array, ""]:
@@ -52,8 +52,8 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     scale = jnp.where(fresh, (change @ change) / jnp.where(fresh, along, 1.0), 1.0)
     B = jnp.where(fresh, jnp.clip(scale, 1e-4, 1e4) * B, B)
     curvature = jnp.where(fresh, p @ B @ p, curvature)
-    # Powell's numbers: where the new curvature along p is below a fifth of the old one, it is mixed
-    # with the old one, so that B stays positive definite.
+    # Powell's numbers: where the new curvature along p is below a fifth of the old one, the two are
+    # mixed, so that B stays positive definite.
     low = along < 0.2 * curvature
     share = jnp.where(low, 0.8 * curvature / jnp.where(low, curvature - along, 1.0), 1.0)
     change = share * change + (1.0 - share) * (B @ p)
@@ -73,8 +73,8 @@ def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     at = s.at
     holds = jnp.asarray(False)
     free = (s.x > limits.lower) & (s.x < limits.upper)
-    # Three sets of weights, since the first is inexact: the multipliers of the last programme, in
-    # which the objective is a small part by then, lose digits where its radius is small.
+    # Three sets of weights, because the first is inexact: the multipliers of the last programme, in
+    # which the objective has become a small part, lose digits where its radius is small.
     for y, nu in ((s.pending.y, s.pending.nu), _of_the_sum(at, free), (at.c, -at.d)):
         y, nu = unit_weights(y, nu)
         gradient, weighted = at.J.T @ y - at.K.T @ nu, at.c @ y - at.d @ nu

@@ -72,7 +72,7 @@ class SqpState(NamedTuple):
     steps: Int[Array, ""]
 
 
-class Found(NamedTuple):
+class Evaluation(NamedTuple):
     """An evaluation of the problem: values of f, c and d together, their Jacobian, the report."""
 
     values: Float[Array, " all"]
@@ -82,7 +82,8 @@ class Found(NamedTuple):
 
 class Limits(NamedTuple):
     """Bounds of the scaled unknowns, which may be infinite, the tolerance for the projected
-    gradient of the Lagrangian and the violation, both scaled, and how far the unknowns may go."""
+    gradient of the Lagrangian and the violation, both scaled, and the largest size of the
+    unknowns."""
 
     lower: Float[Array, " n"]
     upper: Float[Array, " n"]
@@ -109,7 +110,7 @@ def begin(
 
     **Arguments**
 
-    - `x`: scaled unknowns at the start; `size`: by which they are scaled.
+    - `x`: scaled unknowns at the start; `size`: the sizes by which they are scaled.
     - `me`, `mi`: how many equalities and inequalities there are.
     - `report`: a tree of the shapes of what the problem reports.
     - `check`: whether the gradient is compared with differences first."""

@@ -64,7 +64,7 @@ class ConstantThrustAcceleration(AbstractThrustAcceleration):
         check_positive("ConstantThrustAcceleration.acceleration", self.acceleration)
 
     def __call__(self, t: Scalar) -> Scalar:
-        # With the shape of the times, as any other thrust has it.
+        # Broadcast to the shape of the times, as for any other thrust.
         return self.acceleration + 0.0 * t
 
 
@@ -88,8 +88,7 @@ class ConstantMassFlow(AbstractThrustAcceleration):
 
 @final
 class Ascent(eqx.Module):
-    """What is given about an ascent; what is sought is the steering that makes the velocity at the
-    apex greatest.
+    """The data of an ascent, whose steering is to make the velocity at the apex greatest.
 
     Fields, each (*runs,): `thrust`, the acceleration over time; `burn_time` t_b, s; `release_speed`
     v_0, m/s, whose direction is free; `release_height` y_0 and `apex_height` Y, m; `gravity` g,
@@ -108,7 +107,7 @@ class Ascent(eqx.Module):
         check_finite("Ascent.release_height", self.release_height)
         check_finite("Ascent.apex_height", self.apex_height)
         check_positive("Ascent.gravity", self.gravity)
-        # The last instant decides: there a constant flow pushes most, or has nothing left to push.
+        # At the last instant the acceleration of a constant flow is greatest, or no mass is left.
         last = self.thrust(self.burn_time)
         if is_concrete(last):
             check(
@@ -131,7 +130,7 @@ class FlightState(eqx.Module):
 
 def release_state(ascent: Ascent, release_angle: Scalar) -> FlightState:
     """The state at ignition, released at the angle theta_0, rad, above the horizontal."""
-    # The zero gives the speed the runs of the angle.
+    # The zero broadcasts the speed to the runs of the angle.
     v0 = ascent.release_speed + 0.0 * release_angle
     return FlightState(
         0.0 * v0,
@@ -154,7 +153,7 @@ def burnout_state(
 
     **Arguments**
 
-    - `ascent`: what is given.
+    - `ascent`: the data of the ascent.
     - `release_angle`: theta_0, rad, (*runs,).
     - `steering`: the thrust angle, rad, as a smooth function of time, s.
     """

@@ -6,9 +6,10 @@
     v_m = sum_i u_i ln mu_i,     lambda = -q_1/m_1
 
 Without fixed masses every x_i is the x of `staging.py`. A fixed mass c_i makes the mass above a
-stage worth more than it weighs, so that the stages below get less of the velocity. All of it
-follows from the one unknown x, by which the velocity falls. A stage whose fixed mass costs more
-than the stage saves is left out: of all choices of stages the one with the least initial mass.
+stage cost more than its weight, so that the stages below get less of the velocity. Everything
+follows from the one unknown x, with which the velocity falls. A stage whose fixed mass costs more
+than the stage saves is left out: of all choices of stages the one with the least initial mass is
+taken.
 
     symbol   meaning                                                         unit
     c_i      fixed mass dropped with stage i: engine, interstage, fairing    payloads
@@ -37,7 +38,7 @@ from ..core.checks import check_non_negative, check_positive
 from ..core.roots import increasing_root
 from ..core.types import as_float
 
-# So many stages have 1023 choices.
+# Ten stages have 1023 choices.
 MOST_STAGES = 10
 
 
@@ -49,17 +50,17 @@ class Chain(NamedTuple):
     multiplier: Scalar
 
 
-def _chain(x: Scalar, u: Array, b: Array, c: Array, kept: Bool[Array, " stages"]) -> Chain:
-    """The chain of the stages that are `kept`, from the unknown x."""
+def _chain(x: Scalar, u: Array, b: Array, c: Array, chosen: Bool[Array, " stages"]) -> Chain:
+    """The chain of the stages that are `chosen`, from the unknown x."""
     above = jnp.ones_like(x)
     q = 1.0 / x
     rising = x
     logs = []
     for i in reversed(range(u.shape[0])):
-        fixed = jnp.where(kept[i], c[i], 0.0)
+        fixed = jnp.where(chosen[i], c[i], 0.0)
         rising = rising + fixed / q
-        # Beyond it the mass ratio would be below one: the stage would take velocity away.
-        used = kept[i] & (rising < u[i] * (1.0 - b[i]))
+        # Beyond it the mass ratio would be below one: the stage would reduce the velocity.
+        used = chosen[i] & (rising < u[i] * (1.0 - b[i]))
         # 1 - b mu = x/u where the stage is used, because the difference loses digits.
         share = jnp.where(used, rising / u[i], 1.0 - b[i])
         mu = (1.0 - share) / b[i]
@@ -71,20 +72,20 @@ def _chain(x: Scalar, u: Array, b: Array, c: Array, kept: Bool[Array, " stages"]
 
 
 def _best_chain(
-    u: Array, b: Array, c: Array, v: Scalar, kept: Bool[Array, " stages"]
+    u: Array, b: Array, c: Array, v: Scalar, chosen: Bool[Array, " stages"]
 ) -> tuple[Chain, Bool[Array, "*runs"]]:
-    """The best division among the stages that are `kept`, and whether they can give `v`."""
-    column = kept.reshape(-1, *(1,) * v.ndim)
+    """The best division among the stages that are `chosen`, and whether they can give `v`."""
+    column = chosen.reshape(-1, *(1,) * v.ndim)
     limit = -jnp.sum(jnp.where(column, u * jnp.log(b), 0.0), axis=0)
     able = v < limit
-    # Half of the limit in place of a velocity that the stages cannot give, so that a root exists.
+    # Half of the limit replaces a velocity that the stages cannot give, so that a root exists.
     goal = jnp.where(able, v, 0.5 * limit)
     highest = jnp.max(jnp.where(column, u * (1.0 - b), 0.0), axis=0)
 
     def missing(x: Scalar) -> Scalar:
-        return goal - jnp.sum(u * _chain(x, u, b, c, kept).log_ratio, axis=0)
+        return goal - jnp.sum(u * _chain(x, u, b, c, chosen).log_ratio, axis=0)
 
-    return _chain(increasing_root(missing, 0.0 * v, highest), u, b, c, kept), able
+    return _chain(increasing_root(missing, 0.0 * v, highest), u, b, c, chosen), able
 
 
 @eqx.filter_jit
@@ -97,9 +98,9 @@ def choose_stages(
 ) -> tuple[
     Chain, Bool[Array, "stages *#runs"], Bool[Array, "*runs"], Float[Array, "choices *#runs"]
 ]:
-    """The best of all `choices`: its chain, which stages it has, whether any choice can; and the
-    initial mass of each choice, (choices, *runs), infinite where it cannot."""
-    every, able = jax.vmap(lambda kept: _best_chain(u, b, c, v, kept))(choices)
+    """The best of all `choices`: its chain, the stages used, and whether any choice gives the
+    velocity; and the initial mass of each choice, (choices, *runs), infinite where it does not."""
+    every, able = jax.vmap(lambda chosen: _best_chain(u, b, c, v, chosen))(choices)
     masses = jnp.where(able, every.initial_mass, jnp.inf)
     best = jnp.argmin(masses, axis=0)
 
@@ -108,8 +109,8 @@ def choose_stages(
         return jnp.take_along_axis(x, jnp.broadcast_to(index, (1, *x.shape[1:])), axis=0)[0]
 
     chain = jax.tree.map(pick, every)
-    kept = jnp.moveaxis(choices[best], -1, 0)
-    return chain, kept & (chain.log_ratio > 0.0), jnp.any(able, axis=0), masses
+    chosen = jnp.moveaxis(choices[best], -1, 0)
+    return chain, chosen & (chain.log_ratio > 0.0), jnp.any(able, axis=0), masses
 
 
 def all_choices(stages: int) -> np.ndarray:
@@ -127,7 +128,8 @@ def all_choices(stages: int) -> np.ndarray:
 
 class StageNumbers(NamedTuple):
     """Rockets of equal stages: the `numbers` of stages 1, 2, ..., the `initial_mass` over the
-    payload of each, (numbers, *runs), infinite where so few cannot, and the `best` number."""
+    payload of each, (numbers, *runs), infinite where so few do not give the velocity, and the
+    `best` number."""
 
     numbers: Int[Array, " numbers"]
     initial_mass: Float[Array, "numbers *#runs"]
@@ -141,9 +143,8 @@ def number_of_stages(
     fixed_mass: ArrayLike = 0.0,
     most: int = 6,
 ) -> StageNumbers:
-    """The initial mass by the number of stages of one exhaust velocity and structural factor, each
-    of which drops a fixed mass as well: with every stage more less structure is carried on, and
-    more fixed mass.
+    """The initial mass by the number of equal stages, each of which also drops a fixed mass: every
+    further stage saves structure and adds fixed mass.
 
     **Arguments**, each (*runs,)
 

@@ -1,12 +1,12 @@
-"""Staging with the losses of gravity, by flying it: propellants and kick of a rocket whose engines
-have a given thrust, for the least initial mass.
+"""Staging with the losses of gravity, by simulated flights: propellants and kick angle of a rocket
+with engines of given thrust, for the least initial mass.
 
     ln(m_1/P) least at   v = v_m,  psi = pi/2 (and y = Y)        at the last burnout
     S_i: stage without its fixed mass, b_i S_i of it structure   t_i = (1 - b_i) S_i u_i/F_i
 
 A rocket rises vertically for a while, is tilted by the angle of the kick, and flies a gravity turn
-through the burns of its stages. A thrust that lasts longer loses more: the stages become smaller
-below and the path flatter than in `optimal_staging`, whose velocity has no losses.
+through the burns of its stages. Longer burns lose more: the lower stages become smaller than in
+`optimal_staging`, which has no losses, and the path flatter.
 
     symbol   meaning                                                      unit
     S_i      mass of stage i without its fixed mass, at least zero        kg
@@ -17,7 +17,7 @@ below and the path flatter than in `optimal_staging`, whose velocity has no loss
     and the symbols of `staging.py` and `_gravity_turn.py`
 
 Source: Thomson 8.2 with the flight of 8.5. Valid without air, over flat ground or a round earth
-that does not turn. For a vertical flight the constraint on psi and the kick fall away.
+that does not turn. A vertical flight has neither the constraint on psi nor the kick.
 """
 
 __all__ = ["FlownStaging", "staging_with_losses"]
@@ -42,7 +42,8 @@ from ._minimise import minimise
 from .staged_flight import FIRST_SPEED, Goal, StageDesign, flown
 from .staging import optimal_staging
 
-# Thrust over weight at the lift-off: at least, and where the search for the greatest speed begins.
+# Thrust over weight at lift-off: the least, and that at which the search for the greatest speed
+# begins.
 LEAST_LIFT, WELL_LIFTED = 1.05, 1.6
 
 Unknowns: TypeAlias = dict[str, Array]
@@ -53,11 +54,11 @@ class FlownStaging(eqx.Module):
     """The result of `staging_with_losses`.
 
     - `stage_mass` S_i and `propellant`, kg, (stages,); `used`: whether a stage is more than zero.
-    - `kick`: angle of the tilt, rad; zero of a vertical flight.
+    - `kick`: angle of the tilt, rad; zero for a vertical flight.
     - `initial_mass`: kg; `burnout`: the state at the end; `burn_times`: s, (stages,).
-    - `ideal_velocity`: sum of u ln mu, m/s; `losses`: what it exceeds the speed at burnout by.
+    - `ideal_velocity`: sum of u ln mu, m/s; `losses`: its excess over the speed at burnout.
     - `velocity_price`, s/m, and `height_price`, 1/m: d ln m_1/dv_m and d ln m_1/dY, from the
-      multipliers; the latter zero where no height is asked for.
+      multipliers; the latter zero where no height is prescribed.
     - `converged`; `minimum`: of the search.
     - `greatest_speed`, m/s: where the speed is out of reach, the most that these stages reach at
       the burnout; the other fields are then of that flight, and the price is infinite. NaN
@@ -79,13 +80,14 @@ class FlownStaging(eqx.Module):
     greatest_speed: Float[Array, ""]
 
     def sentence(self) -> str:
-        """Why the search ended, and how fast these stages get where the speed is out of reach."""
+        """Why the search ended, and the greatest speed of these stages where the speed is out of
+        reach."""
         if bool(jnp.isnan(self.greatest_speed)):
             return self.minimum.sentence()
         return (
             f"The speed is out of reach: these stages give at most {self.greatest_speed:.5g} m/s "
-            f"at the burnout as it is asked for, with an initial mass of {self.initial_mass:.5g} "
-            f"kg. Raise a thrust, or ask for less."
+            f"at the burnout as required, with an initial mass of {self.initial_mass:.5g} "
+            f"kg. Raise a thrust, or require less."
         )
 
 
@@ -107,7 +109,7 @@ def staging_with_losses(
 
     **Arguments**
 
-    - `design`: of the stages, whose thrusts are given.
+    - `design`: the stages, with their thrusts.
     - `payload`: kg; `speed`: at the last burnout, m/s; `height`: there, m, free by default.
     - `vertical`: whether the flight is straight up; else it is horizontal at the last burnout.
     - `gravity`: at the ground, m/s^2; `radius`: of the planet, m, `None` for flat ground.
@@ -133,14 +135,15 @@ def staging_with_losses(
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)
     minimum = _search(goal, limit)
-    # A traced search does not say yet whether another one must follow it.
+    # A traced search cannot decide whether another one must follow it.
     if is_traced(minimum.converged) or bool(minimum.minimum.violation <= limit):
         return minimum
     fastest = _search(goal, limit, fastest=True)
     if not bool(fastest.converged):
         return minimum
     if bool(fastest.burnout.speed >= speed):
-        # Within reach after all, but far from where the search began: the fastest is nearer.
+        # The speed is within reach, but far from the first guess: the fastest flight is a nearer
+        # start.
         return _search(goal, limit, (fastest.stage_mass, fastest.minimum.x))
     return dataclasses.replace(
         fastest,
@@ -206,12 +209,12 @@ def _search(
 
 
 def _first_masses(goal: Goal, fastest: bool) -> Float[Array, " stages"]:
-    """Stages for the speed and the usual losses, within what they can give, kg; of the fastest
-    rocket the first one as heavy as its thrust lifts well."""
+    """Masses of the stages, kg, for the speed and the usual losses, within the limit of these
+    stages. For the fastest rocket the first stage is as heavy as its thrust lifts well."""
     design = goal.design
     u, b = design.exhaust_velocity, design.structural_factor
-    # Short of the limit, at which masses grow without bound; shorter for the fastest rocket, whose
-    # search begins at what its thrust lifts.
+    # Below the limit, at which masses grow without bound; farther below for the fastest rocket,
+    # whose search begins at the mass that its thrust lifts.
     speed = jnp.minimum(1.05 * goal.speed, -(0.6 if fastest else 0.9) * jnp.sum(u * jnp.log(b)))
     ratio = jnp.maximum(optimal_staging(u, b, speed).mass_ratio, 1.05)
     size = []
@@ -243,7 +246,7 @@ def _unknowns(goal: Goal, sizes: Array) -> tuple[Unknowns, Unknowns, Unknowns, U
             angle = flown(goal, sizes, _kick(goal, {"kick": k})).end.angle
             return jnp.log(jnp.tan(0.5 * angle))
 
-        # The kick with which the first masses end horizontally; a flight that falls had too much.
+        # The kick with which the first masses end horizontally; with a larger one the flight falls.
         low, high = (jnp.asarray(x, sizes.dtype) for x in (-15.0, -0.5))
         half = jnp.asarray(0.5, sizes.dtype)
         unknown["kick"] = (increasing_root(tilt, low, high), low, high, half)

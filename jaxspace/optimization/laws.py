@@ -1,4 +1,4 @@
-"""Laws of a thrust angle whose numbers a search may move: few, or as many as a free profile has.
+"""Laws of a thrust angle with parameters for a search: a few, or as many as a free profile has.
 
     tan phi = a + b s,   (a + b s)/(1 + c s)       linear and bilinear tangent
     phi_k at nodes       `SteeringProfile`, straight lines; `core.Spline`, cubic in between
@@ -8,8 +8,8 @@
     phi      angle of the thrust above the horizontal                       rad
     s        time since ignition, s, or its fraction of the burn            s or 1
 
-A law is any function of s that is an `equinox.Module`. What is free in it: the values of a profile
-or a table and not their times; of any other law every number.
+A law is any function of s that is an `equinox.Module`. A search varies the values of a profile or a
+table and not their times; of any other law every number.
 
 Source: Bryson and Ho, Applied Optimal Control, 2.4, 2.7.
 """
@@ -65,14 +65,14 @@ class TangentLaw(eqx.Module):
     def __call__(self, s: Scalar) -> Scalar:
         """The angle, rad, at `s`."""
         below = 1.0 if self.denominator is None else 1.0 + self.denominator * s
-        # By both sides of the quotient, which is infinite for a vertical thrust.
+        # By numerator and denominator, because the quotient is infinite for a vertical thrust.
         return jnp.arctan2(self.tangent + self.rate * s, below + 0.0 * s)
 
 
 @final
 class SteeringNetwork(eqx.Module):
-    """The angle by a `network` from a scalar to a scalar, which sees s between -1 and 1 over the
-    `duration`, of the unit of s."""
+    """The angle as a `network` from a scalar to a scalar, whose input is s scaled to -1 to 1 over
+    the `duration`, in the unit of s."""
 
     network: Callable[[Scalar], Scalar]
     duration: float = eqx.field(static=True, default=1.0)
@@ -80,16 +80,17 @@ class SteeringNetwork(eqx.Module):
     def __call__(self, s: Scalar) -> Scalar:
         """The angle, rad, at `s`."""
         x = 2.0 * jnp.asarray(s) / self.duration - 1.0
-        # A network takes one number, where the times may have any shape.
+        # A network takes one number, whereas the times may have any shape.
         return jax.vmap(self.network)(x.ravel()).reshape(x.shape)
 
 
 def free_numbers(law: Any) -> tuple[PyTree, Callable[[PyTree], Any]]:
-    """What a search may move in a law, and the law with other numbers in its place."""
+    """The numbers of a law that a search may vary, and a function that puts other numbers in their
+    place."""
     if isinstance(law, SteeringProfile):
         return law.angles, lambda angles: SteeringProfile(law.times, angles)
     if isinstance(law, Table | Spline):
-        # Made again, because the curvatures of a spline follow from its values.
+        # Constructed again, because the curvatures of a spline follow from its values.
         return law.values, lambda values: type(law)(law.times, values)
     free, rest = eqx.partition(law, eqx.is_inexact_array)
     return free, lambda numbers: eqx.combine(numbers, rest)

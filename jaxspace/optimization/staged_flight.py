@@ -1,5 +1,5 @@
-"""A rocket of several stages flown without air: what is given of the stages, and the mission from
-the rise over the kick to the last burnout, in the symbols of `flown_staging.py`."""
+"""A rocket of several stages without air: the data of the stages, and the mission from the vertical
+rise through the kick to the last burnout, in the symbols of `flown_staging.py`."""
 
 __all__ = ["StageDesign"]
 
@@ -23,7 +23,7 @@ Jump: TypeAlias = Callable[[Scalar, Flying], Flying]
 
 @final
 class StageDesign(AbstractParameters):
-    """What is given of the stages of a rocket, the first one first; each (stages,)."""
+    """The data of the stages of a rocket, the first one first; each (stages,)."""
 
     exhaust_velocity: Float[Array, " stages"] = quantity("m/s", positive=True, doc="u")
     structural_factor: Float[Array, " stages"] = quantity(
@@ -37,8 +37,8 @@ class StageDesign(AbstractParameters):
 
 @final
 class Burn(AbstractSystem):
-    """A stage in flight. State: `GravityTurnState` and the mass, kg, as a pair; with `straight` the
-    angle of the path stays as it is."""
+    """The burn of a stage. State: `GravityTurnState` and the mass, kg, as a pair; with `straight`
+    the angle of the path is constant."""
 
     thrust: Scalar
     exhaust_velocity: Scalar
@@ -60,7 +60,7 @@ class Burn(AbstractSystem):
 
 
 class Goal(NamedTuple):
-    """What is asked of the flight: the arguments of `staging_with_losses` by their names."""
+    """The requirements of the flight: the arguments of `staging_with_losses` by their names."""
 
     design: StageDesign
     payload: Scalar
@@ -74,8 +74,8 @@ class Goal(NamedTuple):
 
 
 class Flown(NamedTuple):
-    """A flight: the state at the last burnout, the initial mass, kg, burn times, s, and the ideal
-    velocity, m/s."""
+    """The result of a flight: the state at the last burnout, the initial mass, kg, burn times, s,
+    and the ideal velocity, m/s."""
 
     end: GravityTurnState
     initial_mass: Scalar
@@ -84,17 +84,18 @@ class Flown(NamedTuple):
 
 
 def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
-    """The flight of stages of these `masses` without their fixed ones, kg, with a `kick`, rad."""
+    """The flight of stages with these `masses`, kg, their fixed masses not included, and with a
+    `kick`, rad."""
     design = goal.design
     g = goal.gravity
     vertical = goal.vertical
     u, F, b = design.exhaust_velocity, design.thrust, design.structural_factor
     whole = masses + design.fixed_mass
-    # What each stage moves at its ignition: itself and all above it.
+    # The mass at each ignition: the stage and all above it.
     carried = jnp.cumsum(whole[::-1])[::-1] + goal.payload
     burnt = (1.0 - b) * masses
     times = burnt * u / F
-    # From the burnt fraction, which keeps its digits where a stage vanishes.
+    # By the burnt fraction, which keeps its digits where a stage vanishes.
     ideal = -jnp.sum(u * jnp.log1p(-burnt / carried))
 
     def burn(i: int, duration: Scalar, straight: bool, jump: Jump, name: str) -> Phase:
@@ -105,7 +106,7 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
         return eqx.tree_at(lambda s: s.angle, y[0], y[0].angle + kick), y[1]
 
     def dropping(i: int) -> Jump:
-        # Without the propellant, which has left during the burn.
+        # Without the propellant, which left during the burn.
         return lambda t, y: (y[0], y[1] - (whole - burnt)[i])
 
     phases = []

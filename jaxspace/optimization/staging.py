@@ -58,7 +58,7 @@ def stationary_mass_ratio(
     - `exhaust_velocity`: u, in any unit.
     - `structural_factor`: b.
 
-    **Returns** mu. Below 1 it is no rocket: the optimum is then at the bound mu = 1.
+    **Returns** mu. Below 1 it has no meaning: the optimum is then at the bound mu = 1.
     """
     product = multiplier * exhaust_velocity
     return (1.0 + product) / (product * structural_factor)
@@ -83,7 +83,8 @@ def equal_stages_payload(
     - `structural_factor`: b, below 1.
     - `stages`: N, one or more; infinite for the limit exp(-v_m/(u (1 - b))).
 
-    **Returns** [(1/mu - b)/(1 - b)]^N with mu = exp(v_m/(N u)); zero where the stages cannot.
+    **Returns** [(1/mu - b)/(1 - b)]^N with mu = exp(v_m/(N u)); zero where the stages cannot give
+    the velocity.
     """
     check_positive("exhaust_velocity", exhaust_velocity)
     each = as_float(total_velocity) / (exhaust_velocity * stages)
@@ -131,8 +132,9 @@ def optimal_staging(
     - `exhaust_velocity`, in any unit, and `structural_factor`: (stages, *runs), or (stages,) for
       all runs.
     - `total_velocity`: without losses, in the unit of the exhaust velocity, (*runs,).
-    - `fixed_mass`: dropped with each stage beside its structure, over the payload, as the velocity
-      or for all runs; a stage that does not pay for its own is left out. At most ten stages.
+    - `fixed_mass`: dropped with each stage in addition to its structure, over the payload, with
+      runs as the velocity or for all runs; a stage that costs more than it saves is left out. At
+      most ten stages.
 
     **Returns** a `Staging`, differentiable in all of them.
 
@@ -183,8 +185,8 @@ def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     )
     s = _log_mass_ratio(x, u, b)
     used = s > 0.0
-    # A root close to u leaves u - x few digits, and the velocity has them all: one more step to it,
-    # in the mass ratios themselves.
+    # Where the root is close to u, u - x has few digits: one more step in the mass ratios
+    # themselves gives the velocity to rounding.
     share = jnp.where(used, 1.0 / jnp.where(used, u - x, 1.0), 0.0)
     s = s + share * safe_divide(v - jnp.sum(u * s, axis=0), jnp.sum(u * share, axis=0))
     # 1 - b mu = x/u where the stage is used, because the difference loses digits near the limit.
@@ -222,10 +224,10 @@ def optimal_staging_by_gradient(
 
 @eqx.filter_jit
 def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
-    # Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q obeys the constraint,
-    # and the bound mu_i = 1 is the ordinary point q_i = 0. Where each stage alone exceeds what is
-    # left to the limit, none can vanish, and the share is that of what is left: it keeps the digits
-    # of 1 - b_i mu_i.
+    # Each stage has the share q_i^2 / sum_j q_j^2 of the velocity: every q satisfies the
+    # constraint, and the bound mu_i = 1 is the ordinary point q_i = 0. Where each stage alone
+    # exceeds the difference from the limit, none can vanish, and the shares are those of the
+    # difference, which keeps the digits of 1 - b_i mu_i.
     most = -u * jnp.log(b)
     left = velocity_limit(u, b) - v
     near = left < jnp.min(most)
@@ -238,7 +240,7 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
         # b mu >= 1 leaves no payload: an infinite mass there turns the line search back.
         some = short > 0.0
         close = jnp.log1p(-b) - jnp.log(-jnp.expm1(-jnp.where(some, short, 1.0)))
-        # By the difference from a mass ratio of one, of which slow rockets differ little.
+        # By the difference from a mass ratio of one, which is small for slow rockets.
         slow = jnp.where(near | ~some, 0.0, s)
         apart = -jnp.log1p(-b * jnp.expm1(slow) / (1.0 - b))
         return s, short, jnp.where(some, s + jnp.where(near, close, apart), jnp.inf)
@@ -295,7 +297,7 @@ def _checked(
     b = with_rank(b, rank)
     limit = velocity_limit(u, b)
     if is_concrete(limit) and is_concrete(v):
-        # The first rocket of a batch that exceeds the limit: one sentence names one number.
+        # The first rocket of a batch that exceeds the limit, because the error names one number.
         ok, limits = np.broadcast_arrays(np.asarray(v) < np.asarray(limit), np.asarray(limit))
         check(
             ok,

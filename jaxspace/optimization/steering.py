@@ -18,9 +18,9 @@ Without gravity, from rest to a height and a horizontal velocity in the least ti
 Source: Thomson 8.3 (8.3-9); Betts, Practical Methods for Optimal Control (minimum time).
 Valid only if the apex comes after burnout, T >= t_b: the optimality condition at T needs a coast.
 
-The two equations have another root with T < t_b, which is no flight; the bracket of T excludes it.
-Near T = t_b there may be two true roots: the one with the later apex has the greater U, and is
-taken.
+The two equations have another root with T < t_b, which is not a flight; the bracket of T excludes
+it. Near T = t_b there may be two valid roots: the one with the later apex has the greater U, and is
+returned.
 """
 
 __all__ = [
@@ -193,7 +193,7 @@ def minimum_time_steering(
 
 @final
 class MaximumVelocitySteering(eqx.Module):
-    """The steering tan phi = (1 - 2t/T) tan theta_0, and what it reaches.
+    """The steering tan phi = (1 - 2t/T) tan theta_0, and the velocity that it reaches.
 
     - `initial_angle`: theta_0, rad; `duration`: T, s; `final_velocity`: m/s; each (*runs,)."""
 

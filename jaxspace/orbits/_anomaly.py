@@ -1,7 +1,7 @@
 """The universal anomaly a given duration after any start.
 
-It is counted from periapsis, so that no large terms cancel. The functions here have no derivatives
-of their own: `kepler.py` has the rule for them.
+The anomaly counts from periapsis, so that no large terms cancel. The functions here are not
+differentiated: `kepler.py` holds the derivative rule.
 
     G_n(x) = x^n c_n(beta x^2)               c_n: Stumpff functions
     t = q x + e G3(x)                        time since periapsis
@@ -54,8 +54,8 @@ class Anomaly(NamedTuple):
 
 
 class _Conic(NamedTuple):
-    """The constants of a conic. `s` has a floor: it is that of a nearby conic for a parabola, where
-    the forms for ellipses and hyperbolas meet."""
+    """The constants of a conic. `s` has a floor: a parabola, where the forms for ellipses and
+    hyperbolas meet, is computed as a nearby conic."""
 
     beta: Scalar
     closed: Flag
@@ -78,7 +78,8 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     q = conic.q
     x0, t0 = barrier(_start(conic, sigma, zeta))
     s3 = s * s * s
-    # Whole turns are taken off first, so that the iteration starts within half a turn of periapsis.
+    # Whole turns are subtracted first, so that the iteration starts within half a turn of
+    # periapsis.
     turns = jnp.where(closed, jnp.round((t0 + tau) * (s3 * (1.0 / _TURN))), 0.0)
     left = tau - turns * (_TURN / s3)
     t, left = barrier((t0 + left, left))

@@ -9,7 +9,8 @@ from .outputs import altitude
 
 @final
 class AtAltitude(AbstractCondition):
-    """An altitude is reached, on the way up or down: the height above it, m, is zero."""
+    """The height above a given altitude, m: zero where the altitude is reached, on the way up or
+    down."""
 
     direction: ClassVar[int] = 0
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})

@@ -57,8 +57,8 @@ def _conic_rule(
     dtime, dlam, dkappa = tangents
     x = conic_of_time(time, lam, kappa, revolutions, low)
     _, slope, y, _ = transfer_time(x, lam, kappa, revolutions)
-    # dT = (dT/dx) dx + (dT/dlambda) dlambda, with dkappa = -2 lambda dlambda. Of the two the one
-    # that keeps its digits: kappa is small where lambda is close to one.
+    # dT = (dT/dx) dx + (dT/dlambda) dlambda, with dkappa = -2 lambda dlambda. Close to lambda = 1
+    # kappa is small, and its differential keeps more digits than that of lambda.
     by_place = jnp.where(jnp.abs(lam) > 0.7, lam * dkappa, -2.0 * lam * lam * dlam) / y
     return x, (dtime - by_place) / slope
 
@@ -220,7 +220,7 @@ def _root(
 
     - `correction`: the value of the function at x, and the step from x to the root.
     - `low`, `high`: ends of an interval that holds the root.
-    - `start`: where the iteration begins; NaN needs none.
+    - `start`: where the iteration begins; a run that begins at NaN takes no step.
     - `size`: the unit in which a step at x is measured.
     - `order`: the order of convergence of the step.
     """

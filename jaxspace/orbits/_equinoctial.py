@@ -12,9 +12,9 @@
 Source: Broucke and Cefola (1972), Celestial Mechanics 5, 303, whose letters these are: their h, k,
 p, q are g, f, k, h of the modified equinoctial elements.
 
-The mean longitude grows evenly with the time, the others stay. A parabola has no mean motion, hence
-no such elements; close to it the place beside the periapsis hangs on the last digits of the mean
-longitude. The modified elements have no such limit.
+The mean longitude grows linearly with time, and the other elements are constant. A parabola has no
+mean motion and so no such elements; close to one, a place near the periapsis depends on the last
+digits of the mean longitude. The modified elements have no such limit.
 """
 
 import functools
@@ -36,8 +36,8 @@ from .kepler import conic_flow
 
 @final
 class EquinoctialElements(AbstractParameters):
-    """Six elements of an ellipse or a hyperbola, regular at the circle and the equator; the
-    longitude is the mean one, which grows evenly with the time.
+    """Six elements of an ellipse or a hyperbola, regular at the circle and the equator. The mean
+    longitude grows linearly with time.
 
     Raises `InputError` for a parabola, and for a semi-major axis of the wrong sign."""
 
@@ -107,7 +107,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     closed = a > 0.0
     size = jnp.abs(a)
     per_rate = size * jnp.sqrt(size / mu)
-    # From the periapsis of a hyperbola; of an ellipse from the place whose eccentric longitude is
+    # A hyperbola starts at its periapsis; an ellipse starts where its eccentric longitude equals
     # the mean one, because a circle has no periapsis.
     K = jnp.where(closed, x.mean_longitude, 0.0)
     s, c = barrier(sincos(K))

@@ -1,9 +1,9 @@
 """Motion about a point mass in the variables of Kustaanheimo and Stiefel, perturbed by a potential.
 
 The energy of the whole motion is constant, and that of the two bodies follows from the position:
-the parameters then obey an equation of second order by themselves. The time is a quadrature, of
-which the variables tell the large part: what is left is as small as the perturbation, and so is the
-error of its quadrature.
+the parameters then obey an equation of second order by themselves. The time is a quadrature whose
+large part follows from the variables: the rest is as small as the perturbation, and so is the error
+of its quadrature.
 
     u'' = (H - V) u / 2 + |r| L(u)^T p / 2              t' = |r| = u . u
     E = H - V(r),  p = -dV/dr
@@ -33,13 +33,13 @@ from ..core.barrier import barrier
 from ..core.vectors import dot
 from ._ks_map import dot4, ks_map, ks_transposed
 
-# Radii within which 1/H follows from the time: more cost as many roundings.
+# The largest mu k, in radii, for which the time is split: u . w loses precision in proportion.
 FARTHEST = 100.0
 
 
 def _together(x: PyTree) -> PyTree:
-    """The arrays, computed once for all components that read them; the first is a vector. For a
-    single run it would cost more to hold them."""
+    """The arrays behind a barrier, so that components which read them do not compute them again.
+    The first one is a vector. A single run is faster without the barrier."""
     return barrier(x) if jax.tree.leaves(x)[0].ndim > 1 else x
 
 
@@ -73,7 +73,7 @@ class SecondOrderKS(AbstractSecondOrderForm):
         return self.ks.from_regularised(z)
 
     def perturbation(self, t: Scalar, z: Array) -> Vector:
-        # It is in the rates, because these need its potential, too.
+        # The perturbation is part of `rates`, which need its potential as well.
         del t
         return jnp.zeros_like(z[:3])
 
@@ -116,5 +116,5 @@ class SecondOrderKS(AbstractSecondOrderForm):
         return self.ks.step_scale(sigma, z)
 
     def size(self, x: Array, z0: Array, z1: Array) -> Scalar:
-        # By the energy of the whole motion: its perturbation changes little of a scale.
+        # By the energy of the whole motion: the perturbation hardly changes a scale.
         return self.ks.size(x, z0, z1)

@@ -122,9 +122,9 @@ def _state_of(z: Array) -> BodyState:
 
 @once_per_structure
 def _has_potential(rest: AbstractSystem, z: jax.ShapeDtypeStruct) -> bool:
-    """Whether the accelerations of `rest` keep an energy, and depend on the position alone.
+    """Whether the accelerations of `rest` conserve an energy and depend on the position alone.
 
-    The latter as the traced functions show it; what keeps the energy, its effects say."""
+    The effects declare the first; the second is read from the traced functions."""
     y = jax.eval_shape(_state_of, z)
     time = jax.ShapeDtypeStruct((), z.dtype)
     shapes, static = eqx.partition(rest, lambda x: isinstance(x, jax.ShapeDtypeStruct))

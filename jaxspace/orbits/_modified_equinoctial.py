@@ -1,4 +1,4 @@
-"""Elements without the holes of the classical ones: modified equinoctial elements.
+"""Modified equinoctial elements: of any conic, regular at the circle and the equator.
 
     e vector = f F + g G                      f = e cos(omega + I node), g = e sin(omega + I node)
     h = tan(i/2)^I cos(node)                  k = tan(i/2)^I sin(node)
@@ -130,7 +130,7 @@ def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
             f"The inclination is {180 * (not retrograde)} deg, where these elements are infinite: "
             f"take those with retrograde={not retrograde}."
         )
-    # The sum has no small value but beside the place where the elements are singular.
+    # The sum is small only close to the inclination at which the elements are singular.
     per = 1.0 / (1.0 + sense * w[2])
     return -w[1] * per, w[0] * per
 

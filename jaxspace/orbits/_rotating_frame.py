@@ -8,7 +8,7 @@
     symbol  meaning                                                  unit
     r, v    position, velocity relative to the turning axes          m, m/s
     w       angular velocity of the axes, in them                    rad/s
-    J       kept where the other effects rest in the turning axes    m^2/s^2
+    J       constant if the other effects rest in these axes         m^2/s^2
 
 Source: Thomson 2.5-7, 2.6; Goldstein, Classical Mechanics, 4.10. Coriolis' force does no work.
 
@@ -29,11 +29,12 @@ from ..core.vectors import cross, dot
 
 @final
 class RotatingFrame(AbstractEffect):
-    """The forces of inertia in uniformly turning axes, in which the scene's state is then given.
+    """The forces of inertia in uniformly turning axes, which are then the axes of the scene's
+    state.
 
-    The energy of such a scene is the integral of Jacobi. Of the orbit alone: the attitude of a body
-    stays that relative to inertial axes. With `centrifugal=False` Coriolis' force alone, for a
-    gravity that holds the centrifugal force already, as that of a plumb line does."""
+    The energy of such a scene is the integral of Jacobi. The forces act on the orbit alone: the
+    attitude of a body remains relative to inertial axes. `centrifugal=False` leaves Coriolis' force
+    alone, for a gravity that includes the centrifugal force, as that along a plumb line does."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
 

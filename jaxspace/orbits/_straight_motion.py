@@ -14,8 +14,8 @@
 Source: Danby, Fundamentals of Celestial Mechanics, 6.9, in the limit mu = 0, where the universal
 anomaly s is the potential of a rod: tanh(|v0| s/2) = |v0| T.
 
-On a line through the centre, where the attraction would make a collision, the slopes by mu beyond
-it do not exist, and are zero here.
+On a line through the centre any attraction makes a collision: beyond it the derivatives by mu do
+not exist, and are zero here.
 """
 
 import jax.numpy as jnp

@@ -51,13 +51,14 @@ _SENTENCES = {
 
 
 def rounding_of_directions(x: Scalar) -> float:
-    """Below it the sine of the angle between two directions is rounding, and says no plane."""
+    """The bound below which the sine of the angle between two directions is rounding, and the two
+    define no plane."""
     return 4.0 * float(jnp.finfo(x.dtype).eps)
 
 
 def way_is_undecided(directions: tuple[Vector, Vector], normal: Vector | None) -> Flag:
-    """Whether the plane of both `directions`, (3, *runs), holds the `normal`, (3, *runs), but for
-    rounding. Directions on one line have no plane that could."""
+    """Whether the plane of both `directions`, (3, *runs), contains the `normal`, (3, *runs), to
+    rounding. Directions on one line define no plane."""
     i1, i2 = directions
     up = axis(2, jnp.ones_like(i1[0])) if normal is None else with_rank(normal, i1.ndim - 1)
     n = cross(i1, i2)
@@ -98,7 +99,7 @@ def geometry_status(
         # A normal along the start leaves no plane either.
         across = cross(i1, up)
         opposite = opposite & (dot(across, across) <= noise * noise * size)
-    # The last one that holds wins: of inputs that are not valid the others say nothing.
+    # The last condition that holds decides: where inputs are invalid, the others mean nothing.
     undecided = way_is_undecided(directions, normal)
     status = jnp.where(undecided, TransferStatus.NO_WAY, TransferStatus.FOUND)
     status = jnp.where(opposite, TransferStatus.NO_PLANE, status)

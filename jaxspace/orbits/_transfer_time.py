@@ -11,7 +11,7 @@
     x        parameter of the conics: 1 - x^2 = s / (2 a); -1 < x, ellipses below 1          1
     T        time of flight times sqrt(2 mu / s^3); s: half of |r1| + |r2| + chord           1
     lambda   sqrt(|r1| |r2|) cos(theta / 2) / s, negative for an angle theta above 180 deg   1
-    kappa    chord / s = 1 - lambda^2, an input of its own so that it loses no digits        1
+    kappa    chord / s = 1 - lambda^2, a separate input so that it loses no digits           1
     S        sin^2 of a quarter of the difference in eccentric anomaly; hyperbola: negative  1
     N        whole revolutions before the arrival                                            1
 

@@ -9,10 +9,10 @@
     r, v     distance from the centre, velocity                                 m, m/s
     a        required semi-major axis                                           m
 
-Valid for a burn along the velocity, or close to it: there is then the energy of the orbit to gain,
-and its plane and shape follow from the steering. Beyond r = 2 a no speed is on the orbit: v_r^2 is
-negative there, v_g = -(|v_r|^2 + v^2) / (|v_r| + |v|), and the sign still says that the energy is
-beyond the required one.
+Valid for a burn along the velocity, or close to it: it then only has to raise the energy, while
+plane and shape of the orbit follow from the steering. Beyond r = 2 a no speed is on the orbit:
+v_r^2 is negative there, v_g = -(|v_r|^2 + v^2) / (|v_r| + |v|), and the sign still says that the
+energy is beyond the required one.
 
 Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics, chapter 11 (v_g =
 v_r - v, cut-off where it vanishes); vis-viva: Thomson 4.7.
@@ -34,13 +34,14 @@ class VelocityToBeGained(AbstractCondition):
     """The velocity to be gained, m/s, of a burn along the velocity into an orbit of given
     semi-major axis: zero, from either side, at the cut-off.
 
-    On the orbit at rest, at r = 2 a, it has no slope, and its derivatives are zero."""
+    At rest at r = 2 a, which is on the orbit, it is not differentiable: its derivatives are zero
+    there."""
 
     direction: ClassVar[int] = 0
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
     semi_major_axis: NumberField = quantity(
-        "m", doc="a of the orbit that is asked for; negative on a hyperbola"
+        "m", doc="a of the required orbit; negative on a hyperbola"
     )
     mu: NumberField = quantity(
         "m^3/s^2", positive=True, shared="planet.mu", doc="gravitational parameter"
@@ -55,6 +56,6 @@ class VelocityToBeGained(AbstractCondition):
         """v_g, m/s, in the state `y`."""
         del t
         required = self.mu * (2.0 / norm(y.position) - 1.0 / self.semi_major_axis)
-        # The sign of the required square is that of its size where no speed is on the orbit.
+        # Beyond r = 2 a the square is negative: the absolute value gives a size to divide by.
         size = safe_sqrt(jnp.abs(required)) + norm(y.velocity)
         return safe_divide(required - dot(y.velocity, y.velocity), size)

@@ -16,8 +16,8 @@
     psi     eccentric anomaly from the highest point                 rad
 
 Source: Thomson 4.17-1..6.
-Without air, about a sphere whose attraction is that of a point. Its rotation enters by the velocity
-of the site and by the way of the ground below the flight.
+Without air, about a sphere whose attraction is that of a point. Its rotation enters through the
+velocity of the site and the motion of the ground during the flight.
 """
 
 __all__ = [
@@ -103,7 +103,8 @@ def ballistic_flight(
 def ballistic_angles(
     radius: Scalar, speed: Scalar, range_angle: Scalar, mu: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """The two flight-path angles that lead as far with one speed: the low arc and the high one.
+    """The two flight-path angles that reach a range with a given speed: the low arc and the high
+    one.
 
     **Arguments**, each (*runs,)
 
@@ -122,8 +123,8 @@ def ballistic_angles(
     # lambda^2 cos^2 - 4 sin^2 (1 - lambda), as a product.
     root = end_sqrt(lambda l, s: (l - s * (2.0 - l)) * (l + s * (2.0 - l)), lam, sine)
     middle = lam * cosine
-    # Of the two sums that without a difference; the other one from the product of the roots. Where
-    # lambda > 1 and cosine < 0 only the high arc is left.
+    # One root is the sum without a difference, the other follows from their product. Where lambda >
+    # 1 and cosine < 0 only the high arc exists.
     ahead = middle >= 0.0
     long = jnp.where(ahead, middle + root, root - middle)
     short = 2.0 * sine * jnp.abs(1.0 - lam)
@@ -134,7 +135,7 @@ def ballistic_angles(
 
 
 def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tuple[Scalar, Scalar]:
-    """The slowest launch that leads so far: speed, m/s, and flight-path angle, rad, (*runs,)
+    """The slowest launch that reaches a range: speed, m/s, and flight-path angle, rad, (*runs,)
     (Thomson 4.17).
 
     **Arguments**, each (*runs,)
@@ -146,7 +147,7 @@ def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tupl
     phi = as_float(range_angle)
     sine = jnp.sin(0.5 * phi)
     circular = jnp.sqrt(mu / as_float(radius))
-    # Its slope at no range is infinite, by the rule of ends, and that by mu is zero there.
+    # At a range of zero `end_sqrt` makes the slope by the range infinite, and that by mu zero.
     speed = circular * end_sqrt(lambda s: 2.0 * s / (1.0 + s), sine)
     return speed, 0.25 * (jnp.pi - phi)
 
@@ -160,7 +161,8 @@ def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Sc
     - `radius`: of the sphere, m; `speed`: at burnout, m/s.
     - `mu`: gravitational parameter, m^3/s^2.
 
-    NaN above the circular speed, which reaches every place; at it the slope is infinite."""
+    NaN above the circular speed, with which every place is reached; at that speed the slope is
+    infinite."""
     lam = jnp.asarray(as_float(radius) * speed * speed / mu)
     phi = 2.0 * jnp.arctan2(lam, 2.0 * end_sqrt(lambda l: 1.0 - l, lam))
     return phi, 0.25 * (jnp.pi - phi)
@@ -193,7 +195,7 @@ def ballistic_impact(
     north = level * jnp.cos(azimuth)
     # The velocity is relative to the ground, which moves eastwards itself.
     east = level * jnp.sin(azimuth) + rotation_rate * r * jnp.cos(latitude)
-    # The zero gives it the runs of the azimuth and of the rate.
+    # The zero broadcasts it over the runs of the azimuth and of the rate.
     up = speed * jnp.sin(flight_path_angle) + 0.0 * east
     along = safe_atan2(east, north)
     across = jnp.cos(along) * north + jnp.sin(along) * east

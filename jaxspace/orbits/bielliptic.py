@@ -25,12 +25,11 @@ from ..core.types import as_float
 
 
 def bielliptic_break_even(ratio: Scalar) -> Scalar:
-    """Distance of the middle impulse from which on a bi-elliptic transfer costs no more than that
-    of Hohmann.
+    """Distance of the middle impulse beyond which a bi-elliptic transfer costs less than Hohmann's.
 
     **Arguments**
 
-    - `ratio`: of the radii of the circles, (*runs,), of either order.
+    - `ratio`: of the radii of the circles, (*runs,), in either order.
 
     **Returns** the radius of the impulse between over that of the smaller circle, (*runs,): beyond
     it three impulses are cheaper. Infinite, with the derivative zero, where they never are (ratios
@@ -56,7 +55,7 @@ def _root(x: Scalar) -> Scalar:
         cheaper = _excess(middle, x) < 0.0
         return jnp.where(cheaper, middle, low), jnp.where(cheaper, high, middle)
 
-    # As many halvings as the digits of u, which is never small here but beside 11.94.
+    # As many halvings as u has binary digits: it is small only near a ratio of 11.94.
     steps = 2 - int(math.log2(jnp.finfo(x.dtype).eps))
     return jax.lax.fori_loop(0, steps, halve, (jnp.zeros_like(x), jnp.ones_like(x)))[1]
 

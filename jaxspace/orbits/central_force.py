@@ -17,8 +17,8 @@ potential.
 Source: Thomson 4.5 (central force), 4.15 (powers); Harrison and Nettleton 5.2 (shell, 5.8; sphere,
 5.10, 5.11), 5.4 (powers, with the opposite sign of n).
 Powers with n > -1 are singular at the centre; for n >= 3 an attracted point with too little angular
-momentum falls into it in finite time. The field of the shell jumps at its surface, and the slope of
-that of the sphere does: there both are those of the outside.
+momentum falls into it in finite time. At the surface the field of the shell jumps, and so does the
+slope of the sphere's field: both have the values of the outside there.
 """
 
 __all__ = [
@@ -107,7 +107,7 @@ def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
 
     - `r`: distance from the centre, m, (*runs,).
     - `mu`, `radius`: as in `shell_gravity`."""
-    # The greater radius says all of it: constant inside, continuous at the surface, never 1/0.
+    # The greater radius serves both sides: constant inside, continuous at the surface, never 1/0.
     return -mu / jnp.maximum(r, radius)
 
 

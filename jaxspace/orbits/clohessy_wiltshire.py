@@ -33,7 +33,8 @@ from ..core.special import stumpff_near
 from ..core.types import as_float
 from ..core.vectors import dot
 
-# Of (n t)^2, just inside of what `stumpff_near` serves. Beyond half a turn nothing cancels.
+# The limit of (n t)^2 for the series, just within the range of `stumpff_near`. Beyond half a turn
+# nothing cancels.
 _SMALL = 9.0
 
 
@@ -80,10 +81,10 @@ def clohessy_wiltshire_transfer(
     - `start`, `end`: positions, m, (3, *runs), as in `clohessy_wiltshire_flow`.
     - `duration`: s, (*runs,); `mean_motion`: rad/s, (*runs,).
 
-    **Returns** the velocities at `start` and at `end`, m/s, (3, *runs): less the velocity there is
-    they are the two impulses of a rendezvous. Infinite or NaN where the places do not decide them:
-    for no duration, after whole and (normal to the plane) half revolutions, and where
-    8 (1 - cos(n t)) = 3 n t sin(n t).
+    **Returns** the velocities at `start` and at `end`, m/s, (3, *runs): their differences from the
+    velocities before and after are the two impulses of a rendezvous. Infinite or NaN where the
+    places do not decide them: for no duration, after whole and (normal to the plane) half
+    revolutions, and where 8 (1 - cos(n t)) = 3 n t sin(n t).
     """
     t, n = as_float(duration), as_float(mean_motion)
     rank = max(start.ndim - 1, end.ndim - 1, jnp.ndim(t), jnp.ndim(n))
@@ -91,7 +92,7 @@ def clohessy_wiltshire_transfer(
     x, y, z = start
     c, q1, q2, q3 = _functions(t, n)
     along = 4.0 * q1 - 3.0 * t
-    # What is left of the way when the motion without velocity is taken off.
+    # The way without the motion that starts at rest.
     dx = end[0] - (1.0 + 3.0 * n * q2) * x
     dy = end[1] - y + 6.0 * n * q3 * x
     det = q1 * along + 4.0 * q2 * q2
@@ -110,7 +111,7 @@ def _functions(t: Scalar, n: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     z = angle * angle
     small = z < _SMALL
     c2, c3, *_ = stumpff_near(jnp.where(small, z, 0.0))
-    # One in place of n, which may be zero where the series are taken.
+    # A divisor of one in place of n, which may be zero where the series are taken.
     per = 1.0 / jnp.where(small, 1.0, n)
     q1 = jnp.where(small, t * (1.0 - z * c3), jnp.sin(angle) * per)
     q2 = jnp.where(small, t * angle * c2, (1.0 - jnp.cos(angle)) * per)
@@ -151,7 +152,7 @@ class ClohessyWiltshire(AbstractSystem):
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         """The energy of the relative motion, that of the oscillation normal to the plane, and the
-        momentum along the motion, which is n/2 of the distance of the ellipse's centre."""
+        momentum along the motion, n/2 times the distance of the ellipse's centre."""
         del t
         assert y.position is not None and y.velocity is not None
         n = self.mean_motion

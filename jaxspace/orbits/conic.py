@@ -14,7 +14,7 @@
 
 Source: Thomson 4.8, 4.13-12, -13.
 
-At the parabola E, H and M are zero everywhere: `time_of_flight` goes through it.
+On a parabola E, H and M are zero everywhere: use `time_of_flight`, which is regular there.
 """
 
 __all__ = ["conic_radius", "eccentric_anomaly", "mean_anomaly", "true_anomaly", "turning_angle"]
@@ -47,7 +47,7 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
 
     **Arguments**, each (*runs,)
 
-    - `true_anomaly`: rad; whole turns are kept on an ellipse.
+    - `true_anomaly`: rad; whole turns of an ellipse are preserved.
     - `eccentricity`: of any conic.
 
     **Returns** E or H; NaN beyond an asymptote.
@@ -97,7 +97,7 @@ def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     - `eccentricity`: (*runs,)."""
     x, e = as_float(eccentric_anomaly), as_float(eccentricity)
     closed = e < 1.0
-    # Whole turns are taken off, because the Stumpff functions reach to the square of pi.
+    # Whole turns are subtracted, because the Stumpff functions are valid up to the square of pi.
     turns = jnp.where(closed, jnp.round(x / _TURN), 0.0)
     x = x - _TURN * turns
     square = jnp.where(closed, x * x, -x * x)

@@ -105,7 +105,7 @@ class Drag(AbstractEffect):
         return self.radius
 
     def scaled(self, factor: Scalar) -> "Drag":
-        # By the density: the ballistic coefficient stands below the line, and zero would make it
+        # Scales the density and not the ballistic coefficient, which a factor of zero would make
         # infinite.
         air = self.atmosphere.scaled(factor)
         return Drag(self.ballistic_coefficient, air, self.radius, self.air_rate)

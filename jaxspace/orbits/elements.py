@@ -222,10 +222,10 @@ class ClassicalElements(AbstractParameters):
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 
-    An eccentricity below 8 roundings is noise
-    and counts as zero. Angles without a meaning, and their derivatives, are zero: at the circle and
-    the equator, derivatives of the elements do not lead back to those of the state (see the module
-    and "Singular places" in the manual); those of `ModifiedEquinoctialElements` do.
+    An eccentricity below 8 roundings is noise and counts as zero. Angles without a meaning, and
+    their derivatives, are zero: on a circle and at the equator the derivatives of the elements do
+    not lead back to those of the state (see the module and "Singular places" in the manual). Those
+    of `ModifiedEquinoctialElements` do.
 
     **Arguments**
 
@@ -242,8 +242,8 @@ def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElemen
     noise = length <= _NOISE * float(jnp.finfo(e.dtype).eps)
     e, length = barrier((jnp.where(noise, 0.0, e), jnp.where(noise, 0.0, length)))
     n, m, across = _node_axes(h)
-    # Without the node, on which it does not depend: beside the equator that turns fast. Where e = 0
-    # it counts from there.
+    # The anomaly is computed without the node, which turns fast near the equator. On a circle it
+    # counts from the node.
     circle = length == 0.0
     ahead = jnp.where(circle, dot(position, m), dot(unit(h), cross(e, position)))
     along = jnp.where(circle, dot(position, n), dot(e, position))

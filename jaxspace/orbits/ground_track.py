@@ -1,7 +1,7 @@
 """Latitude, longitude and altitude on the turning ellipsoid of a planet: the ground track.
 
     x = (N + h) cos(phi) cos(lam)          N = a / sqrt(1 - e2 sin^2(phi)),  e2 = f (2 - f)
-    y = (N + h) cos(phi) sin(lam)          lam: from the meridian of zero, which the planet turns
+    y = (N + h) cos(phi) sin(lam)          lam: from the prime meridian, which turns with the planet
     z = ((1 - e2) N + h) sin(phi)
     tan(phi) = (z + e2' b sin^3(beta)) / (p - e2 a cos^3(beta)),  tan(beta) = (1 - f) tan(phi)
 
@@ -16,8 +16,8 @@
 Source: Bowring (1976), Survey Review 23, 323; for a sphere Thomson, problem 3-11.
 
 Without flattening latitude and altitude are geocentric, those on a sphere. Singular on the axis,
-where the longitude is none, and at the centre. Bowring's step is repeated to rounding for altitudes
-from -0.9 a on and a flattening to 0.3; nearer to the centre it may not converge.
+where the longitude is undefined, and at the centre. Bowring's step is repeated to rounding for
+altitudes from -0.9 a on and a flattening to 0.3; nearer to the centre it may not converge.
 """
 
 __all__ = ["GroundPoint", "geocentric_latitude", "ground_point", "position_of"]
@@ -32,7 +32,7 @@ from ..core.shapes import with_rank
 from ..core.types import as_float
 from .rotating_earth import planet_frame
 
-# The error of a step is the square of the last one, and less: two are enough for the earth.
+# The error of a step is less than the square of the last one: two steps are enough for the earth.
 _STEPS = 5
 
 
@@ -57,7 +57,7 @@ def ground_point(
     **Arguments**
 
     - `position`: relative to the centre, in inertial axes, m, (3, *runs).
-    - `angle`: of the planet's meridian of zero from the inertial x axis, rad, (*runs,).
+    - `angle`: of the planet's prime meridian from the inertial x axis, rad, (*runs,).
     - `radius`: equatorial, m; `flattening`: of the ellipsoid; 0 gives geocentric latitudes.
 
     **Returns** a `GroundPoint`, each (*runs,).
@@ -78,7 +78,7 @@ def ground_point(
         latitude = jnp.arctan2(up, out)
         beta = jnp.arctan2((1.0 - f) * up, out)
         sine, cosine = jnp.sin(beta), jnp.cos(beta)
-    # Along the normal from the point of the ellipsoid, which divides by nothing.
+    # Along the normal from the point of the ellipsoid: this takes no division.
     altitude = (p - radius * cosine) * jnp.cos(latitude) + (z - b * sine) * jnp.sin(latitude)
     return GroundPoint(latitude, safe_atan2(y, x), altitude)
 

@@ -1,4 +1,4 @@
-"""Changes of an orbit by an impulse: along the path, in the plane with the line of apsides kept,
+"""Changes of an orbit by an impulse: along the path, in the plane with a fixed line of apsides,
 out of the plane; and the impulse as a jump of a mission.
 
     with C = e cos f, S = e sin f and w = g (2 + g), g = dv/v, an impulse along the path gives
@@ -67,8 +67,8 @@ def tangential_impulse(
     new_C = C + (1.0 + C) * w
     new_S = S * (1.0 + w)
     new_e = safe_sqrt(new_C * new_C + new_S * new_S)
-    # By the difference of the squares, which is exact for a small impulse; a circle that stays one
-    # has no sum to divide by.
+    # By the difference of the squares, which is exact for a small impulse. Where a circle remains a
+    # circle, the sum to divide by is zero.
     de = safe_divide(w * (2.0 * (C + e * e) + w * speed2), new_e + e)
     # Without the factor e of both sides, so that a circle keeps the direction of its anomaly.
     df = safe_atan2(-w * sine, e + w * (cosine + e))
@@ -134,8 +134,8 @@ def apse_line_impulse(
 def eccentricities_through(
     radius: Scalar, true_anomaly: Scalar, semi_major_axis: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """The two conics of one size that have the place (`radius`, m, at the `true_anomaly`, rad) on
-    them (Thomson 4.13).
+    """The two conics of a given size through a place, `radius`, m, at the `true_anomaly`, rad
+    (Thomson 4.13).
 
     **Arguments**
 

@@ -123,7 +123,7 @@ def porkchop(
     starts, befores = conic_flow(*chaser, departures, mu)
     ends, afters = conic_flow(*target, arrivals, mu)
 
-    # Row by row: what one of them holds stays in the cache.
+    # Row by row, so that the data of a row stay in the cache.
     def row(leaving: tuple[Vector, Vector, Scalar]) -> Porkchop:
         start, before, departure = leaving
         v1, v2 = lambert(

@@ -20,16 +20,16 @@ Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the cl
 lose their digits at e = 1.
 
 The error is that of the rounding of the inputs, of each vector by its length. This holds for a
-flyby from afar too, where the terms of Kepler's equation above nearly cancel, because the anomaly
-comes from its form about periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to two
+flyby from afar too, where the terms of Kepler's equation above nearly cancel: the anomaly is
+computed from the form about periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to two
 digits more.
 
-Near the parabola the inputs say the energy with few digits: at periapsis beta = 1 - e is the rest
-of 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 moves the energy by 1e-16/(1 - e) of
-itself. So at e = 1 - 1e-8 the energy of a state later has a relative error of 2e-8, period and
-semi-major axis likewise, and after a revolution the place along the orbit. More digits in beta
-would follow one rounded state more closely, not the motion that was meant; to fly with a given
-small 1 - e, start away from periapsis, where |r0| is of the order of a and v0 is small.
+Near the parabola the inputs determine the energy to few digits: at periapsis beta = 1 - e is the
+small difference 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 changes the energy by a
+relative 1e-16/(1 - e). So at e = 1 - 1e-8 the energy of a state later has a relative error of 2e-8,
+period and semi-major axis likewise, and after a revolution the place along the orbit. More digits
+in beta would follow one rounded state more closely, not the motion that was meant; for an orbit of
+a given small 1 - e, start away from periapsis, where |r0| is of the order of a and v0 is small.
 
 Not valid through a collision (h = 0 and past the centre): there the motion of two points has no
 continuation.
@@ -67,8 +67,8 @@ def kepler_flow(
     may meet many durations or centres.
 
     Without a loop. Derivatives of every order, forward and reverse, follow from the implicit
-    function theorem. Whole revolutions are taken off first, so that the error grows with their
-    number alone, as the sensitivity of the problem does. Where `mu` is zero, the motion is a
+    function theorem. Whole revolutions are subtracted first, so that the error grows in proportion
+    to their number, as the sensitivity of the problem does. Where `mu` is zero, the motion is a
     straight line, with its first derivative by mu.
 
     **Raises** `InputError` for a position at the centre and a negative `mu`; under `jit`, where
@@ -119,7 +119,7 @@ def _conic(
     beta = 2.0 - dot(velocity, velocity) / (speed_unit * speed_unit)
     h = cross(position, velocity) * scale
     time_unit = r0 / speed_unit
-    # p is a function of sigma and beta: their derivatives hold it already.
+    # p is a function of sigma and beta, whose derivatives include its own.
     p = jax.lax.stop_gradient(dot(h, h))
     sigma, beta, tau, p = barrier((sigma, beta, duration / time_unit, p))
     end = _anomaly(sigma, beta, tau, p)

@@ -16,8 +16,8 @@ Short way or long way, with or without whole revolutions.
 Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1.
 
 Not unique where both places are the same, and where they lie opposite each other: there a `normal`
-must decide the plane, and derivatives are those within this plane. Where the plane holds the
-`normal`, this does not decide which way is meant.
+must select the plane, and derivatives are those within it. Where the plane of the places contains
+the `normal`, the sense of the motion is undecided.
 """
 
 __all__ = ["TransferStatus", "lambert", "least_duration", "transfer_status"]
@@ -81,9 +81,9 @@ def lambert(
     - `start`, `end`: positions, m, (3, *runs).
     - `duration`: s, (*runs,).
     - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
-    - `normal`: the motion turns counterclockwise seen from its tip, (3, *runs); the third axis by
-      default. It decides between the short and the long way, for which it must not lie in their
-      plane, and the plane at half a turn, where it must be given.
+    - `normal`: the axis about which the motion turns counterclockwise, (3, *runs); the third axis
+      by default. It selects the short or the long way, for which it must not lie in the plane of
+      the places. For places half a turn apart it selects the plane, and must be given.
     - `revolutions`: whole revolutions before the arrival.
     - `low`: with one or more revolutions there are two transfers; whether to take the one that
       leaves lower above the horizon.
@@ -147,7 +147,7 @@ def _transfer(
         jnp.asarray(mu),
         normal,
     )
-    # Where the triangle is sound, the duration alone can be why no conic was found.
+    # In a valid triangle only the duration can leave no conic.
     short = jnp.isnan(x) & (status == TransferStatus.FOUND)
     return *_velocities(x, chord, mu), jnp.where(short, TransferStatus.TOO_SHORT, status)
 
@@ -184,12 +184,13 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     r2 = norm(end)
     chord = end - start
     c = norm(chord)
-    # The difference of close places is exact: from it, and not from those of their lengths and
-    # directions, comes what is small on a short arc, the rise |r2| - |r1| and the angle.
+    # The difference of close places is exact. What is small on a short arc, the rise |r2| - |r1|
+    # and the angle, follows from it and not from differences of lengths and directions.
     rise = dot(chord, (start + end) * (1.0 / (r1 + r2)))
     per_r2 = 1.0 / r2
     i1, i2, r1, r2, c, rise = barrier((start * (1.0 / r1), end * per_r2, r1, r2, c, rise))
-    # Its difference to i2 is along i1: neither the cross product nor the component along t1 has it.
+    # It differs from i2 along i1 only, which changes neither the cross product nor the component
+    # along t1.
     toward = jnp.where(c < r2, chord * per_r2, i2)
     t1, t2, way = _along(i1, i2, toward, normal)
     s = 0.5 * (r1 + r2 + c)
@@ -215,7 +216,7 @@ def _along(
     up = axis(2, i1[0]) if normal is None else with_rank(normal, i1.ndim - 1)
     n = barrier(cross(i1, toward))
     n2, turn = barrier((dot(n, n), dot(n, up)))
-    # At half a turn but for rounding, the places say no plane.
+    # At half a turn, to rounding, the places define no plane.
     noise = rounding_of_directions(n2)
     aligned = (n2 == 0.0) | ((n2 <= noise * noise) & (dot(i1, i2) < 0.0))
     way = jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)

@@ -45,9 +45,9 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     **Returns** a, m/s^2, (3, *runs).
     """
     z = r[2]
-    # Once, and its powers by products: reverse mode then adds up what they need of it, in place of
-    # a vector for each. Held, because in a loop of a user's own the compiler would compute it again
-    # for whatever follows from it.
+    # Computed once, and its powers as products: reverse mode then sums scalars in place of a vector
+    # for each power. Behind a barrier, because in a user's loop the compiler would compute it again
+    # for everything that depends on it.
     per_r = barrier(inverse_norm(r))
     per_r2 = per_r * per_r
     # In this order no factor leaves the range of float32: mu R^2 / r^5 in metres would.

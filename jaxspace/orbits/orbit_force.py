@@ -27,7 +27,8 @@ def force_of_orbit(
 
     **Arguments**
 
-    - `orbit`: from the polar angle, rad, to the distance from the centre, m; of each run alone.
+    - `orbit`: the distance from the centre, m, as a function of the polar angle, rad, that acts on
+      each run alone.
     - `angle`: where on the curve, rad, (*runs,).
     - `angular_momentum`: per unit mass, m^2/s, (*runs,).
 

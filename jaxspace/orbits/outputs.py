@@ -1,4 +1,4 @@
-"""Numbers of interest of an orbit, and the conditions on which a phase of flight may end."""
+"""Outputs of an orbit, and conditions at which a phase of flight may end."""
 
 __all__ = [
     "altitude",

@@ -94,7 +94,8 @@ class TabulatedPath(AbstractPath):
     begin and end some nodes outside of the run. Raises `InputError` for times that do not ascend,
     or another number of positions."""
 
-    # Of x; of y and z values and curvatures alone, so that each node is one break and not three.
+    # The spline of x. Of y and z only values and curvatures are stored, so that each node is one
+    # break and not three.
     curve: Spline
     others: tuple[tuple[Array, Array], ...]
 
@@ -116,7 +117,7 @@ class TabulatedPath(AbstractPath):
         positions=argument("m", shape=(3, None), doc="there: a list for each component"),
     )
     def of_table(cls, times: Any, positions: Any) -> "TabulatedPath":
-        """The same, as scene files give it."""
+        """The path of a table in a scene file."""
         return cls(times, positions)
 
     def __call__(self, t: Scalar) -> Vector:

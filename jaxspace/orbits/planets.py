@@ -1,11 +1,11 @@
-"""Planets on circles in one plane: when they stand as before, and when a transfer can leave.
+"""Planets on circles in one plane: the synodic period, and the phase at which a transfer can leave.
 
     1/S = |1/T1 - 1/T2|
     phi = pi (1 - ((1 + r1/r2)/2)^(3/2))
 
     symbol   meaning                                                           unit
     T1, T2   periods                                                           s
-    S        synodic period: after it both stand to each other as before       s
+    S        synodic period, after which the relative position repeats         s
     r1, r2   radii of the circles that are left and reached                    m
     phi      lead of the target at the departure of a transfer of Hohmann      rad
 
@@ -26,7 +26,7 @@ from .time_of_flight import period
 
 
 def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
-    """After what time two bodies on circles stand to each other as before.
+    """Synodic period: the time after which the relative position of two bodies on circles repeats.
 
     **Arguments**, each (*runs,)
 

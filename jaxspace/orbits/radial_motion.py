@@ -54,7 +54,7 @@ NODES = 64
 # for powers of r up to the fifth.
 CLOSE = 0.5
 _GAUSS = np.polynomial.legendre.leggauss(8)
-# Turning points are looked for between r e^-30 and r e^30, at steps that grow by a fifth.
+# The search for turning points covers r e^-30 to r e^30, at steps that grow by a fifth.
 _STEPS = np.geomspace(1e-16, 30.0, 220)
 _BISECTIONS = 60
 
@@ -175,7 +175,7 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     chi = (np.arange(NODES) + 0.5) * np.pi / NODES
     rise = jnp.asarray(np.sin(0.5 * chi) ** 2, inner.dtype)
     x = rise.reshape((-1,) + (1,) * inner.ndim) * x_2
-    # Each half of the nodes starts from its own end, where no difference of large terms is left.
+    # Each half of the nodes is measured from the nearer end, where no large terms cancel.
     first = x < x_2 - x
     end = jnp.where(first, x_1, x_2)
     level = jnp.where(first, u(x_1), u(x_2))
@@ -230,7 +230,8 @@ def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, 
             """(r r')^2/2 over s, at r e^(sign s) in units of |r|, of the sign of the radicand."""
             start = jnp.zeros_like(s)
             near = 0.5 * radial / s + sign * _divided(t, start, sign * s)
-            # Far in, the rise from the start has no digits of what is left of it.
+            # Far inside, the difference from the start would lose all digits of the small
+            # remainder.
             return jnp.where(s < CLOSE, near, (t(sign * s) - 0.5 * h_squared) / s)
 
         steps = jnp.asarray(_STEPS, length.dtype).reshape((-1,) + (1,) * length.ndim)

@@ -14,7 +14,7 @@
     d          plumb line against the line to the centre                  rad
 
 Source: Thomson 2.6, problem 2.6-1, problems 3-9 to 3-12.
-The planet is a sphere: the plumb line is that of its attraction and its turning alone.
+The planet is a sphere: the plumb line follows from its attraction and rotation alone.
 """
 
 __all__ = ["local_frame", "navigation_rates", "planet_frame", "plumb_line_deviation"]

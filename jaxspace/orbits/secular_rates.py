@@ -63,10 +63,10 @@ def secular_rates(
     - `semi_major_axis`: m; `eccentricity`, below one; `inclination`: rad.
     - `mu`: gravitational parameter, m^3/s^2.
     - `j2`, `j4`: zonal harmonics; `radius`: equatorial radius, m.
-    - `second_order`: whether the terms in J2^2 are there; J4 counts as given.
+    - `second_order`: whether to include the terms in J2^2. The terms in J4 are always included.
 
-    **Returns** the `SecularRates`. Those of first order differ by a relative J2 from the motion,
-    those of second order by J2^2."""
+    **Returns** the `SecularRates`. Their relative error is of the order of J2 to first order, and
+    of J2^2 to second order."""
     a, e = semi_major_axis, eccentricity
     # As a product, because 1 - e^2 loses digits close to the parabola.
     square = (1.0 - e) * (1.0 + e)

@@ -37,8 +37,8 @@ def impulse_change(
 
     **Returns** the changes by the names of `ClassicalElements`, each (*runs,): m, 1, rad; angles
     from -pi to pi. Where an angle has no meaning (circle, equator) neither has its change. The
-    exact change is a difference: that of an impulse of a share s of the speed has an error of
-    1e-16/s of itself. Below 1e-8 the change to first order is the better one.
+    exact change is a difference: for an impulse of s times the speed its relative error is 1e-16/s.
+    Below s = 1e-8 the change to first order is more accurate.
     """
 
     def elements(v: Vector) -> ClassicalElements:
@@ -46,7 +46,7 @@ def impulse_change(
 
     if first_order:
         change = jax.jvp(elements, (velocity,), (impulse,))[1]
-        # Of no type of its own: changes need not lie in the ranges of the elements.
+        # A plain dictionary: changes need not lie in the ranges of `ClassicalElements`.
         return dict(vars(change))
     before, after = vars(elements(velocity)), vars(elements(velocity + impulse))
     result = {}

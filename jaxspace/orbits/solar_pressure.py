@@ -6,7 +6,7 @@
     r, s    position, that of the sun, both from the planet's centre       m
     f       part of the sun that is seen, 0 to 1 (`sunlight`)              1
     P, L    pressure of absorbed light at the distance L of one au         N/m^2, m
-    C       coefficient: 1 for light absorbed, 2 for light sent back       1
+    C       coefficient: 1 for light absorbed, 2 for light reflected       1
     A/m     lit area over mass                                             m^2/kg
 
 Source: Montenbruck and Gill, Satellite Orbits, 3.4 (3.75). Pushes away from the sun whatever the
@@ -33,7 +33,7 @@ ASTRONOMICAL_UNIT = 149597870700.0  # m, the L to which the pressure refers
 def solar_pressure(
     position: Vector, sun: Vector, pressure: Scalar, area_per_mass: Scalar
 ) -> Vector:
-    """Acceleration by sunlight that nothing shades.
+    """Acceleration by sunlight without any shadow.
 
     **Arguments**
 
@@ -53,8 +53,8 @@ def solar_pressure(
 class SolarPressure(AbstractEffect):
     """Pressure of sunlight, with the shadow of the planet: a cylinder, or cones with a penumbra.
 
-    The edge of the cylinder is a jump of the acceleration that no step knows of: for accuracies
-    below 1e-6 give the sun its radius."""
+    At the edge of the cylinder the acceleration jumps, and no step ends there: for accuracies below
+    1e-6 give the sun its radius."""
 
     area_per_mass: NumberField = quantity("m^2/kg", non_negative=True, doc="lit area over mass")
     # The checker takes the quantity above for a default.
@@ -66,7 +66,7 @@ class SolarPressure(AbstractEffect):
         non_negative=True,
         optional=True,
         shared="planet.radius",
-        doc="of the planet, which throws the shadow; without it there is none",
+        doc="of the planet, which casts the shadow; without it there is none",
     )
     sun_radius: OptionalNumberField = quantity(
         "m",
@@ -75,7 +75,7 @@ class SolarPressure(AbstractEffect):
         doc="of the sun, for a shadow with a penumbra; without it the shadow is a cylinder",
     )
     coefficient: NumberField = quantity(
-        "", default=1.0, doc="1 for light that is absorbed, 2 for light that is sent back"
+        "", default=1.0, doc="1 for light that is absorbed, 2 for light that is reflected"
     )
     pressure: NumberField = quantity(
         "N/m^2",

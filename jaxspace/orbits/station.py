@@ -10,7 +10,7 @@
 
 Source: Thomson, problem 3-11, for a sphere; here on an ellipsoid, whose normal is up.
 
-Singular in the zenith, where the azimuth is none, and at the station itself.
+Singular in the zenith, where the azimuth is undefined, and at the station itself.
 """
 
 __all__ = ["LookAngles"]
@@ -51,7 +51,7 @@ class Station(AbstractParameters):
     altitude: NumberField = quantity("m", default=0.0, doc="above the ellipsoid")
     flattening: NumberField = quantity("", default=0.0, doc="of the ellipsoid")
     angle: NumberField = quantity(
-        "rad", default=0.0, doc="of the meridian of zero from the inertial x axis at t = 0"
+        "rad", default=0.0, doc="of the prime meridian from the inertial x axis at t = 0"
     )
 
     def position(self, t: Scalar) -> Vector:

@@ -74,7 +74,7 @@ def steps_for(
             "steps_for finds no attraction at the initial position: "
             "give the number of steps instead."
         )
-    # NaN of a run that nothing attracts, or that is itself NaN, does not decide for the others.
+    # A run that nothing attracts, or whose state is NaN, does not decide for the others.
     revolutions = float(np.nanmax(n)) * abs(float(duration)) / (2.0 * np.pi)
     least = per_revolution * max(1.0, revolutions)
     # Half-integer powers of two; the margin keeps an exact power where it is in spite of rounding.

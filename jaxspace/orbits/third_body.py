@@ -13,7 +13,7 @@ Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics,
 4.6 (relative motion).
 
 No digit is lost where both attractions nearly cancel, close to the centre. Singular in the other
-body. The motion of the other body does work: the energy is not kept.
+body. The motion of the other body does work: the energy is not conserved.
 """
 
 __all__ = ["third_body", "third_body_potential"]
@@ -88,6 +88,6 @@ class ThirdBody(AbstractEffect):
         return Load(acceleration_N=third_body(y.position, self.path(t), self.mu))
 
     def scaled(self, factor: Scalar) -> "ThirdBody | None":
-        # A factor of zero is no mass that a body could have.
+        # A factor of zero would give the body no mass, which `mu` refuses.
         del factor
         return None

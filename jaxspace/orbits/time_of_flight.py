@@ -2,7 +2,7 @@
 
     W = G1(chi/2) / G0(chi/2) = sin(d/2) / (sqrt(p) cos(d/2) - sigma sin(d/2))
     T = G1(chi) + sigma G2(chi) + G3(chi)                     Kepler's equation
-    tan(d/2) = sqrt(p) W / (1 + sigma W)                      the way back
+    tan(d/2) = sqrt(p) W / (1 + sigma W)                      the inverse
 
     symbol     meaning                                                       unit
     f          true anomaly; d: its change                                   rad
@@ -87,7 +87,8 @@ def time_of_flight(
     closed = e < 1.0
     energy = jnp.where(closed, (1.0 - e) * (1.0 + e), 1.0)
     whole = jnp.where(closed, (turns[1] - turns[0]) * _TURN / (energy * jnp.sqrt(energy)), 0.0)
-    # Of an inbound arc its mirror image, which is as long: the anomalies are not negative then.
+    # An inbound arc is replaced by its mirror image, which takes as long, so that no anomaly is
+    # negative.
     across = (first < 0.0) & (last > 0.0) | (first > 0.0) & (last < 0.0)
     forwards = jnp.abs(last) >= jnp.abs(first)
     inbound = jnp.where(forwards, last, first) < 0.0
@@ -119,7 +120,7 @@ def true_anomaly_after(
     rho, sigma, beta = _place(start, e)
     per_time = rho * jnp.sqrt(mu * rho / p) / p
     chi = universal_anomaly(sigma, beta, duration * per_time, rho)
-    # The anomaly of whole turns is 2 pi / sqrt(beta) each.
+    # Each whole turn adds 2 pi / sqrt(beta) to the anomaly.
     root = jnp.sqrt(jnp.where(beta > 0.0, beta, 1.0))
     turns = jnp.where(beta > 0.0, jnp.round(chi * root / _TURN), 0.0)
     half = 0.5 * (chi - turns * _TURN / root)

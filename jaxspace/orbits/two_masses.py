@@ -1,6 +1,6 @@
 """Two bodies that attract each other as the motion of one: relative motion and barycentre.
 
-    r_c = (m_1 r_1 + m_2 r_2) / (m_1 + m_2)        moves uniformly without outer forces
+    r_c = (m_1 r_1 + m_2 r_2) / (m_1 + m_2)        moves uniformly without external forces
     r = r_2 - r_1,  m r'' = F                      m = m_1 m_2 / (m_1 + m_2), F: force on body 2
     r_1 = r_c - m_2 / (m_1 + m_2) r,  r_2 = r_c + m_1 / (m_1 + m_2) r
     radius of the sphere of influence = D (m_2 / m_1)^(2/5)
@@ -70,7 +70,8 @@ def from_relative(
 
 
 def sphere_of_influence(distance: Scalar, mu: Scalar, mu_central: Scalar) -> Scalar:
-    """Radius within which a body is the centre and the one that it orbits the perturbation.
+    """Radius within which a body counts as the centre, and the body that it orbits as a
+    perturbation.
 
     **Arguments**, each (*runs,)
 

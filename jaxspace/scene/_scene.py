@@ -35,6 +35,7 @@ from ..core import (
     Scalar,
     State,
 )
+from ..core.structure import reads_a_leaf
 from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
 from ._conserved import conserved
 from ._custom import Custom
@@ -227,8 +228,7 @@ class Scene(AbstractScene):
             return ""
         # The lowest: an effect that goes on inside of the planet says zero.
         effect, radius = min(grounds, key=lambda ground: np.asarray(ground[1]).min())
-        central = [x for e in self.effects if (x := type(e).regularised(e, None)) is not None]
-        mu = central[0].attraction if undisturbed and len(central) == 1 else None
+        mu = _sole_attraction(self) if undisturbed else None
         return ground_warning(ts, states, radius, mu, f"{type(effect).__name__}.radius")
 
     def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
@@ -282,6 +282,14 @@ class Scene(AbstractScene):
     def switches(self) -> dict[str, str]:
         """The switches of all effects (`AbstractEffect.switches`)."""
         return {name: part for e in self.effects for name, part in e.switches().items()}
+
+
+@reads_a_leaf
+def _sole_attraction(scene: Scene) -> Scalar | None:
+    """The gravitational parameter of the one attracting point, m^3/s^2; `None` for none or
+    several."""
+    central = [x for e in scene.effects if (x := e.regularised(None)) is not None]
+    return central[0].attraction if len(central) == 1 else None
 
 
 # Contributions that turn the body.

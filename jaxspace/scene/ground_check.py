@@ -53,7 +53,7 @@ def ground_warning(
     t = t.reshape(*t.shape, *(1,) * (x.ndim - 1 - t.ndim))
     # What is not finite, of a run that failed, compares as false.
     with np.errstate(all="ignore"):
-        r = np.sqrt(np.sum(x * x, axis=0))
+        r = np.sqrt((x * x).sum(axis=0))
         lowest = np.min(np.where(r < (1.0 - POLE) * R, r, np.inf), axis=0)
         if mu is not None:
             passed = _lowest_passed(t, x, v, r, np.asarray(mu, float), (1.0 - GRAZING) * R)
@@ -77,8 +77,8 @@ def _lowest_passed(
     # As if time went forwards.
     sign = np.where(t[-1] < t[0], -1.0, 1.0)
     t, v = sign * t, sign * v
-    climb = np.sum(x * v, axis=0)
-    v2 = np.sum(v * v, axis=0)
+    climb = (x * v).sum(axis=0)
+    v2 = (v * v).sum(axis=0)
     alpha = 2.0 / r - v2 / mu
     # A radius that is near to that of the ground is no difference of large numbers here.
     p = (r * r * v2 - climb * climb) / mu

@@ -12,7 +12,8 @@ def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
     are known. `stacklevel` is that of the caller."""
     phases = result.phases if isinstance(result, MissionTrajectory) else (result,)
     for run in phases:
-        if is_traced((run.ts, run.states, run.system)):
+        # Those of a traced system are traced, too.
+        if is_traced((run.ts, run.states)):
             return
         # By its class: the method of an instance is a module of its own, slow to make.
         words = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)

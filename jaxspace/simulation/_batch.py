@@ -83,9 +83,10 @@ def simulate_batch(
     whole = cut_batch(batched, shared)
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
     check_structure(whole[0], whole[1], start, one_run=False, stacklevel=2)
-    check_values(whole[0], ts, whole[1])
-    warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     traced = is_traced((batched, shared))
+    if not traced:
+        check_values(whole[0], ts, whole[1])
+    warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
     config_for = functools.partial(

@@ -1,4 +1,4 @@
-"""Repetition of runs of a batch that failed for a reason that it can cure."""
+"""Repetition of runs of a batch whose failure a repetition can cure."""
 
 from collections.abc import Callable
 
@@ -64,12 +64,14 @@ def repeat_systems(
         if type(other.method) is not type(config.method):
             result = again(result, rows, other, 1)
             rows = _out_of_steps(result)
-    # Recorded steps are those of the rest alone then, and fit into no other record.
+    # Steps recorded then are those of the rest alone, which cannot be combined with those of whole
+    # runs.
     if rows.size and not dense:
         other = config_for(rows, True)
         if other.decoupled and not config.decoupled:
             result = again(result, rows, other, 1)
-    # Each number of fixed steps is a program of its own: one more, for the worst of the runs.
+    # Each number of fixed steps is a separate program: only one more is compiled, for the worst of
+    # the runs.
     error = error_of_too_few_steps(result, config)
     missed = np.flatnonzero(error)
     if missed.size:

@@ -36,7 +36,7 @@ def run_systems(
     def block(piece: PyTree, given: PyTree) -> RunResult:
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
-        # Only here, because this is where a condition first meets the axis of runs.
+        # Checked here, where a condition first gets states with the axis of runs.
         check_events(events, system, y0, ts[0], 1)
         _check_runs(system, y0, ts[0], blocks.size)
         return _every_run(run_system(system, y0, ts, events, config, 1, dense))

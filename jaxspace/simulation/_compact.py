@@ -30,7 +30,7 @@ from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
 from .legs import check_one_line
 
-# Most reductions of the step to an event: about eight reach rounding.
+# The largest number of reductions of the step to an event: about eight reach rounding.
 SEARCH = 12
 
 

@@ -46,7 +46,7 @@ def crossings(
     event = condition if isinstance(condition, Event) else Event(condition)
     event = dataclasses.replace(
         event,
-        # Searched for without effect on the run: an end or a jump there would make another run.
+        # Searched without effect on the run: an end or a jump at the event would make another run.
         terminal=False,
         then=None,
         samples=max(event.samples, len(run) - 1) if samples is None else samples,

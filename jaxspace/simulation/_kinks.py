@@ -1,4 +1,5 @@
-"""Interpolations in time inside of a vector field whose nodes are no breaks of the integration.
+"""Detection of interpolations in time within a vector field whose nodes are not breaks of the
+integration.
 
 A search for the interval of a time is visible in the traced vector field. `Table` and `Spline`
 contain no such search. Interpolations over the state, such as the density over the height, are left
@@ -41,7 +42,7 @@ def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: 
     given += [Follows(True, False)] + [Follows(False, True)] * states
     if _searches(jaxpr, given):
         warnings.warn(
-            f"{type(system).__name__}.vector_field interpolates in time between nodes that are no "
+            f"{type(system).__name__}.vector_field interpolates in time between nodes that are not "
             f"breaks: steps pass over its kinks, and gradients by its values are wrong; take a "
             f"jaxspace.core.Table or Spline, or declare breaks().",
             stacklevel=stacklevel + 1,

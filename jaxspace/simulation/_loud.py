@@ -57,7 +57,7 @@ def sentence_alone() -> Iterator[None]:
     """In this context, turn the error of a program with a failed run into a `SimulationError`."""
     try:
         yield
-    # Which of the two depends on the way that JAX calls a program.
+    # Which of the two is raised depends on how JAX calls the program.
     except (jax.errors.JaxRuntimeError, ValueError) as error:
         _, name, sentence = str(error).rpartition(f"{SimulationError.__name__}: ")
         if not name:

@@ -1,10 +1,10 @@
-"""Phases in sequence: each with its own system, its own end, and a jump into the next.
+"""Phases in sequence, each with a system, an end, and a jump into the next phase.
 
 The jump is any function (t, y) -> y, best an `equinox.Module` whose parameters are then part of the
 mission; it may change what the state holds. Runs of a batch may have phases of different length,
 and events at different times.
 
-Where a phase has `branches`, the mission parts: each branch is a mission of its own, which starts
+Where a phase has `branches`, the mission divides: each branch is a separate mission, which starts
 at the end of that phase."""
 
 import dataclasses
@@ -26,7 +26,7 @@ from .runnable import AbstractRunnable, moving
 def _as_until(x: Any) -> Any:
     if isinstance(x, Event):
         return x
-    # By types alone: of a placeholder of a tree transformation nothing is asked.
+    # By types alone, because tree transformations put placeholders here.
     array = isinstance(x, Array | np.ndarray | np.generic)
     if isinstance(x, str | complex) or array and np.issubdtype(x.dtype, np.complexfloating):
         raise InputError(f"Phase.until is {x!r}: it must be a duration in s, or an Event.")
@@ -63,7 +63,7 @@ def _with_known_end(phase: Any) -> Any:
     if not isinstance(loop, AbstractRunnable) or loop.longest is not None:
         return phase
     duration = phase.until.within if isinstance(phase.until, Event) else phase.until
-    # Traced, as in a campaign, whose builder has to give the longest time.
+    # Traced, as in a campaign: its builder has to give the longest time.
     if not is_concrete(duration):
         return phase
     # Runs share the number of samples, so that the longest decides.
@@ -116,8 +116,8 @@ class Phase(eqx.Module):
 class Mission(eqx.Module):
     """Phases, one after the other.
 
-    - `start`: a function (t, y) -> y before the first phase: of a branch the state of the part from
-      that of the whole; `None` leaves the state as it is.
+    - `start`: a function (t, y) -> y before the first phase: for a branch the state of the part
+      from that of the whole; `None` leaves the state as it is.
     - `name`: of a branch.
 
     Raises `InputError` when there is no phase, and for two phases or branches of one name."""
@@ -129,7 +129,7 @@ class Mission(eqx.Module):
     name: str = eqx.field(static=True, default="mission")
 
     def __check_init__(self):
-        # Results are found by the names of their phases.
+        # Results are looked up by the names of their phases.
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):
             raise InputError(

@@ -12,7 +12,7 @@ from ._runs import integrate_through_times
 from .batch_layout import cut_batch, local_blocks, split_batch
 from .blocks import Blocks, jit_wide_vectors
 
-# A part of the run in no simple ratio to the rest, so that a closed form makes other rounding
+# A fraction of the run that is not a simple ratio, so that a closed form makes different rounding
 # errors.
 PART = 0.4
 
@@ -20,7 +20,7 @@ PART = 0.4
 def _final_state(
     system: AbstractSystem, y0: State, ts: Array, config: IntegrationConfig, run_axes: int
 ) -> State:
-    """The state at the last of `ts`, by way of a state within the run; NaN where the steps run
+    """The state at the last of `ts`, through a state within the run; NaN where the steps run
     out."""
     ends = jnp.stack([ts[0], ts[0] + PART * (ts[-1] - ts[0]), ts[-1]])
     y0 = broadcast_state(system, ts[0], y0)

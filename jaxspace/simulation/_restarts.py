@@ -75,12 +75,13 @@ def restarts_between(
     restart beyond the capacity."""
     runs = runs_of(y0, run_axes)
     axes = (1,) * len(runs)
-    rooms = [0 if event.then is None else event.capacity for event in events]
-    room = jnp.array(rooms, jnp.int32).reshape(-1, *axes)
+    capacities = [0 if event.then is None else event.capacity for event in events]
+    capacity = jnp.array(capacities, jnp.int32).reshape(-1, *axes)
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
     def one(run: _RunState, _: None) -> tuple[_RunState, tuple]:
-        # A run that has ended takes part with an interval of no length, for the sake of the others.
+        # A run that has ended continues with intervals of no length, because the other runs need
+        # the loop.
         stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
         last = jnp.where(stopped, run.t, t1)
         found = first_event(system, run.y, run.t, last, events, config, run_axes)
@@ -91,7 +92,7 @@ def restarts_between(
         # The end of an interval that failed is neither a restart nor the end of the run.
         good = status <= Status.EVENT
         hit = (found.which >= 0) & good
-        here = (numbers == found.which) & hit & (run.counts < room)
+        here = (numbers == found.which) & hit & (run.counts < capacity)
         goes_on = jnp.any(here, axis=0)
         after = y
         rising = jnp.zeros(runs, bool)
@@ -117,10 +118,10 @@ def restarts_between(
     )
     # One pass more than restarts: the last one reaches the end, or exceeds the capacity.
     run, (ts, before, after, which, rising, stats) = jax.lax.scan(
-        one, start, None, length=sum(rooms) + 1
+        one, start, None, length=sum(capacities) + 1
     )
     # An event with a jump ends a run only where its capacity is exceeded.
-    overflow = (numbers == run.stopped_by) & (room > 0)
+    overflow = (numbers == run.stopped_by) & (capacity > 0)
     return Restarts(
         ts, before, after, which, rising, run.t, run.y, run.stopped_by, run.counts, overflow,
         run.status, _total(stats),

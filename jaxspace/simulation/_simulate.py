@@ -1,13 +1,15 @@
-"""The verb for a system: from an initial state to a trajectory whose accuracy is accounted for."""
+"""`simulate`: from the initial state of a system to its trajectory, with an account of its
+accuracy."""
 
 import functools
 from collections.abc import Sequence
 
-import equinox as eqx
 import jax
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem
+from ..core.jit import quick_jit
+from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -32,6 +34,7 @@ from .checks import (
     check_values,
 )
 from .finish import finish
+from .run_result import RunResult
 from .trajectory import Trajectory
 
 
@@ -65,8 +68,8 @@ def simulate(
 
     Outside of `jit` a run is repeated in two cases: with up to eight times as many steps if fixed
     steps missed the tolerance, and with the exact part of its motion in closed form
-    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it warns of what the system
-    finds wrong with its run, such as a path below the ground (`Scene.warning`).
+    (`Accuracy.decoupled`) if its steps ran out. Also outside of `jit`, it issues the warnings of
+    the system about its run, such as that of a path below the ground (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for times that are not finite or neither
     ascend nor descend; a tolerance that the precision cannot reach; a method that the system does
@@ -79,26 +82,32 @@ def simulate(
     check_start(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
+    given = as_accuracy(accuracy)
     start = jax.ShapeDtypeStruct((), ts.dtype)
     check_structure(system, y0, start, one_run=True, stacklevel=2)
-    check_values(system, ts, y0)
+    # Once for all that reads numbers, because to look through the arrays takes time.
+    traced = is_traced((system, y0, ts, given))
+    if not traced:
+        check_values(system, ts, y0)
     events = as_events(events)
     check_events(events, system, y0, start, 0)
     warn_of_switches(system, events, y0, start, stacklevel=2)
     check_dense(dense, events)
-    given = as_accuracy(accuracy)
-    starts = functools.partial(InitialConditions.of_one, system, y0, ts)
+    starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)
 
     def config_by(accuracy: Accuracy) -> IntegrationConfig:
         # Restarts serve mapped runs, unless one that fails is an error for all.
         return resolve(system, y0, accuracy, starts, restarts=not throw)
 
     config = config_by(with_exact_part(given, system, y0, ts))
-    run = functools.partial(_run_system, system, y0, ts, events, run_axes=0)
+
+    def run(config: IntegrationConfig, dense: bool) -> RunResult:
+        return _run_system(system, y0, ts, events, config, 0, dense)
+
     trajectory = finish(run, system, config, given, config_by, dense, throw)
     warn_after(trajectory, stacklevel=2)
     return trajectory
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
-_run_system = eqx.filter_jit(run_system)
+_run_system = quick_jit(run_system)

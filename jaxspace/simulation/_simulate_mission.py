@@ -1,4 +1,4 @@
-"""The verb for a mission: its phases, one after the other, from an initial state."""
+"""`simulate_mission`: the phases of a mission, one after the other, from an initial state."""
 
 import functools
 
@@ -51,8 +51,8 @@ def simulate_mission(
     Under `jax.vmap` the runs are integrated as by `simulate_mission_batch`.
 
     Outside of `jit`, a mission whose steps ran out is repeated with the exact parts of its motion
-    in closed form (`Accuracy.decoupled`). Also outside of `jit`, it warns of what the systems find
-    wrong with their runs, such as a path below the ground (`Scene.warning`).
+    in closed form (`Accuracy.decoupled`). Also outside of `jit`, it issues the warnings of the
+    systems about their runs, such as that of a path below the ground (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for a start that is not one time; a
     tolerance that the precision cannot reach; a method that a phase does not support; a state that

@@ -190,8 +190,7 @@ def _range(x: ArrayLike) -> str:
 
 
 def _number(x: Any) -> str:
-    # Counts in full, and measured numbers as far as they are read.
-    # With zero added, which has no sign.
+    # Counts in full, and measured numbers to six digits; with zero added, which has no sign.
     return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x) + 0.0:.6g}"
 
 

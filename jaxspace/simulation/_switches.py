@@ -1,4 +1,5 @@
-"""Vector fields that jump by the state: without an event at the jump, derivatives are wrong.
+"""Detection of vector fields that jump with the state, whose derivatives are wrong without an event
+at the jump.
 
 The derivative of a step over a jump does not contain how the time of the jump moves. An event adds
 this (`newton_correct`).

@@ -1,4 +1,5 @@
-"""Checks that a verb is given what it runs; the error names the verb that runs the other."""
+"""Checks that a verb is given a system or a mission as it requires; the error names the other
+verb."""
 
 from ..core import AbstractSystem, InputError
 from ._mission import Mission

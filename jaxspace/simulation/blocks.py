@@ -13,8 +13,12 @@ from jaxtyping import Array, PyTree
 from ..core.tracing import is_traced
 from ..integration.mapping import BLOCK
 
-# On a processor without vectors as wide, the compiler takes the widest.
+# On a processor without such wide vectors the compiler takes the widest it has.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
+
+# Of 65,536, 131,072, 262,144 and a million runs on an H100 the fastest for dispersed missions: a
+# million take up to nine times as long.
+ACCELERATOR_BLOCK = 262_144
 
 # A number, or a symbolic one of `jax.export`.
 NumRuns: TypeAlias = Any
@@ -55,9 +59,12 @@ class Blocks(NamedTuple):
     def on(cls, devices: Sequence[jax.Device], runs: NumRuns) -> "Blocks":
         """The division of these `runs` on the devices.
 
-        On CPUs a block is what fits the cache; an accelerator takes all of its runs at once."""
-        on_cpu = devices[0].platform == "cpu"
-        size = BLOCK if on_cpu else BLOCK * -(-runs // (BLOCK * len(devices)))
+        On CPUs a block is what fits the cache. On an accelerator it is what keeps the whole device
+        busy, because the runs of a block share their adaptive steps; the blocks are alike."""
+        size = BLOCK
+        if devices[0].platform != "cpu":
+            blocks = -(-runs // (ACCELERATOR_BLOCK * len(devices)))
+            size = BLOCK * -(-runs // (BLOCK * len(devices) * blocks))
         return cls(size, _mesh_of(devices))
 
     def map(

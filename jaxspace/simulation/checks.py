@@ -34,8 +34,9 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
         raise InputError(f"ts has the shape {ts.shape}: it must be {allowed}.")
     if is_concrete(ts):
         check_finite("ts", ts)
-        steps = np.diff(np.asarray(ts, dtype=float), axis=0)
-        if not np.all(np.all(steps >= 0.0, axis=0) | np.all(steps <= 0.0, axis=0)):
+        times = np.asarray(ts, dtype=float)
+        ascends, descends = times[1:] >= times[:-1], times[1:] <= times[:-1]
+        if not np.all(ascends.all(axis=0) | descends.all(axis=0)):
             raise InputError("ts turns around: its times must ascend or descend.")
     return ts
 
@@ -43,6 +44,10 @@ def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
 def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
     """Times in the precision of the state. Raises `InputError`, which says what is `allowed`, for
     anything but real numbers."""
+    dtype = state_dtype(y0)
+    # Even a conversion that changes nothing would run a program.
+    if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
+        return x
     if not is_traced(x):
         try:
             kind = jnp.asarray(x).dtype if isinstance(x, list | tuple) else np.asarray(x).dtype
@@ -52,10 +57,6 @@ def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
         real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
         if not real or isinstance(x, str):
             raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
-    dtype = state_dtype(y0)
-    # Even a conversion that changes nothing would run a program.
-    if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
-        return x
     ts = jnp.asarray(x)
     if jnp.issubdtype(ts.dtype, jnp.complexfloating):
         raise InputError(f"{name} is complex: it must be {allowed}.")
@@ -69,12 +70,12 @@ def check_num_saved(num_saved: int) -> None:
 
 
 def check_values(system: AbstractSystem, ts: Array, y0: PyTree) -> None:
-    """Call `check_values` of the system, which raises `InputError`, at the start of a run."""
-    checks_values = type(system).check_values is not AbstractSystem.check_values
-    if checks_values and not is_traced((system, ts, y0)):
+    """Call `check_values` of the system, which raises `InputError`, at the start of a run whose
+    numbers are known."""
+    if type(system).check_values is not AbstractSystem.check_values:
         # Indexed by NumPy, because JAX would compile the indexing; and by the class of the system,
         # because the method of an instance is a module of its own, slow to make.
-        type(system).check_values(system, jnp.asarray(np.asarray(ts)[0]), y0)
+        type(system).check_values(system, np.asarray(ts)[0], y0)
 
 
 def shapes_after(

@@ -36,7 +36,7 @@ def run_either(
 
     - `system`, `y0`: a system or a mission, and its initial state.
     - `ts`: the save times of a system, or the time at which a mission starts, s.
-    - `batch`: whether the runs stand on the last axis; `in_axes` as in `simulate_batch`.
+    - `batch`: whether the runs are on the last axis; `in_axes` as in `simulate_batch`.
     - `accuracy`, `events`, `dense`, `num_saved`: as in the verb for a system or for a mission.
     - `throw`: as in the verbs; by default of one run, not of a batch.
 

@@ -18,7 +18,7 @@ from .run_result import RunResult, nan_unless, reached, scaled
 T = TypeVar("T")
 
 STEEPEST = 4.0
-"""The power of the time above which steps that become more and more are those of a singularity."""
+"""The power of the time above which a growing number of steps indicates a singularity."""
 
 
 def nan_where_failed(result: T, status: Array | None = None) -> T:
@@ -47,7 +47,7 @@ def nan_where_failed(result: T, status: Array | None = None) -> T:
 
 
 def loud(result: T) -> T:
-    """The result of a traced simulation, of which every array raises if a run failed.
+    """The result of a traced simulation whose arrays all raise an error if a run failed.
 
     Values and derivatives raise, so that it does not matter which of them the caller returns. The
     arguments of the run (`system`, `accuracy`) stay as they are."""

@@ -77,12 +77,13 @@ def finish(
     - `accuracy`, `config_by`: the accuracy of the user, and the configuration for an accuracy."""
     result = run(config=config, dense=dense)
     if is_concrete(result.status):
-        if int(result.status) == Status.MAX_STEPS:
+        # By NumPy, because `int` of an array of JAX takes ten times as long.
+        if np.asarray(result.status) == Status.MAX_STEPS:
             exactly = with_exact_parts(accuracy, (config,), lambda more: (config_by(more),))
             if exactly is not None:
                 (config,) = exactly
                 result = run(config=config, dense=dense)
-        error = error_of_too_few_steps(result, config)
+        error = error_of_too_few_steps(result, config) if config.fixed_step else 0.0
         # Once only: a run that still misses the tolerance has the status for it.
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
@@ -137,10 +138,13 @@ def with_exact_parts(
 def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Result:
     """The result, unless a run in it failed: then `SimulationError`, which says `where`.
 
-    Under a transformation the error hangs on every array of the result, and on its derivatives."""
-    traced = is_traced(result)
+    Under a transformation the error is attached to every array of the result and to its
+    derivatives."""
+    # Without the system and the configuration: those of a known run are known.
+    numbers = (result.ts, result.states) if isinstance(result, Trajectory) else result.phases
+    traced = is_traced((result.status, numbers))
     if is_concrete(result.status):
-        # Also where the rest is being differentiated eagerly: its places are known to no sentence.
+        # Also where the rest is differentiated eagerly: the place of the failure is then unknown.
         raise_on_failure(result.status, None if traced else where)
     return loud(result) if traced else result
 

@@ -10,7 +10,7 @@ from ._mission import Mission, Phase
 class Leg(NamedTuple):
     """A phase among all those of a mission and of its branches.
 
-    - `name`: of the phase, behind the names of the branches that hold it, with dots.
+    - `name`: of the phase, after the names of the branches that contain it, joined by dots.
     - `phase`: the phase.
     - `line`: number of its sequence of phases: 0 for that of the mission, then its branches.
     - `after`: number of the leg at whose end it starts; `None` for the first leg.
@@ -48,8 +48,8 @@ def legs_of(mission: Mission) -> tuple[tuple[Leg, ...], tuple[str, ...]]:
 
 
 def check_one_line(mission: Mission, what: str) -> None:
-    """Raise `InputError`, for `what` takes one sequence of phases, for a mission with branches or
-    with a `start`."""
+    """Raise `InputError` for a mission with branches or with a `start`, because `what` takes one
+    sequence of phases."""
     _, names = legs_of(mission)
     if names:
         raise InputError(

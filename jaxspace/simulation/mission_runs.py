@@ -26,7 +26,7 @@ from .runnable import AbstractRunnable
 
 
 class OwnTimes(NamedTuple):
-    """Save times of a phase that starts or ends at different times in each run.
+    """Save times of a phase that starts or ends at different times in different runs.
 
     - `times`: of the mission, s, (chosen,); a time outside of the phase of a run becomes the nearer
       end of the phase.
@@ -54,8 +54,8 @@ duration, from 0 to 1; or times of the mission."""
 
 
 def ends_on_the_way(phase: Phase, num_saved: SaveTimes, config: IntegrationConfig) -> bool:
-    """Whether one integration of a phase finds the event that ends it: where no states before it
-    are saved, at times that the event decides. It takes no steps that others have planned."""
+    """Whether one integration of a phase locates the event that ends it: where no states are saved
+    at times that depend on the event. It does not take planned steps."""
     ends_alone = isinstance(num_saved, int) and num_saved == 2
     event = isinstance(phase.until, Event) and not isinstance(phase.system, AbstractRunnable)
     return event and ends_alone and searches_steps(config)

@@ -51,7 +51,7 @@ def resolve_phases(
             # The steps between two samples are fixed, and never run out.
             configs.append(phase.system.config(y, accuracy))
         else:
-            # The rate of rotation at the start of the mission stands for later phases.
+            # The rate of rotation at the start of the mission is taken for later phases as well.
             phase_accuracy = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
             configs.append(resolve(phase.system, y, phase_accuracy, restarts=restarts))
         # The jump takes the state at the end of the phase, broadcast to the runs of its system.

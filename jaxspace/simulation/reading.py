@@ -20,7 +20,8 @@ if TYPE_CHECKING:
 
 
 class AbstractRun(eqx.Module):
-    """A run that holds more than its `trajectory`, and offers the attributes of this, too."""
+    """A run that holds more than its `trajectory`, and has the attributes of the trajectory as
+    well."""
 
     trajectory: eqx.AbstractVar[Trajectory]
 

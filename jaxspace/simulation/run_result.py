@@ -65,8 +65,8 @@ def nan_unless(good: Array) -> Array:
 
 def _among(status: Array, some: tuple[Status, ...]) -> Bool[Array, "..."]:
     """Whether each status is one of these."""
-    # One bit for each status, and a single shift: comparisons with each would add to every first
-    # call.
+    # One bit for each status, and a single shift, because comparisons with each would lengthen
+    # every first call.
     return ((sum(1 << s for s in some) >> status) & 1).astype(bool)
 
 

@@ -1,4 +1,5 @@
-"""Interface of an object that a mission phase runs in place of a system: it integrates itself."""
+"""Interface of an object that integrates itself, for the phase of a mission in place of a
+system."""
 
 from abc import abstractmethod
 
@@ -13,10 +14,10 @@ from .run_result import RunResult
 
 
 class AbstractRunnable(eqx.Module):
-    """What a phase runs in place of a system, such as a closed loop: it integrates itself, by
-    samples that are known before it starts.
+    """An object that a phase runs in place of a system, such as a closed loop: it integrates
+    itself, with sample times that are known before it starts.
 
-    - `system`: what moves.
+    - `system`: the system that moves.
     - `longest`: how long the run may take, s; `None` where it is not known yet."""
 
     system: eqx.AbstractVar[AbstractSystem]
@@ -28,7 +29,7 @@ class AbstractRunnable(eqx.Module):
 
     @abstractmethod
     def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
-        """How a run from a state of the shapes of `y0` is integrated."""
+        """The configuration of a run from a state with the shapes of `y0`."""
 
     @abstractmethod
     def run(

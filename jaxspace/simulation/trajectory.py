@@ -198,10 +198,10 @@ class Trajectory(eqx.Module):
     def error(self) -> State:
         """Estimate of the global error of the final state, component by component.
 
-        How far it moves when the run is repeated with a hundredth of the tolerance (and half the
-        `max_step`, or twice as many fixed steps); for a closed form, when its duration is passed in
-        two parts. NaN where the steps of the repetition run out. A pulse that both runs miss stays
-        unknown (`Accuracy.max_step`).
+        The change of the state when the run is repeated with a hundredth of the tolerance (and half
+        the `max_step`, or twice as many fixed steps); for a closed form, when the duration is
+        divided into two parts. NaN where the steps of the repetition run out. A pulse that both
+        runs miss goes unnoticed (`Accuracy.max_step`).
 
         **Raises** `InputError` for a run that jumps in place on its way, or had a controller."""
         self.check_repeatable("error")

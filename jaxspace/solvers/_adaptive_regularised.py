@@ -28,7 +28,8 @@ from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .regularised_step import Regular, attempt, landed, regularised_start
 from .vector_field import ScaledField, StepField
 
-# Steps to land on a time within a step: the error of each is the effect of the perturbation in it.
+# Number of steps that land on a time within a step: the error of each is the effect of the
+# perturbation in it.
 LANDINGS = 4
 
 

@@ -14,15 +14,15 @@ of order 5 for the rest.
 
 Without e the method is of order 4, so that e is the estimate of its error. The weights are those of
 the polynomial through D at its nodes, and 8 c^3 phi_3 D_2 corrects the stages: all conditions of
-order 5 hold for every J, however fast its motion. Two formulas that both use D_5 would agree on
-every fast motion, right or wrong, so that the lower one omits it.
+order 5 hold for every J, however fast its motion. The lower formula omits D_5, because two formulas
+that use it would agree on every fast motion, right or wrong.
 
     symbol  meaning                                                       unit
     h       step                                                          s
     J       Jacobian of the vector field                                  1/s
     G_i     linear motion from the start of the step                      state
     D_i     vector field without its linear part                          state/s
-    phi_k   (_phi.py)                                                     1
+    phi_k   functions of `_phi.py`                                        1
 
 Sources: Hochbruck, Ostermann, Schweitzer (2009), Exponential Rosenbrock-type methods, SIAM J.
 Numer. Anal. 47, 786 (the form, and the pair of order 4); Luan, Ostermann (2014), Exponential
@@ -70,7 +70,7 @@ class _Layout(NamedTuple):
 
 
 class _Linearisation(NamedTuple):
-    """f, f_t and J at the start of the step, each run with its own."""
+    """f, f_t and J at the start of the step, separate for each run."""
 
     f: Flat
     f_t: Flat
@@ -82,8 +82,8 @@ def _linearise(f: StepField, s: Float[Array, ""], y: State, layout: _Layout) -> 
     rate, derivative = jax.linearize(lambda s, y: f.terms.vf(s, y, f.args), s, y)
     v = layout.flat(y)
     n = v.shape[-1]
-    # One directional derivative for each component of one run. The runs do not depend on each
-    # other, so that they share the directions.
+    # One directional derivative for each component of a run. The runs are independent of each
+    # other, and share the directions.
     directions = jnp.eye(n, dtype=v.dtype).reshape(n, *(1,) * layout.run_axes, n)
 
     def column(direction: Array) -> Flat:
@@ -96,7 +96,7 @@ def _linearise(f: StepField, s: Float[Array, ""], y: State, layout: _Layout) -> 
 
 
 def _apply(matrix: Square, v: Flat) -> Flat:
-    # With the default precision of an accelerator the linear motion would have three digits.
+    # The default precision of an accelerator would leave three digits of the linear motion.
     return jnp.einsum("...ij,...j->...i", matrix, v, precision="highest")
 
 
@@ -107,15 +107,15 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
 
     In every step the linear part of the motion about the state is exact, however fast it oscillates
     or decays. Only the rest, the change of the Jacobian along the step, limits the step. Steps may
-    thus be long beside fast linear motion, and its states are right at their ends. Fast motion that
-    is not linear makes the error large and the steps short.
+    thus be long compared with fast linear motion, whose states are right at their ends. Fast motion
+    that is not linear makes the error large and the steps short.
 
     Five evaluations a step, and a Jacobian of n + 1 directional derivatives for a state of n
     components: for states of some twenty components at most. Steps land on every save time.
 
     **Arguments**
 
-    - `run_axes`: how many trailing axes of the state carry runs; the runner sets it.
+    - `run_axes`: how many trailing axes of the state carry runs; `simulate` sets it.
     """
 
     run_axes: int = eqx.field(static=True, default=0)

@@ -1,7 +1,7 @@
 """A fixed number of equal steps of any method.
 
-A sample of a controller, or a step of an environment, then always costs the same, has no loop whose
-length depends on the state, and is differentiated like any other formula.
+The sample of a controller, or the step of an environment, then always costs the same, has no loop
+whose length depends on the state, and is differentiated like any formula.
 """
 
 from typing import ClassVar, final

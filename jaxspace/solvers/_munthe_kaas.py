@@ -82,9 +82,8 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     stages, within and at the end of every step. Other methods of this package normalise it at the
     end of a step.
 
-    Order, steps and dense output are those of the inner method, which starts again in every step,
-    so that Tsit5 takes seven evaluations instead of six. It raises the errors of the inner
-    method."""
+    Order, steps and dense output are those of the inner method, which starts again in every step:
+    Tsit5 takes seven evaluations instead of six. Errors are raised as by the inner method."""
 
     solver: diffrax.AbstractSolver = DOP853()
     term_structure: ClassVar = diffrax.ODETerm
@@ -126,7 +125,7 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             _TERM, t0, t1, local, inner_args, inner_state, jnp.array(False)
         )
         y1 = barrier(_moved(y0, x1))
-        # In the blocks of the state, as the step control measures errors.
+        # By blocks of the state, because the step control measures errors so.
         embedded = _moved(y0, jax.tree.map(jnp.subtract, x1, x_error))
         error = jax.tree.map(jnp.subtract, y1, embedded)
         inner = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)

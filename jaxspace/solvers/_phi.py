@@ -24,9 +24,9 @@ Phis = Float[Array, "6 *runs n n"]
 ORDERS = 5
 # Terms of the series of phi_5: the next one is below a rounding for matrices of norm one.
 TERMS = 17
-# More doublings would leave no digit of the phase of the fastest motion.
+# The most doublings: more would leave no digit of the phase of the fastest motion.
 DOUBLINGS = 32
-# Passes over the matrix; the ratio of its entries shrinks to its square root in each.
+# Passes over the matrix, each of which reduces the ratio of its entries to the square root.
 BALANCINGS = 8
 
 

@@ -48,8 +48,8 @@ def _without_drag(weights: list[Fraction]) -> tuple[float, ...]:
     """The rounded weights, corrected so that the sum of j w_j is exact.
 
     An error e of this sum would act in every step as a force e h da/dt along the motion: the energy
-    would grow with the time, by 1e-17 a step for order 12. The last two weights, the smallest, take
-    up the error of the others."""
+    would grow with the time, by 1e-17 a step for order 12. The last two weights, the smallest,
+    compensate the error of the others."""
 
     def missing(rounded: list[float]) -> Fraction:
         pairs = enumerate(zip(weights, rounded, strict=False))

@@ -16,7 +16,7 @@ places.
     H_ik    polynomial whose k-th derivative at x_i is 1, all others 0    1
 
 Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nystrom formulae, IMA
-Journal of Numerical Analysis 7, 423. The dense output is our own.
+Journal of Numerical Analysis 7, 423. The dense output is not from that paper.
 """
 
 from typing import ClassVar, final
@@ -39,7 +39,8 @@ from .vector_field import StepField
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
 COEFFICIENTS = 3 * len(NODES) - 2
-"""Position, velocity and acceleration at each node, but q and q' of the first, which are zero."""
+"""Position, velocity and acceleration at each node, without q and q' of the first, which are
+zero."""
 
 
 def _difference(first: Weights, second: Weights) -> Weights:
@@ -61,8 +62,8 @@ def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
         lagrange = 1.0
         for other in others:
             lagrange = lagrange * (x - other) / (node - other)
-        # lagrange^3 is 1 at its node and leaves no derivative up to the second at the others. The
-        # factor 1 + a d + b d^2 takes its own first two derivatives away.
+        # lagrange^3 is 1 at its node and has no derivative up to the second at the others. The
+        # factor 1 + a d + b d^2 cancels its first two derivatives at its node.
         s1 = sum((node - other) ** -1 for other in others)
         s2 = sum((node - other) ** -2 for other in others)
         a = -3.0 * s1

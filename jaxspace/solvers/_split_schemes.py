@@ -23,7 +23,7 @@ import numpy as np
 
 
 class Scheme(NamedTuple):
-    """The parts of a step: there is one more part of the map `outside` than of the other.
+    """The parts of a step: the map `outside` has one part more than the other.
 
     - `outside`, `inside`: o_k and i_k.
     - `kicks_inside`: whether the drift is outside."""

@@ -208,7 +208,7 @@ def _evaluations(solver: diffrax.AbstractSolver) -> int:
     tableau = getattr(solver, "tableau", None)
     if not isinstance(tableau, diffrax.ButcherTableau):
         return 1
-    # Where the first stage is the last one of the step before, it is not evaluated again.
+    # Where the first stage is the last one of the previous step, it is not evaluated again.
     return tableau.num_stages - int(tableau.fsal)
 
 
@@ -256,8 +256,8 @@ def field_of_step(
     t0: Float[Array, ""],
     t1: Float[Array, ""],
 ) -> ScaledField:
-    """The vector field as a solver may see it within one step: what is not of this package does
-    not know that the field may jump at the end of a step.
+    """The vector field for a solver within one step. Solvers that are not of this package do not
+    know that the field may jump at the end of a step.
 
     **Arguments**
 
@@ -297,7 +297,7 @@ def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 def _wrapping(
     solver: diffrax.AbstractWrappedSolver, inner: diffrax.AbstractSolver
 ) -> diffrax.AbstractSolver:
-    """The wrapper around another solver."""
+    """The wrapper with another solver inside."""
     return eqx.tree_at(lambda s: s.solver, solver, inner)
 
 
@@ -306,8 +306,9 @@ def _with_root_tolerance(
 ) -> diffrax.AbstractSolver:
     """The implicit solver whose root finder takes the tolerance of the steps."""
     given = {"rtol": tolerance.rtol, "atol": tolerance.atol, "norm": optimistix.max_norm}
-    # diffrax marks with an object of its own what it fills in from its own step size controller,
-    # and ours is another. What the user has set is a number or a function, and stays.
+    # diffrax marks with a special object the values that it takes from its own step size
+    # controller, which is not used here. Values set by the user are numbers or functions, and are
+    # left.
     set_by_user = (float, type(optimistix.max_norm))
     marked = [name for name in given if type(getattr(solver.root_finder, name)) not in set_by_user]
 

@@ -132,8 +132,8 @@ def stage_loop(
     sooner, derivatives most of all. Simple fields run somewhat slower, because each stage reads all
     derivatives, also those of weight zero. `like` has the structure of the derivatives."""
 
-    # Evaluated once more backwards: to keep what it computes at every stage takes more time. The
-    # sum stays outside: it is linear, so that backwards nothing of it is needed.
+    # Evaluated again in reverse mode, because storing what it computes at every stage takes more
+    # time. The sum is outside: it is linear, and reverse mode needs nothing of it.
     rate = jax.checkpoint(derivative)
 
     def stage(ks: State, row: tuple[Array, Array, Array]) -> tuple[State, None]:
@@ -263,7 +263,7 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             combine(None, h, tableau.DOP853_ERROR_5, ks),
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
-        # Not left to the compiler to remove: it would be traced and lowered in each first call.
+        # Not left for the compiler to remove, because each first call would trace and lower it.
         within = None
         if self.dense:
             if isinstance(ks, list):

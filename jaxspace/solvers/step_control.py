@@ -1,8 +1,8 @@
 """Step control for one run or many that share their steps.
 
 The error of a step is measured for each run in units of the tolerance (`tolerances.py`). A shared
-step is accepted if the error of the worst run is. A run that is no longer finite does not count:
-its status reports it, and other runs are not affected.
+step is accepted if the error of the worst run is within the tolerance. A run that is no longer
+finite does not count: its status reports it, and other runs are not affected.
 
 Normalised time runs from 0 to the number of segments. A step never crosses a whole number, so that
 no event there (a burnout, a kink of a table) is inside of a step.
@@ -25,8 +25,8 @@ from .tolerances import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
-# Fraction of a segment. So short a step is accepted with any error, which the status reports: still
-# shorter steps would only use up their number.
+# Fraction of a segment. A step this short is accepted with any error, which the status reports:
+# shorter steps would only exhaust `max_steps`.
 SMALLEST_STEP = 1e-10
 # Fraction of a segment. A first step that is too long costs one or two rejections; one that is too
 # short costs many steps until it has grown.
@@ -199,8 +199,8 @@ class BatchStepController(diffrax.AbstractStepSizeController):
 
     @staticmethod
     def _of_segment(values: Float[Array, " segments"], s: Float[Array, ""]) -> Float[Array, ""]:
-        """The one of the `values` that belongs to the segment which begins at or contains `s`; the
-        last one beyond the end."""
+        """The one of the `values` for the segment that begins at or contains `s`; the last one
+        beyond the end."""
         if values.shape[0] == 1:
             return values[0]
         return values[jnp.clip(jnp.floor(s).astype(int), 0, values.shape[0] - 1)]

@@ -2,7 +2,7 @@
 """Coefficients of explicit Runge-Kutta methods, as published.
 
 A row lists its non-zero entries as (stage, weight). Two weights differ from the published ones in
-the last places: the first of DOP853 and the last of the position of RKN 12(10) take up the rounding
+the last places: the first of DOP853 and the last of the position of RKN 12(10) absorb the rounding
 errors of
 
     sum_i b_i (1 - sum_j a_ij) = 1/2            sum_i b'_i (1 - c_i) = sum_i b_i        (RKN)

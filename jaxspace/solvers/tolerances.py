@@ -54,8 +54,8 @@ class Tolerance(eqx.Module):
 
     def _squares(self, vector: Float[Array, "components *#runs"]) -> Float[Array, "blocks *#runs"]:
         """The squares of the lengths of the blocks in a vector."""
-        # A number that is not finite makes all blocks of the product so, and the run fails, as it
-        # should.
+        # A number that is not finite makes all blocks of the product not finite, and the run fails,
+        # as it should.
         members = np.repeat(np.eye(len(self.blocks)), self.blocks, axis=1)
         return jnp.tensordot(members.astype(vector.dtype), vector * vector, 1)
 
@@ -66,8 +66,9 @@ class Tolerance(eqx.Module):
         block: Array,
     ) -> Array:
         """A reduction over all axes but those of the runs."""
-        # The compiler for CPUs treats one run after the other in a reduction. Component by
-        # component it treats many at once, which pays off for the few components of a vector.
+        # In a reduction the compiler for CPUs processes one run after the other. Written by
+        # components it processes many runs at once, which is faster for the few components of a
+        # vector.
         if self.run_axes and block.ndim - self.run_axes == 1 and 0 < block.shape[0] <= 4:
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))

@@ -75,7 +75,7 @@ class StepField(NamedTuple):
     def projected(self, t: Scalar, y: State) -> State:
         """The state at the end `t` of a step, projected on its groups and constraints, so that it
         does not drift from them in a long run."""
-        # Other arguments come from a user of diffrax, or from local coordinates.
+        # Other `args` come from a user of diffrax, or from local coordinates.
         return self.args.projected(t, y) if isinstance(self.args, ScaledField) else project(y)
 
 
@@ -90,9 +90,9 @@ def just_before(t0: Float[Array, ""], t1: Float[Array, ""]) -> Float[Array, ""]:
 class FieldOfStep(eqx.Module):
     """The vector field `field` during a step that ends at `end`, just after `latest`.
 
-    For methods that ask at the very end of a step, where the next segment begins: there the field
-    may jump, and a second is another share of the segment. A stage beyond the end stays there: it
-    is part of the method."""
+    For methods that evaluate the field at the very end of a step, where the next segment begins:
+    there the field may jump, and normalised time changes its unit. A stage beyond the end is left
+    there: it is part of the method."""
 
     field: ScaledField
     latest: Float[Array, ""]
@@ -105,7 +105,7 @@ class FieldOfStep(eqx.Module):
         return self.field.time(self._within(s))
 
     def _within(self, s: Scalar) -> Scalar:
-        # A stage at the end is there to some roundings.
+        # A stage at the end may miss it by some roundings.
         at_end = (s > self.latest) & (s - self.end <= self.end - self.latest)
         return jnp.where(at_end, self.latest, s)
 

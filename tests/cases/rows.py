@@ -13,7 +13,7 @@ class Row(NamedTuple):
     - `section`: of Thomson; of Harrison and Nettleton with an H before it.
     - `title`: what it is.
     - `cases`: beginnings of the names of its cases.
-    - `functions`: public names, `room.name`, besides those that its cases compute with."""
+    - `functions`: public names, `package.name`, besides those that its cases compute with."""
 
     section: str
     title: str

@@ -102,5 +102,5 @@ def forms() -> list[Form]:
         exact = TWINS.get(function.__name__)
         of_cases.append(Form(function, tuple(names.split()), places, blocks, vectors, exact))
     first = floor, solids, orbits, paths, transfers, attitude, moving, vehicles, rockets
-    rooms = *first, flights, mechanics, instruments, gimbals, stages, motions
-    return [*of_cases, *(form for room in rooms for form in room.FORMS)]
+    packages = *first, flights, mechanics, instruments, gimbals, stages, motions
+    return [*of_cases, *(form for package in packages for form in package.FORMS)]

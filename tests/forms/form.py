@@ -9,7 +9,8 @@ class Form:
     """A function of an array of numbers.
 
     - `function`: returns an array, or a tuple of arrays: each is measured by its own size.
-    - `computes`: the public names whose formulas it evaluates, "room.name" or "room.Class.method".
+    - `computes`: the public names whose formulas it evaluates, "package.name" or
+      "package.Class.method".
     - `starts`: inputs on and beside the singular places, and at an ordinary place.
     - `blocks`: of a function that returns one array, how many outputs belong to one size.
     - `vectors`: how many inputs belong to one vector, for all inputs: their condition is that of a
@@ -32,6 +33,6 @@ class Form:
         return self.label or self.function.__name__
 
     @property
-    def room(self) -> str:
+    def package(self) -> str:
         """That of the first name, or "systems"."""
         return "systems" if self.label else self.computes[0].partition(".")[0]

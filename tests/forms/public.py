@@ -1,4 +1,4 @@
-"""The public names of the rooms with formulas, and those that the hunt leaves out."""
+"""The public names of the packages with formulas, and those that the hunt leaves out."""
 
 import importlib
 import inspect
@@ -7,7 +7,7 @@ from fnmatch import fnmatch
 
 from jaxspace.core import modules
 
-ROOMS = (
+PACKAGES = (
     "core rotations bodies orbits attitude gyros mechanics rockets vehicles control"
     " optimization".split()
 )
@@ -121,16 +121,16 @@ LEFT_OUT: dict[str, list[str]] = {
 
 
 def public_names() -> set[str]:
-    """Functions, and the methods of classes, "room.name" and "room.Class.method"."""
+    """Functions, and the methods of classes, "package.name" and "package.Class.method"."""
     names = set()
-    for room in ROOMS:
-        module = importlib.import_module(f"jaxspace.{room}")
+    for package in PACKAGES:
+        module = importlib.import_module(f"jaxspace.{package}")
         for name, found in modules.public_names(module).items():
             if not callable(found):
                 continue
-            if room == "core" and found.__module__.rpartition(".")[2] not in FLOOR:
+            if package == "core" and found.__module__.rpartition(".")[2] not in FLOOR:
                 continue
-            names |= {f"{room}.{name}{method}" for method in _methods(found)}
+            names |= {f"{package}.{name}{method}" for method in _methods(found)}
     return names
 
 

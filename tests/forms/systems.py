@@ -14,7 +14,7 @@ from jaxspace import Scene
 from jaxspace.mechanics import AbstractLagrangian
 
 from .form import Form
-from .public import ROOMS
+from .public import PACKAGES
 
 
 def rates(built, t, x):
@@ -52,8 +52,8 @@ def _computes(system) -> tuple[str, ...]:
     names = []
     for part in parts:
         kind = type(part)
-        room = kind.__module__.split(".")[1]
-        if room not in ROOMS:
+        package = kind.__module__.split(".")[1]
+        if package not in PACKAGES:
             continue
         if isinstance(part, AbstractLagrangian):
             names += [f"mechanics.AbstractLagrangian.{method}" for method in methods[:2]]
@@ -65,7 +65,7 @@ def _computes(system) -> tuple[str, ...]:
         if "load" in own and "constrained" in own:
             # A guide loads nothing: it takes from the rate.
             own = ["constrained"]
-        names += [f"{room}.{kind.__name__}.{method}" for method in own]
+        names += [f"{package}.{kind.__name__}.{method}" for method in own]
     return tuple(names)
 
 

@@ -153,8 +153,8 @@ def resolved(x):
     return tuple(jnp.atleast_1d(f) for f in found)
 
 
-def _names(room, *names):
-    return tuple(f"{room}.{name}" for name in names)
+def _names(package, *names):
+    return tuple(f"{package}.{name}" for name in names)
 
 
 MISSILE = (10.0, 0.01, 2.0, 0.5, 0.3, 3.0, 0.1, 0.2)
