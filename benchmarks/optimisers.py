@@ -21,9 +21,11 @@ from typing import Any, NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optimistix
 import scipy.optimize
 from jax.flatten_util import ravel_pytree
 
+from jaxspace.core.tracing import is_traced
 from jaxspace.optimization import Criterion, minimise
 
 FREE = (None, None)
@@ -441,12 +443,15 @@ def scipys(problem: Problem, method: str) -> Found:
 
 
 def slsqp_jax(problem: Problem, method: str) -> Found:
-    """By slsqp-jax."""
-    from slsqp_jax import minimize_like_scipy
+    """By slsqp-jax, called like SciPy; in a compiled program by its solver alone, for that call
+    scales a problem by the numbers of its start."""
+    import slsqp_jax as library
 
     del method
+    if is_traced(problem.start):
+        return _compiled_slsqp(problem, library)
     _, _, constraints = compiled(problem)
-    found = minimize_like_scipy(
+    found = library.minimize_like_scipy(
         problem.f,
         jnp.array(problem.start),
         bounds=problem.bounds,
@@ -454,6 +459,34 @@ def slsqp_jax(problem: Problem, method: str) -> Found:
         options={"max_steps": MOST, "rtol": problem.tolerance, "atol": problem.tolerance},
     )
     # It counts no evaluations.
+    return Found(found.value, found.stats["num_steps"], -1)
+
+
+def _compiled_slsqp(problem: Problem, library: Any) -> Found:
+    def stacked(function: Callable | None) -> Callable | None:
+        return None if function is None else lambda x, args: jnp.stack(function(x))
+
+    def count(function: Callable | None) -> int:
+        return 0 if function is None else len(function(jnp.zeros(problem.start.shape)))
+
+    tolerance = library.ToleranceConfig(
+        rtol=problem.tolerance, atol=problem.tolerance, max_steps=MOST
+    )
+    ends = [
+        [s * np.inf if x is None else x for s, x in zip((-1.0, 1.0), pair, strict=True)]
+        for pair in problem.bounds or ()
+    ]
+    solver = library.SLSQP(
+        config=library.SLSQPConfig(tolerance=tolerance),
+        eq_constraint_fn=stacked(problem.equal),
+        ineq_constraint_fn=stacked(problem.above),
+        n_eq_constraints=count(problem.equal),
+        n_ineq_constraints=count(problem.above),
+        bounds=np.array(ends) if ends else None,
+    )
+    found = optimistix.minimise(
+        lambda x, args: problem.f(x), solver, problem.start, max_steps=MOST, throw=False
+    )
     return Found(found.value, found.stats["num_steps"], -1)
 
 
@@ -493,7 +526,9 @@ def is_transformed(name: str) -> bool:
     def end(start: jax.Array) -> jax.Array:
         return search(problem._replace(start=start), method).x
 
-    starts = jnp.array(problem.start) + jnp.array([[0.0], [0.1], [0.2]])
+    first = jnp.array(problem.start)
+    # From the corner of the bounds towards their middle.
+    starts = first + jnp.array([[0.0], [0.1], [0.2]]) * (3.0 - first)
     try:
         ends = jax.jit(jax.vmap(end))(starts)
     # Each library refuses a traced start by an error of its own.
