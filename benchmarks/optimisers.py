@@ -375,6 +375,16 @@ class Found(NamedTuple):
     evaluations: int
 
 
+def sides(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
+    """The least and the greatest value of each unknown."""
+    bounds = problem.bounds or [FREE] * len(problem.start)
+    low, high = (
+        np.array([side * np.inf if b[k] is None else b[k] for b in bounds])
+        for k, side in enumerate((-1.0, 1.0))
+    )
+    return low, high
+
+
 def ours(problem: Problem, method: str) -> Found:
     """By `minimise`."""
     del method
@@ -388,14 +398,10 @@ def ours(problem: Problem, method: str) -> Found:
             None if problem.above is None else jnp.stack(problem.above(x)),
         )
 
-    low, high = (
-        jnp.array([side * np.inf if b[k] is None else b[k] for b in problem.bounds or ()])
-        for k, side in enumerate((-1.0, 1.0))
-    )
     found = minimise(
         criterion,
         jnp.array(problem.start),
-        bounds=None if problem.bounds is None else (low, high),
+        bounds=None if problem.bounds is None else sides(problem),
         tolerance=problem.tolerance,
         max_steps=MOST,
         scale=jnp.ones(len(problem.start)) if problem.scaled else None,
@@ -472,17 +478,13 @@ def _compiled_slsqp(problem: Problem, library: Any) -> Found:
     tolerance = library.ToleranceConfig(
         rtol=problem.tolerance, atol=problem.tolerance, max_steps=MOST
     )
-    ends = [
-        [s * np.inf if x is None else x for s, x in zip((-1.0, 1.0), pair, strict=True)]
-        for pair in problem.bounds or ()
-    ]
     solver = library.SLSQP(
         config=library.SLSQPConfig(tolerance=tolerance),
         eq_constraint_fn=stacked(problem.equal),
         ineq_constraint_fn=stacked(problem.above),
         n_eq_constraints=count(problem.equal),
         n_ineq_constraints=count(problem.above),
-        bounds=np.array(ends) if ends else None,
+        bounds=np.stack(sides(problem), axis=1),
     )
     found = optimistix.minimise(
         lambda x, args: problem.f(x), solver, problem.start, max_steps=MOST, throw=False
@@ -494,8 +496,8 @@ METHODS: dict[str, tuple[Callable[[Problem, str], Found], str]] = {
     "ours": (ours, ""),
     "SciPy, SLSQP": (scipys, "SLSQP"),
     "SciPy, trust-constr": (scipys, "trust-constr"),
-    "slsqp-jax": (slsqp_jax, "slsqp_jax"),
     "Ipopt, limited memory": (scipys, "Ipopt"),
+    "slsqp-jax": (slsqp_jax, "slsqp_jax"),
 }
 NEEDED = {"slsqp-jax": "slsqp_jax", "Ipopt, limited memory": "cyipopt"}
 
