@@ -17,7 +17,7 @@ from jaxspace.cli._commands import show_page
 from jaxspace.io import SceneError, listing, schema
 from jaxspace.io._outputs import Outputs
 from jaxspace.scene import Scene
-from jaxspace.simulation import Mission, Status, simulate_mission_batch
+from jaxspace.simulation import Mission, Status, Trajectory, simulate_mission_batch
 from jaxspace.vehicles.landings import landing_latitude, landing_longitude
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -156,7 +156,8 @@ def test_listing_and_schema_know_vehicles(capsys):
 
 def test_the_page_of_a_flight_needs_no_planet(landing, monkeypatch, capsys):
     monkeypatch.setattr("jaxspace.plots.show_run", lambda run, path, **options: options)
-    show_page(landing, None, "run.html")
+    # A run whose numbers nobody reads.
+    show_page(landing, object.__new__(Trajectory), "run.html")
     assert "'planet_radius': None" in capsys.readouterr().out
 
 
