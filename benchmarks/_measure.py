@@ -1,6 +1,7 @@
 """How everything here is measured: calls in turn in one process, first call apart, medians, and the
 cores used."""
 
+import math
 import subprocess
 import sys
 import tempfile
@@ -15,6 +16,8 @@ import mpmath
 import numpy as np
 
 REPEATS = 5
+# A measurement, s.
+SHORTEST = 0.1
 BLOCK = 1024
 WIDE = {"xla_cpu_prefer_vector_width": "512"}
 
@@ -24,12 +27,16 @@ def in_turn(
 ) -> dict[str, dict[str, float]]:
     """For every call, which does `runs` runs of work (a number for all, or one for each): seconds
     of the first call, then, over repeats in turn, runs per second and per CPU-second (medians) and
-    the mean number of cores used."""
+    the mean number of cores used.
+
+    Short calls are made several times in each turn: the first of them finds what the call before
+    it left in the caches of the processor."""
     first = {name: _timed(call)[0] for name, call in calls.items()}
+    times = {name: math.ceil(SHORTEST / _timed(call)[0]) for name, call in calls.items()}
     seen = {name: [] for name in calls}
     for _ in range(repeats):
         for name, call in calls.items():
-            seen[name].append(_timed(call))
+            seen[name].append(_timed(call, times[name]))
     rows = {}
     for name, pairs in seen.items():
         wall, cpu = np.median(np.array(pairs), axis=0)
@@ -43,10 +50,11 @@ def in_turn(
     return rows
 
 
-def _timed(call: Callable[[], Any]) -> tuple[float, float]:
+def _timed(call: Callable[[], Any], times: int = 1) -> tuple[float, float]:
     wall, cpu = time.perf_counter(), time.process_time()
-    jax.block_until_ready(call())
-    return time.perf_counter() - wall, time.process_time() - cpu
+    for _ in range(times):
+        jax.block_until_ready(call())
+    return (time.perf_counter() - wall) / times, (time.process_time() - cpu) / times
 
 
 def on_one_device(tree: Any) -> Any:

@@ -137,11 +137,19 @@ def _tables(schema: dict) -> str:
 def _fixed_tables(schema: dict) -> list[str]:
     """The keys of the tables that are the same in every file."""
     parts = []
-    for name in ("planet", "times", "phase", "waiting", "dispersion"):
+    for name in (
+        "planet",
+        "times",
+        "phase",
+        "branch",
+        "waiting",
+        "dispersion",
+    ):
         form = next(f for f in schema["anyOf"] if name in f["properties"])
         entry = form["properties"][name]
-        # A phase is one of a list of tables.
-        table = entry.get("items", entry)
+        # A phase is one of a list of tables, a branch one of those by a name.
+        named = entry.get("additionalProperties") or {}
+        table = entry.get("items", named or entry)
         required = table.get("required", ())
         rows = [
             [f"`{key}`", _meaning(value), "yes" if key in required else ""]
@@ -150,7 +158,8 @@ def _fixed_tables(schema: dict) -> list[str]:
         rows = [["Key", "Meaning", "Required"], ["---"] * 3, *rows]
         # Where nothing is required, the column would be empty.
         lines = [" | ".join(row[: 3 if required else 2]) for row in rows]
-        title = f"[[{name}]]" if "items" in entry else f"[{name}]"
+        title = f"[{name}.NAME]" if named else f"[{name}]"
+        title = f"[[{name}]]" if "items" in entry else title
         parts += [
             f"## `{title}`",
             "\n".join(f"| {line} |" for line in lines),

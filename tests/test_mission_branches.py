@@ -346,11 +346,20 @@ def test_studies_of_one_sequence_refuse_branches():
     mission, start = three_parts(400.0), thrown(jnp.array(120.0))
     with pytest.raises(InputError, match="propagate_covariance takes one sequence of phases"):
         propagate_covariance(mission, start, 0.0)
-    with pytest.raises(InputError, match="simulate_compact takes one sequence of phases"):
-        simulate_compact(mission, start)
     begins = Mission([Phase(FALLING, 1.0)], start=Detached(1.0, jnp.zeros(3)))
-    with pytest.raises(InputError, match=r"simulate_compact starts from y0 itself"):
-        simulate_compact(begins, start)
+    with pytest.raises(InputError, match=r"propagate_covariance starts from y0 itself"):
+        propagate_covariance(begins, start, 0.0)
+
+
+def test_fixed_steps_fly_all_parts():
+    run = simulate_compact(three_parts(400.0), thrown(jnp.array(120.0)), steps=4)
+    exact = by_hand(120.0, 400.0, at_height(120.0))
+    booster, sustainer, fairing = run.branches
+    found = [booster.end, booster.final.position[2], sustainer.final.position[2]]
+    found += [fairing.end, fairing.final.position[2]]
+    names = ("end", "height", "sustainer height", "fairing end", "fairing z")
+    assert_allclose(jnp.stack(found), [exact[name] for name in names], rtol=1e-12)
+    assert len(run.phases) == 5
 
 
 @pytest.mark.parametrize(

@@ -60,10 +60,13 @@ class AbstractEffect(AbstractParameters):
     - `keeps`: the quantities that motion under it alone conserves, of "energy", "angular_momentum"
       (of the orbit, all components), "axial_angular_momentum" (its z component),
       "rotational_momentum" (of the body and its moving parts: of effects whose torques are
-      internal); by default none. They are declared, because tracing does not show them."""
+      internal); by default none. They are declared, because tracing does not show them.
+    - `felt`: whether a body feels its acceleration; not that of gravity and of axes that turn,
+      which move all its parts alike."""
 
     # Without an annotation it is not a field of the class, and a subclass may make it one.
     keeps = frozenset[str]()
+    felt = True
 
     @abstractmethod
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -19,9 +19,11 @@ neglected.
 Source: momentum and angular momentum of rigid parts (Thomson 5.5, 5.6); two masses and a spring.
 """
 
-__all__ = ["come_apart", "spring_speed"]
+__all__ = ["come_apart", "release", "spring_speed"]
 
 import dataclasses
+import functools
+import operator
 from collections.abc import Callable, Sequence
 from typing import ClassVar, final
 
@@ -33,7 +35,7 @@ from ..core import InputError, NumberField, Scalar, Vector, quantity
 from ..core.safe import end_sqrt
 from ..core.shapes import with_rank
 from ..core.types import as_float
-from ..core.vectors import cross, scale
+from ..core.vectors import axis, cross, scale
 from ._jump import AbstractJump
 from .mass_properties import MassProperties, combined
 from .state import BodyState
@@ -75,10 +77,42 @@ class Detached(AbstractJump):
 
 
 @final
+class _Released(eqx.Module):
+    """One of the `parts` that a body releases, by its `number`, or what is left (`None`): the state
+    of it from that of the whole (`release`)."""
+
+    parts: tuple[Detached, ...]
+    number: int | None = eqx.field(static=True, default=None)
+
+    def __call__(self, t: Scalar, y: BodyState) -> BodyState:
+        """The state of the part, or of what is left. Raises `InputError` for a state without a
+        mass."""
+        if y.mass is None:
+            raise InputError("A body that releases parts needs its mass: BodyState(mass=...).")
+        rank = jnp.ndim(y.mass)
+        offsets = [with_rank(part.offset, rank) for part in self.parts]
+        kicks = [with_rank(part.kick, rank) for part in self.parts]
+        masses = [part.mass for part in self.parts]
+        mass = y.mass - sum(masses)
+        offset = kick = 0.0 * axis(0, y.mass)
+        if self.number is not None:
+            mass = masses[self.number]
+            offset, kick = offsets[self.number], kicks[self.number]
+        # Both are relative to what is left: taken from their means, by which that one moves.
+        offset = offset - _mean(masses, offsets, y.mass)
+        kick = kick - _mean(masses, kicks, y.mass)
+        return Detached(mass, offset, kick)(t, y)
+
+    def as_point(self) -> Callable[[Scalar, BodyState], BodyState]:
+        """The same part as a point, whose state holds no rotation."""
+        return _AsPoint(self)
+
+
+@final
 class _AsPoint(eqx.Module):
     """The state of a part that moves as a point (`Detached.as_point`)."""
 
-    part: Detached
+    part: Detached | _Released
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         return dataclasses.replace(self.part(t, y), attitude=None, omega=None)
@@ -110,12 +144,34 @@ def come_apart(
             f"come_apart got {len(kicks)} kicks for {len(parts)} parts: there must be one for each."
         )
     speeds = [with_rank(as_float(kick), rank) for kick in kicks]
-    shares = [part.mass / whole.mass for part in parts]
-    common = sum(scale(share, u) for share, u in zip(shares, speeds, strict=True))
+    common = _mean([part.mass for part in parts], speeds, whole.mass)
     return tuple(
         Detached(part.mass, offset, u - common)
         for part, offset, u in zip(parts, offsets, speeds, strict=True)
     )
+
+
+def release(*parts: Detached) -> tuple[_Released, tuple[_Released, ...]]:
+    """What is left of a body that releases parts, and these parts, so that its momentum stays.
+
+    The mass of the whole is that of its state, so that more or less propellant may be left.
+
+    **Arguments**
+
+    - `parts`: one or more; their `offset` and `kick` are relative to what is left.
+
+    **Returns** the jump of what is left, `Phase.then`, and the `Mission.start` of each part.
+
+    **Raises** `InputError` without a part."""
+    if not parts:
+        raise InputError("release got no parts: there must be at least one.")
+    return _Released(parts), tuple(_Released(parts, number) for number in range(len(parts)))
+
+
+def _mean(masses: Sequence[Scalar], vectors: Sequence[Vector], whole: Scalar) -> Vector:
+    """sum m_i v_i / m."""
+    terms = [scale(mass / whole, v) for mass, v in zip(masses, vectors, strict=True)]
+    return functools.reduce(operator.add, terms)
 
 
 def spring_speed(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:

@@ -9,7 +9,13 @@ from ..core import InputError
 
 GOALS: dict[str, tuple[str, ...]] = {
     "scatter a mission and see what comes of it": ("kick_stage", "landing", "intercept"),
-    "fly a rocket to orbit": ("launch", "pad_to_orbit", "gravity_turn"),
+    "fly a rocket to orbit": (
+        "launch",
+        "gimballed_ascent",
+        "pad_to_orbit",
+        "booster_return",
+        "gravity_turn",
+    ),
     "follow an orbit": (
         "two_body",
         "explorer_7",

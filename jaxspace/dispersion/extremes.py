@@ -6,11 +6,12 @@
 
     symbol  meaning                                       unit
     q_k     quantity at the state k                       its own
-    s_k     its slope there per interval, of order four   its own
+    s_k     its slope there per interval                  its own
     u       time since the state over the interval        1
 
-The states lie evenly in time. The error is max |q''''| h^4 / 384 for a quantity that is smooth over
-an interval h; at a kink, and where the states are too few for an oscillation, it is of first order.
+The slopes are given, or differences of order four between states that lie evenly in time. The error
+is max |q''''| h^4 / 384 for a quantity that is smooth over an interval h; at a kink, and where the
+states are too few for an oscillation, it is of first order.
 Source: cubic Hermite interpolation, Hairer, Norsett and Wanner, Solving Ordinary Differential
 Equations I, II.6.
 """
@@ -38,7 +39,9 @@ class Extreme(NamedTuple):
 
 
 def greatest(
-    times: ArrayLike | Sequence[ArrayLike], values: ArrayLike | Sequence[ArrayLike]
+    times: ArrayLike | Sequence[ArrayLike],
+    values: ArrayLike | Sequence[ArrayLike],
+    slopes: ArrayLike | Sequence[ArrayLike] | None = None,
 ) -> Extreme:
     """The greatest value of a quantity along a run.
 
@@ -47,12 +50,14 @@ def greatest(
     - `times`: of the states of a phase, s, (times,) or (times, *runs), evenly from its start to its
       end; at least five. A list or tuple of them for several phases.
     - `values`: of the quantity there, (times, *runs); as many.
+    - `slopes`: rates of the quantity there, per second, as `values`. With them two states suffice,
+      which may lie anywhere in ascending order.
 
     **Returns** an `Extreme`; between the states by a cubic. Differentiable, except where two places
     compete.
 
     **Raises** `InputError` for fewer states, and for times that do not fit the values."""
-    result = [_of_phase(t, q) for t, q in _phases(times, values)]
+    result = [_of_phase(*phase) for phase in _phases(times, values, slopes)]
     value, time = result[0]
     for other in result[1:]:
         # The first of equal values is taken.
@@ -62,36 +67,44 @@ def greatest(
 
 
 def least(
-    times: ArrayLike | Sequence[ArrayLike], values: ArrayLike | Sequence[ArrayLike]
+    times: ArrayLike | Sequence[ArrayLike],
+    values: ArrayLike | Sequence[ArrayLike],
+    slopes: ArrayLike | Sequence[ArrayLike] | None = None,
 ) -> Extreme:
     """The least value of a quantity along a run.
 
     **Arguments**
 
-    - `times`, `values`: as in `greatest`.
+    - `times`, `values`, `slopes`: as in `greatest`.
 
     **Returns** an `Extreme`, as `greatest` does."""
-    pairs = _phases(times, values)
-    result = greatest([t for t, _ in pairs], [-q for _, q in pairs])
+    phases = _phases(times, values, slopes)
+    rates = None if slopes is None else [-s for _, _, s in phases if s is not None]
+    result = greatest([t for t, _, _ in phases], [-q for _, q, _ in phases], rates)
     return Extreme(-result.value, result.time)
 
 
-def _phases(times: Any, values: Any) -> list[tuple[Array, Array]]:
-    """Times and values of each phase, of one shape."""
+def _phases(times: Any, values: Any, slopes: Any) -> list[tuple[Array, Array, Array | None]]:
+    """Times, values and slopes of each phase, of one shape."""
     several = isinstance(times, list | tuple) and isinstance(values, list | tuple)
     pairs: list[Any] = list(zip(times, values, strict=True)) if several else [(times, values)]
+    rates: list[Any] = [None] * len(pairs)
+    if slopes is not None:
+        rates = list(slopes) if several else [slopes]
+    # Differences of order four need five states.
+    least = LEAST if slopes is None else 2
     checked = []
-    for pair in pairs:
+    for pair, s in zip(pairs, rates, strict=True):
         t, q = map(jnp.asarray, pair)
-        if q.ndim == 0 or q.shape[0] < LEAST:
+        if q.ndim == 0 or q.shape[0] < least:
             raise InputError(
-                f"values has the shape {q.shape}: an extreme needs {LEAST} states of a phase or "
+                f"values has the shape {q.shape}: an extreme needs {least} states of a phase or "
                 f"more (`Campaign.along`)."
             )
         if t.shape[:1] != q.shape[:1]:
             raise InputError(f"times has the shape {t.shape}: it must fit {q.shape} of values.")
         t = t.reshape(*t.shape, *(1,) * (q.ndim - t.ndim))
-        checked.append((jnp.broadcast_to(t, q.shape), q))
+        checked.append((jnp.broadcast_to(t, q.shape), q, s))
     return checked
 
 
@@ -109,13 +122,20 @@ def _slopes(q: Float[Array, " times *runs"]) -> Float[Array, " times *runs"]:
     return jnp.concatenate([jnp.stack([a, b]), inner, jnp.stack([-y, -z])])
 
 
-def _of_phase(t: Float[Array, " times *runs"], q: Float[Array, " times *runs"]) -> Extreme:
+def _of_phase(
+    t: Float[Array, " times *runs"],
+    q: Float[Array, " times *runs"],
+    rate: Float[Array, " times *runs"] | None,
+) -> Extreme:
     """The greatest value among the cubics between the states."""
-    s = _slopes(q)
     q_0 = q[:-1]
     q_1 = q[1:]
-    b = s[:-1]
-    s_1 = s[1:]
+    if rate is None:
+        s = _slopes(q)
+        b, s_1 = s[:-1], s[1:]
+    else:
+        h = t[1:] - t[:-1]
+        b, s_1 = h * rate[:-1], h * rate[1:]
     c, d = 3.0 * (q_1 - q_0) - 2.0 * b - s_1, 2.0 * (q_0 - q_1) + b + s_1
     square = c * c - 3.0 * b * d
     real = square > 0.0

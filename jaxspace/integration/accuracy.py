@@ -188,7 +188,7 @@ def state_dtype(y: PyTree) -> jnp.dtype:
                 f"y0 holds {leaf!r} of type {type(leaf).__name__}: it must hold arrays."
             )
     dtypes = {leaf.dtype for leaf in leaves}
-    if len(dtypes) != 1 or not jnp.issubdtype(*dtypes, jnp.floating):
+    if len(dtypes) != 1 or not jnp.issubdtype(next(iter(dtypes)), jnp.floating):
         raise InputError(
             f"y0 holds arrays of the types {sorted(map(str, dtypes))}: it must hold one "
             f"floating-point type."

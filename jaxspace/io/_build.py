@@ -1,6 +1,7 @@
 """Systems, missions and initial states from the values of a file, for one run or for many."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -8,18 +9,19 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from ..bodies import AbstractEffect, AbstractJump
+from ..bodies import AbstractEffect, AbstractJump, Detached
 from ..bodies.effects import with_parts
+from ..bodies.parting import release
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
-from ..scene.reading import read_effects
 from ..simulation import Event, Mission, Phase
-from ._checks import Parsed, needed_parts
+from ._checks import ROTATION, Parsed, needed_parts
 from ._control import controlled, end_of_loop
 from ._ends import condition_of
 from ._flight import build_flight
 from ._kinds import Value, Values
-from ._objects import Building, Runs, referred
+from ._lines import Leg, Line
+from ._objects import Building, Runs, at, referred
 from ._output_entries import state_of
 from ._value_kinds import Measure
 
@@ -48,7 +50,7 @@ def build_mission(
     effects = building.effects(file.active_effects())
     initial = build_state(file, building)
     # A constant mass is no part of the state, because every part is integrated.
-    if any("mass_rate" in reading.adds for reading in read_effects(effects.values(), body).effects):
+    if file.changes_mass:
         mass = runs.scalar(body.loaded_mass())
         initial = eqx.tree_at(lambda y: y.mass, initial, mass, is_leaf=lambda x: x is None)
     # Before the phases, because a part that one of them integrates is in the states of all.
@@ -57,18 +59,74 @@ def build_mission(
     if file.kind == "scene":
         scene = Scene(tuple(effects.values()), body, carry)
         return _one_phase(file, building, scene, seeds), initial
-    phases = []
-    start = 0.0
-    for number, phase in enumerate(values["phase"]):
-        active = {name: effects[name] for name in phase["effects"]}
-        until = _until(file, number, active, start, building)
+    making = _Making(file, building, effects, carry, seeds)
+    return making.mission(file.lines[0], 0.0), initial
+
+
+class _Making(NamedTuple):
+    """What the phases of a file are made of: its `effects` by name, and the parts of the state that
+    all of them `carry`."""
+
+    file: Parsed
+    building: Building
+    effects: dict[str, AbstractEffect]
+    carry: tuple[str, ...]
+    seeds: Array | None
+
+    def mission(
+        self, line: Line, start: Scalar, parting: Callable[[Scalar, State], State] | None = None
+    ) -> Mission:
+        """The mission of a line of phases, with its branches.
+
+        `start`: its time, s; `parting`: what makes its state from that of the whole."""
         # All phases carry the same parts, so that one state passes through all of them.
-        scene = Scene(tuple(active.values()), body, carry)
-        system = controlled(file, f"phase.{number}.control", building, scene, seeds)
-        phases.append(Phase(system, until, _jump(number, phase, building), phase["name"]))
-        # After an event the time is unknown before the run, so that known times cannot end a phase.
-        start = start + (0.0 if isinstance(until, Event) else until)
-    return Mission(phases), initial
+        lost = ROTATION if line in self.file.points else frozenset()
+        carry = tuple(part for part in self.carry if part not in lost)
+        phases = []
+        for leg in line.legs:
+            active = {name: self.effects[name] for name in leg.phase["effects"]}
+            until = _until(self.file, leg, active, start, self.building)
+            scene = Scene(tuple(active.values()), self.building.make(leg.body), carry)
+            path = f"{leg.path}.control"
+            system = controlled(self.file, path, self.building, scene, self.seeds)
+            # After an event the time is unknown before the run: known times cannot end a phase.
+            start = start + (0.0 if isinstance(until, Event) else until)
+            then, branches = self._end(leg, start)
+            phases.append(Phase(system, until, then, leg.phase["name"], branches))
+        return Mission(phases, parting, line.key or "mission")
+
+    def _end(
+        self, leg: Leg, end: Scalar
+    ) -> tuple[Callable[[Scalar, State], State] | None, tuple[Mission, ...]]:
+        """The jump at the end of a phase, at the time `end`, s, and the branches that leave
+        there."""
+        jump = _jump(leg, self.building)
+        lines = self.file.leaving(leg)
+        if not lines:
+            return jump, ()
+        rest, starts = release(*map(self._part, lines))
+        branches = []
+        for line, start in zip(lines, starts, strict=True):
+            start = start.as_point() if line in self.file.points else start
+            branches.append(self.mission(line, end, start))
+        return (rest if jump is None else _InTurn((rest, jump))), tuple(branches)
+
+    def _part(self, line: Line) -> Detached:
+        """What leaves as a branch."""
+        branch = at(self.building.values, line.path)
+        vectors = (self.building.runs.vector(branch[key]) for key in ("offset", "kick"))
+        return Detached(self.building.make(f"{line.path}.body").loaded_mass(), *vectors)
+
+
+class _InTurn(eqx.Module):
+    """Jumps one after the other."""
+
+    jumps: tuple[Callable[[Scalar, State], State], ...]
+
+    def __call__(self, t: Scalar, y: State) -> State:
+        for jump in self.jumps:
+            y = jump(t, y)
+        return y
 
 
 def _one_phase(
@@ -157,17 +215,16 @@ def _span(file: Parsed) -> float:
 
 
 def _until(
-    file: Parsed, number: int, active: dict[str, AbstractEffect], start: Scalar, building: Building
+    file: Parsed, leg: Leg, active: dict[str, AbstractEffect], start: Scalar, building: Building
 ) -> Scalar | Event:
-    """The duration of the phase of this number, s, or the event that ends it; `start` is its
-    time, s."""
-    phase, events = building.values["phase"][number], file.catalog.events
+    """The duration of a phase, s, or the event that ends it; `start` is its time, s."""
+    phase, events = at(building.values, leg.path), file.catalog.events
     until = phase["until"]
     name = condition_of(phase["until"])
     if until is None:
         return phase["duration"]
     if name is not None:
-        path = f"phase.{number}.until.{name}"
+        path = f"{leg.path}.until.{name}"
         condition = building.make(path, **referred(file.makers[path], active))
         return Event(condition, condition.direction, phase["within"])
     if until in events:
@@ -176,6 +233,6 @@ def _until(
     return getattr(known, until)() - start
 
 
-def _jump(number: int, phase: Values, building: Building) -> AbstractJump | None:
-    names = [name for name, table in phase["jump"].items() if table is not None]
-    return building.make(f"phase.{number}.jump.{names[0]}") if names else None
+def _jump(leg: Leg, building: Building) -> AbstractJump | None:
+    names = [name for name, table in leg.phase["jump"].items() if table is not None]
+    return building.make(f"{leg.path}.jump.{names[0]}") if names else None

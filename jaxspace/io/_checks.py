@@ -10,8 +10,9 @@ from ..core.quantities import REQUIRED
 from ..scene.reading import Reading, read_effects
 from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
-from ._errors import missing, wrong
+from ._errors import missing, unknown, wrong
 from ._kinds import Maker, Values
+from ._lines import Leg, Line, lines_of, phase_tables
 from ._objects import Building, Runs, at
 
 ROTATION = frozenset({"attitude", "omega"})
@@ -41,11 +42,46 @@ class Parsed:
         """For one run, of the numbers that the file gives."""
         return Building(self.values, self.makers, Runs())
 
-    def phases(self) -> list[Values]:
-        """The phases; a scene is a single one."""
+    @functools.cached_property
+    def lines(self) -> tuple[Line, ...]:
+        """The sequences of phases: that of the mission itself, then those of its branches. A scene
+        is a single phase."""
         if self.kind == "mission":
-            return self.values["phase"]
-        return [{"name": "scene", "effects": list(self.active_effects())}]
+            return lines_of(self.values)
+        scene = {"name": "scene", "effects": list(self.active_effects())}
+        return (Line("", "", (Leg(0, "scene", "", scene, "body"),), -1),)
+
+    @property
+    def legs(self) -> tuple[Leg, ...]:
+        """All phases, in the order of their numbers."""
+        return tuple(leg for line in self.lines for leg in line.legs)
+
+    def leaving(self, leg: Leg) -> tuple[Line, ...]:
+        """The branches that start at the end of a phase."""
+        return tuple(line for line in self.lines if line.after == leg.number)
+
+    def first_leg(self, place: int) -> int:
+        """The number of the phase that begins what ends at the place of an output; a system or a
+        flight begins with its first one."""
+        if place >= 0 or self.kind not in ("scene", "mission"):
+            return max(place, 0)
+        return self.lines[-1 - place].legs[0].number
+
+    def last_leg(self, place: int, count: int = 1) -> int:
+        """The number of the phase at whose end the place of an output is; a system or a flight, of
+        `count` phases, has its end at that of the last one."""
+        if place >= 0:
+            return place
+        mission = self.kind in ("scene", "mission")
+        return self.lines[-1 - place].legs[-1].number if mission else count - 1
+
+    def before(self, line: Line, leg: Leg) -> tuple[Leg, ...]:
+        """The phases that lead to a phase of a line, first to last."""
+        own = tuple(other for other in line.legs if other.number < leg.number)
+        if line.after < 0:
+            return own
+        last = self.legs[line.after]
+        return (*self.before(self.line_at(line.after), last), last, *own)
 
     def active_effects(self) -> tuple[str, ...]:
         """The effects that have a table."""
@@ -53,17 +89,21 @@ class Parsed:
         return tuple(name for name, table in tables.items() if table is not None)
 
     @functools.cached_property
-    def loses_mass(self) -> bool:
-        """Whether an effect changes the mass, which is then a part of the state."""
+    def changes_mass(self) -> bool:
+        """Whether an effect or a branch changes the mass, which is then a part of the state."""
         if self.kind in ("system", "flight"):
             return self.kind == "flight"
+        if len(self.lines) > 1:
+            return True
         building = self.building()
         effects = building.effects(self.active_effects()).values()
         result = read_effects(effects, building.make("body")).effects
         return any("mass_rate" in reading.adds for reading in result)
 
-    def parts(self) -> set[str]:
-        """The parts of the state that the file gives."""
+    def parts(self, line: Line | None = None) -> set[str]:
+        """The parts of the state that the file gives; those that are left in a branch."""
+        if line is not None and line in self.points:
+            return self.parts() - ROTATION
         # After its rail a rocket becomes a point under its parachutes, without an attitude.
         if self.kind == "flight":
             return set(TRANSLATION)
@@ -73,6 +113,21 @@ class Parsed:
         for key in given - result:
             result |= set(self.makers[f"initial.{key}"].make.initial.gives)
         return result
+
+    @functools.cached_property
+    def points(self) -> tuple[Line, ...]:
+        """The branches that fly as points: their bodies have no inertia."""
+        building = self.building()
+        return tuple(
+            line for line in self.lines[1:] if not building.make(f"{line.path}.body").has_inertia()
+        )
+
+    def line_at(self, place: int) -> Line:
+        """The sequence of phases of a place of an output: -1 - k is the end of the line of this
+        number, any other number is that of a phase."""
+        if place < 0:
+            return self.lines[-1 - place]
+        return next(line for line in self.lines if self.legs[place] in line.legs)
 
 
 def check_parsed(file: Parsed) -> list[str]:
@@ -89,11 +144,16 @@ def check_parsed(file: Parsed) -> list[str]:
         errors.append(wrong("times.end", times["end"], "another time than times.start"))
     if file.kind == "system" or errors:
         return errors
-    for number, phase in enumerate(file.phases()):
-        # Phase by phase, because an effect may need another one that acts in some phases only.
-        errors += effect_errors(phase["effects"], file)
-        if file.kind == "mission":
-            errors += phase_errors(number, phase, file)
+    if file.kind == "mission":
+        errors += name_errors(file) or branch_errors(file)
+    if errors:
+        return errors
+    for line in file.lines:
+        for leg in line.legs:
+            # Phase by phase, because an effect may need another one that acts in some phases only.
+            errors += effect_errors(line, leg, file)
+            if file.kind == "mission":
+                errors += phase_errors(line, leg, file)
     # Without repetitions, because an effect of several phases has the same error in each.
     return list(dict.fromkeys(errors))
 
@@ -181,8 +241,8 @@ def initial_errors(file: Parsed) -> list[str]:
         result.append(
             f"initial is empty: it must have some of {', '.join(file.values['initial'])}."
         )
-    if file.kind != "system" and not result and parts & ROTATION and not _body(file).has_inertia():
-        result.append(f"{_no_inertia(file)}; initial.attitude makes the body turn.")
+    if file.kind != "system" and not result and parts & ROTATION:
+        result += _turning_errors("body", file)
     return result
 
 
@@ -198,19 +258,29 @@ def needed_parts(maker: Maker) -> list[str]:
     ]
 
 
-def _body(file: Parsed) -> AbstractBody:
-    return file.building().make("body")
+def _turning_errors(path: str, file: Parsed) -> list[str]:
+    """The error for a body without inertia, at this path, in a state with an attitude."""
+    if file.building().make(path).has_inertia():
+        return []
+    return [f"{_no_inertia(path, file)}; initial.attitude makes the body turn."]
 
 
-def _no_inertia(file: Parsed) -> str:
-    entry = file.makers["body"].entries.get("inertia")
+def _no_inertia(path: str, file: Parsed) -> str:
+    entry = file.makers[path].entries.get("inertia")
     what = "a list of 3 entries" if entry is None else entry.kind.expected()
-    return missing("body.inertia", what).removesuffix(".")
+    return missing(f"{path}.inertia", what).removesuffix(".")
 
 
-def effect_errors(active: list[str], file: Parsed) -> list[str]:
-    """Errors for what effects that act together need and the file does not have."""
+def _no_mass(path: str, file: Parsed) -> str:
+    entries = file.makers[path].entries
+    key = "mass" if "mass" in entries else "propellant_mass"
+    return missing(f"{path}.{key}", entries[key].kind.expected()).removesuffix(".")
+
+
+def effect_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
+    """Errors for what the effects of a phase need and the file does not have."""
     result, whole = [], []
+    active = leg.phase["effects"]
     for name in active:
         others = {n: c for n, c in file.catalog.effects.items() if n != name}
         needs = f"the effect {name} needs another effect"
@@ -220,34 +290,34 @@ def effect_errors(active: list[str], file: Parsed) -> list[str]:
         whole += [] if errors else [name]
     building = file.building()
     effects = building.effects(whole)
-    body = building.make("body")
+    body = building.make(leg.body)
     try:
         readings = read_effects(effects.values(), body).effects
     except InputError as error:
         return [*result, str(error)]
+    parts = file.parts(line)
     for name, reading in zip(effects, readings, strict=True):
-        result += _unmet(name, reading, body, file)
+        result += _unmet(name, reading, leg.body, parts, file)
     return result
 
 
-def _unmet(name: str, reading: Reading, body: AbstractBody, file: Parsed) -> list[str]:
-    """Errors for parts that an effect reads or changes, and the file does not have."""
+def _unmet(name: str, reading: Reading, path: str, parts: set[str], file: Parsed) -> list[str]:
+    """Errors for what an effect reads or changes, and neither the body at the path nor the `parts`
+    of the state have."""
     result = []
+    body: AbstractBody = file.building().make(path)
     turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
     if turns and not body.has_inertia():
-        result.append(f"{_no_inertia(file)}; the effect {name} turns the body.")
+        result.append(f"{_no_inertia(path, file)}; the effect {name} turns the body.")
     # Gravity alone needs no mass, so that the mass is required only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in reading.adds or "mass" in reading.needs) and massless:
-        entries = file.makers["body"].entries
-        key = "mass" if "mass" in entries else "propellant_mass"
-        line = missing(f"body.{key}", entries[key].kind.expected()).removesuffix(".")
-        result.append(f"{line}; the effect {name} needs the mass of the body.")
+        result.append(f"{_no_mass(path, file)}; the effect {name} needs the mass of the body.")
     # What an effect adds has to be integrated, even where the effect does not read it.
     needed = reading.needs & (TRANSLATION | ROTATION)
     for added in reading.adds & set(CALLS_FOR):
         needed |= CALLS_FOR[added]
-    absent = sorted(needed - file.parts())
+    absent = sorted(needed - parts)
     return result + [_absent_part(part, f"the effect {name}") for part in absent]
 
 
@@ -270,18 +340,71 @@ def _absent_part(part: str, whose: str) -> str:
     return f"initial has no {part}: {whose} needs it."
 
 
-def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
-    """Errors of a phase as a whole."""
-    key = f"phase.{number}"
+def name_errors(file: Parsed) -> list[str]:
+    """Errors for phases of one name, by which outputs and branches refer to them."""
     result = []
-    phases = file.values["phase"]
-    parts = file.parts()
+    seen: set[tuple[str, str]] = set()
+    for path, phase in phase_tables(file.values).items():
+        name = (path.rpartition(".")[0], phase["name"])
+        if name in seen:
+            what = "another name than that of an earlier phase"
+            result.append(wrong(f"{path}.name", phase["name"], what))
+        seen.add(name)
+    return result
+
+
+def branch_errors(file: Parsed) -> list[str]:
+    """Errors of the branches, by which what follows makes no sense."""
+    result = []
+    known = {line.key: line for line in file.lines}
+    for key, branch in file.values["branch"].items():
+        if key in known:
+            continue
+        # Not those of its own, after which it cannot start.
+        names = [leg.name for leg in file.legs]
+        where = f'branch.{key}.after = "{branch["after"]}"'
+        result.append(unknown(where, branch["after"], names, "phase"))
+    if result:
+        return result
+    for line in file.lines[1:]:
+        leg = file.legs[line.after]
+        whole = file.line_at(line.after)
+        names = {other.phase["name"] for other in whole.legs}
+        taken = {name.partition(".")[0] for name in names} | {"final", "run"}
+        if line.key in taken:
+            what = f"another name than {', '.join(sorted(taken))}"
+            result.append(wrong("branch", line.key, what))
+        if leg == whole.legs[-1]:
+            what = "a phase that another one follows, which takes what is left"
+            result.append(wrong(f"{line.path}.after", leg.name, what))
+        for path in ("body", f"{line.path}.body"):
+            if file.building().make(path).loaded_mass() is None:
+                result.append(f"{_no_mass(path, file)}; {line.path} takes its share of it.")
+    return result or [error for leg in file.legs for error in _mass_errors(leg, file)]
+
+
+def _mass_errors(leg: Leg, file: Parsed) -> list[str]:
+    """The error for branches that leave at the end of a phase with more mass than there is."""
+    building = file.building()
+    paths = [line.path for line in file.leaving(leg)]
+    given = sum(float(building.make(f"{path}.body").loaded_mass()) for path in paths)
+    # Unknown where the state alone says what is left of a stage.
+    whole = building.make(leg.body).loaded_mass()
+    if whole is None or given < whole:
+        return []
+    what = f"{given:g} kg leave as {' and '.join(paths)}"
+    return [f"{what}: they must be less than the {float(whole):g} kg of {leg.body}."]
+
+
+def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
+    """Errors of a phase as a whole."""
+    key, phase = leg.path, leg.phase
+    result = []
+    parts = file.parts(line)
     until = phase["until"]
-    # Outputs refer to phases by name, so that the names must differ.
-    if [p["name"] for p in phases].index(phase["name"]) < number:
-        result.append(
-            wrong(f"{key}.name", phase["name"], "another name than that of an earlier phase")
-        )
+    # A branch without inertia is a point, and has no attitude.
+    if phase["body"] is not None and parts & ROTATION:
+        result += _turning_errors(leg.body, file)
     if (phase["duration"] is None) == (until is None):
         ends = end_kind(file.catalog).expected()
         result.append(f"{key} must have either duration, a time, or until, {ends}.")
@@ -302,7 +425,7 @@ def phase_errors(number: int, phase: Values, file: Parsed) -> list[str]:
         if not any(until in file.catalog.known_times(name) for name in phase["effects"]):
             what = "another end: no effect of this phase has that time"
             result.append(wrong(f"{key}.until", until, what))
-        if any(is_event(p["until"], file.catalog) for p in phases[:number]):
+        if any(is_event(x.phase["until"], file.catalog) for x in file.before(line, leg)):
             what = "a duration: after a phase that ends at an event the time is not known"
             result.append(wrong(f"{key}.until", until, what))
     jumps = [name for name, table in phase["jump"].items() if table is not None]

@@ -24,6 +24,7 @@ from ._checks import Parsed
 from ._ends import is_event
 from ._errors import wrong
 from ._kinds import Entry, Maker, Values
+from ._lines import phase_tables
 from ._objects import Building, entry_of
 from ._table_kinds import Object, Table
 from ._value_kinds import Number, OneName, Whole
@@ -101,8 +102,8 @@ def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
 def controls(values: Values) -> dict[str, Values]:
     """The tables of control by their paths: that of a scene, or those of phases."""
     result = {"control": values.get("control")}
-    for number, phase in enumerate(values.get("phase") or ()):
-        result[f"phase.{number}.control"] = phase["control"]
+    for key, phase in phase_tables(values).items():
+        result[f"{key}.control"] = phase["control"]
     return {path: control for path, control in result.items() if control is not None}
 
 
@@ -146,7 +147,9 @@ def controlled(
             limit=control["limit"],
             quantum=control["quantum"],
             steps=control["steps"],
-            key=_key(control["seed"], path, seeds) if is_noisy(file.values) else None,
+            key=_key(control["seed"], _number(file, path), seeds)
+            if is_noisy(file.values)
+            else None,
             longest=float(longest),
         )
     # The class names its field; the author of a file looks for its table.
@@ -163,10 +166,14 @@ def end_of_loop(file: Parsed, span: float) -> float | Event:
     return Event(condition, condition.event.direction, span)
 
 
-def _key(seed: int, path: str, seeds: Array | None) -> Array:
+def _number(file: Parsed, path: str) -> int:
+    """The number of the phase whose table of control is at the path; 0 for that of a scene."""
+    return [*phase_tables(file.values), "control"].index(path.removesuffix(".control"))
+
+
+def _key(seed: int, phase: int, seeds: Array | None) -> Array:
     """The key of the noise of a phase, or one of each run."""
     # The number of the phase is folded in, so that no phase repeats the noise of another.
-    phase = int(path.split(".")[1]) if path.startswith("phase") else 0
     key = jax.random.fold_in(jax.random.key(seed), phase)
     if seeds is None:
         return key
@@ -177,8 +184,7 @@ def _key(seed: int, path: str, seeds: Array | None) -> Array:
 
 def _phase_of(values: Values, path: str) -> Values | None:
     """The phase whose table of control is at the path; `None` for that of a scene."""
-    parts = path.split(".")
-    return values["phase"][int(parts[1])] if parts[0] == "phase" else None
+    return phase_tables(values).get(path.removesuffix(".control"))
 
 
 def _named(table: Values) -> list[str]:

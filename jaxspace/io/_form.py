@@ -3,7 +3,8 @@
     kind       tables
     system     [system], [planet], [initial], [times]               a system by its name
     scene      [planet], [body], [effects.*], [initial], [times]    a body and what acts on it
-    mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects
+    mission    [planet], [body], [effects.*], [initial], [[phase]]  phases, each with its effects,
+               [branch.*]                                           and parts that leave after one
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
@@ -28,9 +29,9 @@ from ._ends import end_kind
 from ._errors import missing, unknown, wrong
 from ._flight import flight_entries
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
-from ._objects import function_way
+from ._objects import entry_of, function_way
 from ._optimize_table import optimize_table
-from ._table_kinds import AnyTable, Object, Table
+from ._table_kinds import AnyTable, NamedTables, Object, Table
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission", "flight")
@@ -141,23 +142,31 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
                 **dispersion,
             }
         )
-    bodies = tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways)
+    bodies = bodies_kind(catalog)
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
     tables = {
-        "body": Entry(Object(bodies), {}, doc="mass properties"),
+        "body": Entry(bodies, {}, doc="mass properties"),
         # A body without any effect moves freely, which is a scene as well.
         "effects": Entry(Table(effects, catalog.refused), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
     ending = {
-        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other")
+        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other"),
+        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="parts that leave, by name"),
     }
+    refused = {}
     if kind == "scene":
+        refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
         ending = {
             "times": Entry(TIMES, doc="from when to when"),
             "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
         }
-    return Table({**common, **tables, **ending, **dispersion})
+    return Table({**common, **tables, **ending, **dispersion}, refused)
+
+
+def bodies_kind(catalog: Catalog) -> Object:
+    """How a file gives the mass properties of a body."""
+    return Object(tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways))
 
 
 def _named(name: str, kind: Object) -> Object:
@@ -240,6 +249,28 @@ def _phase(catalog: Catalog) -> Table:
             "within": Entry(DURATION, None, doc="how long to wait for the event"),
             "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
             "control": Entry(control_kind(catalog, True), None, doc="what acts at samples"),
+            "body": Entry(
+                bodies_kind(catalog), None, doc="mass properties from this phase on, if others"
+            ),
+        }
+    )
+
+
+def branch_table(catalog: Catalog) -> Table:
+    """The table of a branch: a part that leaves, and its phases."""
+
+    def vector(unit: str, doc: str) -> Entry:
+        return entry_of(argument(unit, shape=(3,), default=(0.0, 0.0, 0.0), doc=doc))
+
+    return Table(
+        {
+            "after": Entry(Text(), doc="the phase at whose end it leaves, by its name"),
+            "body": Entry(
+                bodies_kind(catalog), doc="its mass properties; without inertia it is a point"
+            ),
+            "offset": vector("m", "of its centre of mass from that of what is left, in body axes"),
+            "kick": vector("m/s", "its velocity relative to what is left, in body axes"),
+            "phase": Entry(ListOf(_phase(catalog), least=1), doc="its phases, as [[phase]]"),
         }
     )
 

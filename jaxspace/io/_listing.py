@@ -12,7 +12,7 @@ from ..core.quantities import REQUIRED
 from ..vehicles import LaunchSite
 from ._catalog import Catalog, catalog, output_methods
 from ._flight import CLASSES, SITE, flight_kinds
-from ._form import form_of, initial_kind, initial_ways, method_kind
+from ._form import branch_table, form_of, initial_kind, initial_ways, method_kind
 from ._kinds import Entry, Kind, Schema
 from ._table_kinds import Object, Table
 from ._value_kinds import FilePath, ListOf, Number, OneName
@@ -61,6 +61,7 @@ def listing(
         ("effects", _classes(known.kinds, known.effects)),
         ("initial states of a body", _initials(known)),
         ("jumps", _classes(known.kinds, known.jumps)),
+        ("branches of a mission", _branch(known)),
         ("events", _events(known) + _times(known)),
         ("outputs", _functions(known.outputs, "output") + _methods(known)),
         ("controllers", _classes(known.kinds, known.controllers)),
@@ -182,6 +183,15 @@ def _initials(known: Catalog) -> list[str]:
         lines.append(f"  {key}")
         lines += _ways(Object(tuple(ways)))
     return lines
+
+
+def _branch(known: Catalog) -> list[str]:
+    entries = branch_table(known).entries
+    # Its body and its phases have the keys of those of the mission.
+    keys = [
+        f"    {key}{_unit(entry)}: {entry.doc}{_default(entry)}" for key, entry in entries.items()
+    ]
+    return ["  branch.NAME: A part that leaves the mission, and goes on by itself", *keys]
 
 
 def _functions(group: Mapping[str, object], mark: str) -> list[str]:

@@ -170,9 +170,12 @@ def _with_empty_tables(data: Values, known: Catalog) -> Values:
 
 def _named_effects(data: Values) -> list[str]:
     """The effects that have a table, or that a phase names."""
-    effects, phases = data.get("effects", {}), data.get("phase", [])
+    effects, branches = data.get("effects", {}), data.get("branch", {})
+    owners = [data, *(branches.values() if isinstance(branches, Mapping) else ())]
+    lists = [owner.get("phase") for owner in owners if isinstance(owner, Mapping)]
     active = [
         e
+        for phases in lists
         for p in (phases if isinstance(phases, list) else [])
         if isinstance(p, Mapping) and isinstance(p.get("effects"), list)
         for e in p["effects"]

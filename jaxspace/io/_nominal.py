@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from ..control import LoopRun
 from ..core import State
 from ..simulation import MissionTrajectory, Trajectory
-from ._outputs import BEGAN, Outputs, OutputSpec, first_state
+from ._outputs import BEGAN, Curve, Outputs, OutputSpec, first_state, line_ends
 
 
 def outputs_of(
@@ -23,7 +23,7 @@ def outputs_of(
         return {}
     if isinstance(nominal, MissionTrajectory):
         states = nominal_states(nominal)
-        ends = {-1: nominal.end, **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
+        ends = {**line_ends(nominal)[1], **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
     else:
         states = {-1: _with_run(nominal.final)}
         ends = {-1: nominal.ts[-1]}
@@ -31,9 +31,9 @@ def outputs_of(
     ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}
-    curves = {k: _with_run((phases[k].ts, phases[k].states)) for k in along}
+    curves = {k: _with_run(Curve(phases[k].ts, phases[k].states)) for k in along}
     began = {
-        spec.at: first_state(_with_run(phases[max(spec.at, 0)].states))
+        spec.at: first_state(_with_run(phases[outputs.file.parsed.first_leg(spec.at)].states))
         for spec in specs
         if BEGAN in spec.arguments()
     }
@@ -44,8 +44,9 @@ def outputs_of(
 
 
 def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
-    """The states of the nominal run by phase (-1: the end), with an axis of one run."""
-    states = {-1: nominal.final, **{k: p.final for k, p in enumerate(nominal.phases)}}
+    """The states of the nominal run by phase, and at its ends (`line_ends`), with an axis of one
+    run."""
+    states = {**line_ends(nominal)[0], **{k: p.final for k, p in enumerate(nominal.phases)}}
     return _with_run(states)
 
 

@@ -8,6 +8,8 @@ maximise = "final.mass"                         or minimise; an output as in [di
 [[optimize.constraint]]
 output = "periapsis_altitude"
 at_least = "185 km"                             or at_most, or equal
+
+`circular_orbit = "300 km"` stands for the three constraints of a circle of that altitude.
 """
 
 from collections.abc import Mapping
@@ -19,6 +21,7 @@ from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
+from ._objects import at
 from ._output_entries import read_output, unit_of
 from ._outputs import BEGAN, OutputSpec, needs_nominal
 from ._table_kinds import AnyTable, Table
@@ -28,6 +31,7 @@ from .units import WrittenUnits, in_unit, read_number
 GOALS = ("minimise", "maximise")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
+ALTITUDE = Number(argument("m", fixed=True, doc="altitude"))
 
 
 class Free(NamedTuple):
@@ -103,6 +107,9 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
             "constraint": Entry(
                 ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."
             ),
+            "circular_orbit": Entry(
+                ALTITUDE, None, doc="altitude of a circular orbit in which the mission ends"
+            ),
             # The intervals between the breaks of a phase share its steps.
             "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
             "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
@@ -130,6 +137,10 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
             demands += _demands(f"optimize.constraint.{number}", entry, file, units)
         except ValueError as error:
             errors.append(str(error))
+    try:
+        demands += _circle(file, units)
+    except ValueError as error:
+        errors.append(str(error))
     free, more = _free(table["free"], file, units)
     errors += more
     if errors or objective is None:
@@ -141,8 +152,6 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
     # Left out, because on an output the same keys are requirements of a campaign.
     values = {k: x for k, x in entry.items() if k not in LIMITS}
     spec = read_output(key, values, file, units)
-    if spec.take:
-        raise ValueError(f"{key}.take: a search sees the ends of phases alone, and no extreme.")
     if needs_nominal((spec,)) or "initial" in spec.arguments():
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
     if BEGAN in spec.arguments():
@@ -161,6 +170,20 @@ def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[
             except ValueError as error:
                 raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
     return result
+
+
+def _circle(file: Parsed, units: WrittenUnits) -> list[Demand]:
+    """The constraints of a circular orbit at the end, where the table asks for one."""
+    height = file.values["optimize"]["circular_orbit"]
+    if height is None:
+        return []
+    key = "optimize.circular_orbit"
+    radius = at(file.values, "planet.radius")
+    if radius is None:
+        raise ValueError(missing("planet.radius", f"a length, from which {key} counts"))
+    targets = {"altitude": height, "radial_speed": 0.0, "semi_major_axis": radius + height}
+    entries = [{"output": name, "equal": float(x)} for name, x in targets.items()]
+    return [demand for entry in entries for demand in _demands(key, entry, file, units)]
 
 
 def _free(

@@ -17,7 +17,7 @@ from ._build import replaced
 from ._inputs import measures
 from ._optimize_table import OWN_TABLES, Task
 from ._optimum_file import with_numbers
-from ._outputs import OutputSpec
+from ._outputs import Curve, OutputSpec, line_ends
 from ._search_task import criterion, failed_phase, values_of
 
 # Allowed relative error of an output by the steps of the search: far below the needs of a first
@@ -170,11 +170,14 @@ class Optimum:
 
     def confirmed(self, run: MissionTrajectory, file: Any) -> tuple[float, ...]:
         """Objective and constraints, SI, of a `run` of the `file` of the optimum, as
-        `SceneFile.nominal_mission` returns it."""
-        states = {-1: run.final, **{k: p.final for k, p in enumerate(run.phases)}}
-        ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
+        `SceneFile.nominal_mission` returns it; for extremes with five samples or more."""
+        states, ends = line_ends(run)
+        states |= {k: p.final for k, p in enumerate(run.phases)}
+        ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
         numbers = replaced(file.values, {})
-        return tuple(float(x) for x in values_of(file, numbers, self._specs, states, ends))
+        along = {k for spec in self._specs for k in spec.phases}
+        curves = {k: Curve(run.phases[k].ts, run.phases[k].states) for k in along}
+        return tuple(float(x) for x in values_of(file, numbers, self._specs, states, ends, curves))
 
     def checked(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
         """The optimum with its `warning`, after the `run` of its file.

@@ -1,7 +1,7 @@
 """The outputs of a file: names of declared functions, methods of effects and paths, and the places
 along the run at which they are taken."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..bodies import BodyState
@@ -80,11 +80,14 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
     name = entry["output"]
     catalog = file.catalog.outputs
     places = _places(file, take)
+    # A path is tried before a name, because no declared function has a dot in its name. The longest
+    # place first: that of a branch has one, too.
+    for place in sorted(places, key=len, reverse=True):
+        if name.startswith(f"{place}."):
+            path = tuple(name.removeprefix(f"{place}.").split("."))
+            unit = _unit_of_path(f"{key} = {name}", path, places[place], file)
+            return _What(places[place], unit, None, path)
     head, dot, rest = name.partition(".")
-    # A path is tried before a name, because no declared function has a dot in its name.
-    if dot and head in places:
-        path = tuple(rest.split("."))
-        return _What(places[head], _unit_of_path(f"{key} = {name}", path, file), None, path)
     if dot and head == FINAL:
         raise ValueError(f"{key} = {name}: an extreme is taken along {RUN}, or along a phase.")
     if dot and head == RUN:
@@ -92,16 +95,23 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
     methods = _methods_of(head, file)
     if name not in catalog and rest not in methods:
         expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
-        raise ValueError(wrong(key, name, expected) + hint(name, [*catalog, *_methods(file)]))
+        near = [*catalog, *_methods(file), *_paths_like(name, places)]
+        raise ValueError(wrong(key, name, expected) + hint(name, near))
     where = entry.get("at", RUN if take else FINAL)
     if where not in places:
         raise ValueError(unknown(f"{key}.at", where, places, "phase"))
     function = methods[rest] if rest in methods else catalog[name]
-    for error in _lacking(name, function, file):
+    for error in _lacking(name, function, file, places[where]):
         raise ValueError(error)
     if take and NOMINAL in arguments_of(function):
         raise ValueError(f"{key}: {name} compares with the nominal run, which has no extreme.")
     return _What(places[where], function.output.unit, function, (), head if rest in methods else "")
+
+
+def _paths_like(name: str, places: Iterable[str]) -> list[str]:
+    """The path `name` with each of the places in front of its part of the state."""
+    steps = name.split(".")
+    return [".".join([place, *steps[place.count(".") + 1 :]]) for place in places]
 
 
 def _one_of() -> str:
@@ -124,7 +134,12 @@ def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
     """The numbers of the phases along which an extreme is sought: those in which the effect acts,
     if it is of one. Raises `ValueError` where there are none."""
     active = [phase["effects"] for phase in _phases(file)]
-    every = range(max(len(active), 1)) if found.at < 0 else [found.at]
+    every = [found.at]
+    if found.at < 0:
+        # Along the branch alone, or along the mission without its branches.
+        own = file.kind == "mission"
+        legs = [leg.number for leg in file.line_at(found.at).legs] if own else range(len(active))
+        every = legs or [0]
     phases = [k for k in every if not active or not found.effect or found.effect in active[k]]
     if not phases:
         raise ValueError(f"{what}: {found.effect} does not act in this phase.")
@@ -145,21 +160,27 @@ def unit_of(spec: OutputSpec, file: Parsed) -> str:
     """The unit of an output in SI."""
     if spec.function is not None:
         return spec.function.output.unit
-    return _unit_of_path(spec.name, spec.path, file)
+    return _unit_of_path(spec.name, spec.path, spec.at, file)
 
 
 def _places(file: Parsed, take: str = "") -> dict[str, int]:
     """The places at which an output can be taken: the end, or the end of a phase before its jump;
-    an extreme along the whole run, or along a phase."""
-    phases = _phases(file)
-    return {RUN if take else FINAL: -1, **{phase["name"]: k for k, phase in enumerate(phases)}}
+    an extreme along the whole run, or along a phase. Those of a branch have its name before
+    theirs."""
+    whole = RUN if take else FINAL
+    ends = {whole: -1}
+    if file.kind == "mission":
+        ends = {line.place(whole): -1 - k for k, line in enumerate(file.lines)}
+    return {**ends, **{phase["name"]: k for k, phase in enumerate(_phases(file))}}
 
 
 def _phases(file: Parsed) -> list[Values]:
     """The phases of a file, with the effects that can have outputs in each."""
     if file.kind == "flight":
         return [{"name": name, "effects": []} for name in phases_of_flight(file)]
-    return file.values.get("phase", [])
+    if file.kind != "mission":
+        return []
+    return [{"name": leg.name, "effects": leg.phase["effects"]} for leg in file.legs]
 
 
 def state_of(file: Parsed) -> type:
@@ -169,19 +190,20 @@ def state_of(file: Parsed) -> type:
     return state_class(file.catalog.systems[file.values["system"]["name"]])
 
 
-def given_parts(file: Parsed) -> set[str]:
-    """The parts of the states of a run of the file."""
+def given_parts(file: Parsed, place: int = -1) -> set[str]:
+    """The parts of the states of a run of the file, at the place of an output."""
     cls = state_of(file)
     if cls is not BodyState or "initial" in file.makers:
         parts = set(quantities(cls))
         # A system's own maker of states says nothing about the parts; a body's are those of it.
         return parts if cls is not BodyState else {"attitude", "omega"}
-    return file.parts() | ({"mass"} if file.loses_mass else set())
+    line = file.line_at(place) if file.kind == "mission" else None
+    return file.parts(line) | ({"mass"} if file.changes_mass else set())
 
 
-def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
+def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> str:
     declared = quantities(state_of(file))
-    parts = given_parts(file)
+    parts = given_parts(file, place)
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]
@@ -198,9 +220,9 @@ def _unit_of_path(key: str, path: tuple[str, ...], file: Parsed) -> str:
     return quantity.unit
 
 
-def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
-    """Errors for what an output needs and the file does not have."""
-    parts = given_parts(file)
+def _lacking(name: str, function: OutputFunction, file: Parsed, place: int = -1) -> list[str]:
+    """Errors for what an output needs and the file does not have at that place."""
+    parts = given_parts(file, place)
     shared = function.output.shared
     result = []
     for argument in arguments_of(function):
@@ -209,8 +231,8 @@ def _lacking(name: str, function: OutputFunction, file: Parsed) -> list[str]:
                 result.append(f"{shared[argument]} is missing: the output {name} needs it.")
         elif argument == "initial" and file.kind == "flight":
             result.append(f"A flight has no [initial]: the output {name} needs one.")
-        elif argument == "body" and file.kind == "system":
-            result.append(f"A system has no body: the output {name} needs one.")
+        elif argument in ("body", "scene") and file.kind == "system":
+            result.append(f"A system has no {argument}: the output {name} needs one.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:
             result.append(f"initial has no {argument}: the output {name} needs it.")
     return result
@@ -224,6 +246,8 @@ def applicable_outputs(file: Parsed, units: WrittenUnits) -> tuple[OutputSpec, .
         compares = {NOMINAL, "initial"} & set(arguments_of(function))
         # Over flat ground the origin is no centre.
         compares |= {name} & set(ABOUT_A_CENTRE) if file.kind == "flight" else set()
+        # What a body feels is of interest along a run, and takes a trace of all loads.
+        compares |= {"scene"} & set(arguments_of(function))
         if not compares and not _lacking(name, function, file):
             si = function.output.unit
             unit = units.of(name, si)

@@ -3,7 +3,8 @@ along it.
 
 An output is a declared function of a state (`jaxspace.core.output`), a declared method of an effect
 (`drag.dynamic_pressure`), or the path of a number of the state, `final.omega.2`, in which the name
-of a phase may stand for `final`, and `run` for the whole run."""
+of a phase may stand for `final`, and `run` for the whole run. The places of a branch have its name
+before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import inspect
 from collections.abc import Callable, Mapping
@@ -16,7 +17,8 @@ from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
 from ..dispersion.extremes import greatest, least
-from ..simulation import MissionResult
+from ..simulation import CompactRun, MissionResult
+from ..simulation.mission_result import AbstractMissionResult
 from ._catalog import OutputFunction
 from ._kinds import Values
 from ._objects import at
@@ -24,15 +26,25 @@ from ._objects import at
 FINAL = "final"
 NOMINAL = "nominal"
 BEGAN = "began"
-SPECIAL = ("self", "y", "t", "body", "initial", BEGAN, NOMINAL)
+SPECIAL = ("self", "y", "t", "body", "scene", "initial", BEGAN, NOMINAL)
 
-Curves: TypeAlias = Mapping[int, tuple[Array, State]]
-"""By the number of a phase its times and states, runs last."""
+
+class Curve(NamedTuple):
+    """The times and the states of a phase, runs last, and their rates where they are known."""
+
+    times: Array
+    states: State
+    rates: State | None = None
+
+
+Curves: TypeAlias = Mapping[int, Curve]
+"""The curves along phases by their numbers."""
 
 
 class OutputSpec(NamedTuple):
-    """One output: its `name`, the phase at whose end it is taken (`at`, -1 for the last one), its
-    `unit`, and the `factor` from SI to this unit.
+    """One output: its `name`, the phase at whose end it is taken (`at`), its `unit`, and the
+    `factor` from SI to this unit. The end of the mission is at -1, those of its branches, in their
+    order, at -2, -3 and so on.
 
     - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
     - `shared`: entries of the file for arguments of the function.
@@ -94,18 +106,18 @@ class Outputs(eqx.Module):
         return Outputs(self.file, given, self.values, self.reference) if given else None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
-        states, ends = {-1: result.final}, {-1: result.end}
+        states, ends = line_ends(result)
         began, curves = {}, {}
         for spec in self.specs:
             if BEGAN in spec.arguments():
-                # The whole run began with its first phase.
-                began[spec.at] = first_state(result.phases[max(spec.at, 0)].states)
+                first = self.file.parsed.first_leg(spec.at)
+                began[spec.at] = first_state(result.phases[first].states)
             # Only requested phases, because the compiled program does not save the states of
             # others.
             if spec.at >= 0:
                 states[spec.at] = last_state(result.phases[spec.at].states)
                 ends[spec.at] = result.phases[spec.at].ts[-1]
-            curves |= {k: (result.phases[k].ts, result.phases[k].states) for k in spec.phases}
+            curves |= {k: Curve(result.phases[k].ts, result.phases[k].states) for k in spec.phases}
         return self.numbers(states, ends, samples, curves, began)
 
     def numbers(
@@ -131,7 +143,8 @@ class Outputs(eqx.Module):
                 value = self._extreme(spec, curves or {}, samples, runs, began or {})
             else:
                 end = ends[spec.at]
-                value = self._value(spec, states[spec.at], end, samples, runs, began or {})
+                y = states[spec.at]
+                value = self._value(spec, spec.at, y, end, samples, runs, began or {})
             # An output of shared numbers alone has no axis of runs, which the store needs.
             result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return result
@@ -144,25 +157,41 @@ class Outputs(eqx.Module):
         runs: int,
         began: dict[int, State],
     ) -> Array:
-        def one(t: Scalar, y: State) -> Array:
-            return jnp.broadcast_to(self._value(spec, y, t, samples, runs, began), (runs,))
+        times, values, slopes = [], [], []
+        for k in spec.phases:
 
-        times = [curves[k][0] for k in spec.phases]
-        # Mapped over the times, which are before the axis of runs.
-        along = [jax.vmap(one, in_axes=(0, -2))(*curves[k]) for k in spec.phases]
-        result = (greatest if spec.take.endswith("greatest") else least)(times, along)
+            def one(t: Scalar, y: State, k: int = k) -> Array:
+                value = self._value(spec, k, y, t, samples, runs, began)
+                return jnp.broadcast_to(value, (runs,))
+
+            def moving(t: Scalar, y: State, rate: State, one: Any = one) -> tuple[Array, Array]:
+                return jax.jvp(one, (t, y), (jnp.ones_like(t), rate))
+
+            curve = curves[k]
+            times.append(curve.times)
+            # Mapped over the times, which are before the axis of runs.
+            if curve.rates is None:
+                values.append(jax.vmap(one, in_axes=(0, -2))(curve.times, curve.states))
+            else:
+                q, s = jax.vmap(moving, in_axes=(0, -2, -2))(*curve)
+                values.append(q)
+                slopes.append(s)
+        extreme = greatest if spec.take.endswith("greatest") else least
+        result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
 
     def _value(
         self,
         spec: OutputSpec,
+        place: int,
         y: State,
         t: Scalar,
         samples: dict[str, Array],
         runs: int,
         began: dict[int, State],
     ) -> Array:
-        """The output of the state `y` at the time `t`."""
+        """The output of the state `y` at the time `t`, at a place: the number of a phase, or that
+        of an end as `OutputSpec.at`."""
         if spec.function is None:
             return at_path(y, spec.path)
         arguments = {}
@@ -177,7 +206,9 @@ class Outputs(eqx.Module):
             elif name == "t":
                 arguments[name] = t
             elif name == "body":
-                arguments[name] = self.file.body(self.values, samples, runs)
+                arguments[name] = self.file.body(self.values, samples, runs, place)
+            elif name == "scene":
+                arguments[name] = self.file.scene(self.values, samples, runs, place)
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
             elif name == BEGAN:
@@ -217,6 +248,15 @@ class MoreOutputs(eqx.Module):
                     f"name."
                 )
         return {**own, **given}
+
+
+def line_ends(
+    result: AbstractMissionResult | CompactRun,
+) -> tuple[dict[int, State], dict[int, Array]]:
+    """States and times, s, at the end of a mission, at -1, and of its branches."""
+    ends = [(result.final, result.end), *((b.final, b.end) for b in result.branches)]
+    states = {-1 - k: state for k, (state, _) in enumerate(ends)}
+    return states, {-1 - k: time for k, (_, time) in enumerate(ends)}
 
 
 def last_state(states: State) -> State:

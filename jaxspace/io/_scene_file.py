@@ -29,6 +29,7 @@ from ..simulation import (
     simulate_mission,
 )
 from ..simulation.either import run_either
+from ..simulation.legs import legs_of
 from ..vehicles import LaunchSite
 from ._build import build_mission, build_state, replaced
 from ._checks import Parsed
@@ -162,7 +163,8 @@ class SceneFile:
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
-        return {p.name: p.moving for p in self.mission.phases if isinstance(p.moving, Scene)}
+        phases = {leg.name: leg.phase.moving for leg in legs_of(self.mission)[0]}
+        return {name: moving for name, moving in phases.items() if isinstance(moving, Scene)}
 
     @functools.cached_property
     def site(self) -> LaunchSite | None:
@@ -379,10 +381,23 @@ class SceneFile:
         si = unit_of(spec, self.parsed)
         return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
-    def body(self, values: Values, samples: Mapping[str, Array], runs: int) -> AbstractBody:
-        """The body, from the numbers of the file and those of `runs` runs in `samples`."""
+    def body(
+        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
+    ) -> AbstractBody:
+        """The body at the `place` of an output (`Parsed.line_at`), from the numbers of the file and
+        those of `runs` runs in `samples`."""
         building = self._building(self.replaced(values, samples), Runs(runs))
-        return building.make("vehicle").body if self.kind == "flight" else building.make("body")
+        if self.kind == "flight":
+            return building.make("vehicle").body
+        return building.make(self.parsed.legs[self.parsed.last_leg(place)].body)
+
+    def scene(
+        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
+    ) -> AbstractSystem:
+        """What moves at the `place` of an output; arguments as of `body`."""
+        numbers = self.replaced(values, samples)
+        legs, _ = legs_of(build_mission(self.parsed, numbers, Runs(runs))[0])
+        return legs[self.parsed.last_leg(place, len(legs))].phase.moving
 
     def effect(
         self, name: str, values: Values, samples: Mapping[str, Array], runs: int

@@ -9,13 +9,14 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import State
+from ..core import AbstractSystem, State
 from ..optimization import Criterion
-from ..simulation import MissionTrajectory, Status, simulate_compact
+from ..simulation import CompactRun, MissionTrajectory, Status, simulate_compact
+from ..simulation.legs import legs_of
 from ._build import build_mission, replaced
 from ._objects import Runs
 from ._optimize_table import Demand, Task
-from ._outputs import Outputs, OutputSpec
+from ._outputs import Curve, Curves, Outputs, OutputSpec, line_ends
 
 
 def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
@@ -23,10 +24,13 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     values = replaced(file.values, x)
     mission, y0 = build_mission(file.parsed, values, Runs())
     run = simulate_compact(mission, y0, file.start, steps=steps)
-    states = {-1: run.final, **{k: p.before for k, p in enumerate(run.phases)}}
-    ends = {-1: run.end, **{k: p.ts[-1] for k, p in enumerate(run.phases)}}
+    states, ends = line_ends(run)
+    states |= {k: p.before for k, p in enumerate(run.phases)}
+    ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
     specs = (task.objective, *(d.spec for d in task.demands))
-    objective, *numbers = values_of(file, values, specs, states, ends)
+    systems = [leg.phase.moving for leg in legs_of(mission)[0]]
+    curves = {k: _curve(systems[k], run, k) for spec in specs for k in spec.phases}
+    objective, *numbers = values_of(file, values, specs, states, ends, curves)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
     above = [
         _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
@@ -49,14 +53,25 @@ def values_of(
     specs: tuple[OutputSpec, ...],
     states: dict[int, State],
     ends: dict[int, Array],
+    curves: Curves,
 ) -> list[Array]:
-    """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all)."""
+    """The outputs, SI, from the states and the times, s, at the end of each phase (-1: of all), and
+    along some of them."""
     # Outputs take runs on the last axis, so that this is a batch of one run.
-    batch, times = jax.tree.map(lambda x: jnp.asarray(x)[..., None], (states, ends))
+    batch, times, along = jax.tree.map(
+        lambda x: jnp.asarray(x)[..., None], (states, ends, dict(curves))
+    )
     # By number, because the objective may be constrained as well.
     named = tuple(s._replace(name=str(k), factor=1.0) for k, s in enumerate(specs))
-    result = Outputs(file, named, values, None).numbers(batch, times, {})
+    result = Outputs(file, named, values, None).numbers(batch, times, {}, along)
     return [result[spec.name][0] for spec in named]
+
+
+def _curve(system: AbstractSystem, run: CompactRun, number: int) -> Curve:
+    """The states along a phase, which lie where its steps end: with their rates."""
+    phase = run.phases[number]
+    rate = jax.vmap(system.vector_field, in_axes=(0, -1), out_axes=-1)
+    return Curve(phase.ts, phase.states, rate(phase.ts, phase.states))
 
 
 def failed_phase(run: MissionTrajectory) -> str:

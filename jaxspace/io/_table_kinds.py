@@ -145,6 +145,34 @@ class Object(Kind):
 
 
 @dataclass(frozen=True, eq=False)
+class NamedTables(Kind):
+    """Tables of one kind, each under a name that the file gives it."""
+
+    kind: Table
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if not isinstance(value, Mapping):
+            reading.errors.append(wrong(path, value, self.expected(path)))
+            return None
+        result = {}
+        for name, table in value.items():
+            # The name is a step of the paths of its numbers.
+            if not name or "." in name:
+                reading.errors.append(
+                    wrong(path, name, "a name, of one letter or more, without a dot")
+                )
+            else:
+                result[name] = self.kind.read(table, _joined(path, name), reading)
+        return result
+
+    def expected(self, path: str = "table") -> str:
+        return f"tables by names of your choice, each [{path}.NAME]"
+
+    def schema(self) -> Schema:
+        return {"type": "object", "additionalProperties": self.kind.schema()}
+
+
+@dataclass(frozen=True, eq=False)
 class AnyTable(Kind):
     """A table whose keys are read later."""
 

@@ -17,6 +17,7 @@ from ..dispersion import Dispersion
 from ..dispersion.contributors import Contributors
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
+from ..simulation.mission_result import BranchEnd
 from ._inputs import measures
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs
@@ -117,12 +118,23 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
         lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
         drift = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
+    outputs = output_rows(file.nominal_outputs(run, every=True))
+    lines += ["\nat the end, after the last jump", _end_table(file, run, finer, outputs)]
+    for name, end, other in zip(run.branch_names, run.branches, finer.branches, strict=True):
+        lines += [f"\nat the end of {name}, after its last jump", _end_table(file, end, other)]
+    return "\n".join([*lines, status_line(run.status)])
+
+
+def _end_table(
+    file: SceneFile,
+    run: MissionTrajectory | BranchEnd,
+    finer: MissionTrajectory | BranchEnd,
+    outputs: Sequence[tuple[str, str]] = (),
+) -> str:
+    """How a mission or a branch ended, with its `outputs`, and the errors, from a `finer` run."""
     error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
-    rows += output_rows(file.nominal_outputs(run, every=True))
-    lines.append("\nat the end, after the last jump")
-    lines.append(aligned([*rows, *error_rows(error, file.units)]))
-    return "\n".join([*lines, status_line(run.status)])
+    return aligned([*rows, *outputs, *error_rows(error, file.units)])
 
 
 def optimum_report(
@@ -191,7 +203,7 @@ def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
     for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
-        values = values_of(file, numbers, specs, states, ends)
+        values = values_of(file, numbers, specs, states, ends, {})
         cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
         mass = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
         rows.append((name, *cells, *mass))

@@ -37,6 +37,7 @@ class RotatingFrame(AbstractEffect):
     alone, for a gravity that includes the centrifugal force, as that along a plumb line does."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
+    felt: ClassVar[bool] = False
 
     omega: Float[Array, "3 *#runs"] = quantity("rad/s", doc="angular velocity of the axes, in them")
     centrifugal: bool = eqx.field(static=True, default=True)

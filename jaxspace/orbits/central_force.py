@@ -144,6 +144,7 @@ class PowerLawForce(AbstractEffect):
     `Scene([PowerLawForce(k, n)])` is the textbook's system of a point."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     coefficient: NumberField = quantity("", doc="k, in m^(n+1)/s^2; positive attracts")
     exponent: NumberField = quantity("", doc="n, of the distance")
@@ -175,6 +176,7 @@ class SphereGravity(AbstractEffect):
     through a body without a hard surface."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     mu: NumberField = quantity(
         "m^3/s^2",
@@ -210,6 +212,7 @@ class CentralPotential(AbstractEffect):
     scene. The force is minus its derivative, and zero at the centre itself."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
+    felt: ClassVar[bool] = False
 
     function: Callable[[Scalar], Scalar]
 

@@ -117,6 +117,7 @@ class Oblateness(AbstractEffect):
     """Attraction by the bulge of an oblate body about the z axis."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
+    felt: ClassVar[bool] = False
 
     mu: NumberField = gravitational_parameter()
     j2: NumberField = quantity(

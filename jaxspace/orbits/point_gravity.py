@@ -54,6 +54,7 @@ class PointGravity(AbstractEffect):
     keeps: ClassVar[frozenset[str]] = frozenset(
         {"energy", "angular_momentum", "axial_angular_momentum"}
     )
+    felt: ClassVar[bool] = False
 
     mu: NumberField = gravitational_parameter()
 

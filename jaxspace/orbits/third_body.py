@@ -18,7 +18,7 @@ body. The motion of the other body does work: the energy is not conserved.
 
 __all__ = ["third_body", "third_body_potential"]
 
-from typing import final
+from typing import ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -81,6 +81,8 @@ class ThirdBody(AbstractEffect):
     path: Path = eqx.field(  # pyright: ignore[reportGeneralTypeIssues]
         metadata={"doc": "of the other body from the centre"}
     )
+
+    felt: ClassVar[bool] = False
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body

@@ -30,6 +30,7 @@ class UniformGravity(AbstractEffect):
     )
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
+    felt: ClassVar[bool] = False
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from equinox import AbstractVar
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import AbstractSystem, Scalar
+from ..core import AbstractSystem, Scalar, Vector
 from .reading import Reading
 
 
@@ -32,6 +32,11 @@ class AbstractScene(AbstractSystem):
     @abstractmethod
     def loads(self, t: Scalar, y: BodyState) -> Load:
         """The sum of the loads of all effects at the time `t`, s, in the state `y`."""
+
+    @abstractmethod
+    def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
+        """What an accelerometer at the centre of mass reads, m/s^2, (3, *runs), in inertial axes:
+        the acceleration without that of the effects that are not `felt`."""
 
     @abstractmethod
     def start(self, y: BodyState) -> BodyState:

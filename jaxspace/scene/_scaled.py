@@ -37,11 +37,13 @@ class Scaled(AbstractEffect):
     factor: NumberField = quantity("", doc="by which the load is multiplied")
     # Of the instance and not of the class, because it is that of the effect.
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
+    felt: bool = eqx.field(static=True)  # pyright: ignore
 
     def __init__(self, effect: AbstractEffect, factor: Scalar):
         self.effect = effect
         self.factor = factor
         self.keeps = effect.keeps
+        self.felt = effect.felt
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         return jax.tree.map(lambda x: self.factor * x, self.effect.load(t, y, body))

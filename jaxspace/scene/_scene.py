@@ -34,6 +34,7 @@ from ..core import (
     InputError,
     Scalar,
     State,
+    Vector,
 )
 from ..core.structure import reads_a_leaf
 from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
@@ -166,6 +167,12 @@ class Scene(AbstractScene):
         rates = {name: rate for part in parts for name, rate in part.items()} or None
         summed = {k: _sum([getattr(load, k) for load in loads]) for k in SUMMED}
         return Load(**summed, parts_rate=rates)
+
+    def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
+        falling = [e.load(t, y, self.body).acceleration_N for e in self.effects if not e.felt]
+        free = _sum(falling)
+        acceleration = self.vector_field(t, y).velocity
+        return acceleration if free is None else acceleration - free
 
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         # Static, and before the loads, whose error about a missing part would name no effect.

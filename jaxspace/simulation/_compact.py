@@ -28,7 +28,7 @@ from ..integration.events import Event, newton_correct
 from ..solvers import tableaus as tableau
 from ..solvers.runge_kutta import combine, stages
 from ._mission import Mission, Phase
-from .legs import check_one_line
+from .legs import legs_of
 
 # The largest number of reductions of the step to an event: about eight reach rounding.
 SEARCH = 12
@@ -44,17 +44,26 @@ class CompactPhase(NamedTuple):
     happened: Bool[Array, ""]
 
 
+class CompactEnd(NamedTuple):
+    """The end of a branch: the state after its last jump, and its time, s."""
+
+    final: State
+    end: Float[Array, ""]
+
+
 class CompactRun(NamedTuple):
     """Result of `simulate_compact`.
 
     - `final`, `end`: the state after the last jump, and its time, s.
-    - `phases`: one `CompactPhase` for each phase.
+    - `phases`: one `CompactPhase` for each phase, those of branches last.
+    - `branches`: where each branch ends.
     - `error`: the sum of the error estimates of the steps, relative to the largest component of
       each part of the state; of fifth order, so that it exceeds the error."""
 
     final: State
     end: Float[Array, ""]
     phases: tuple[CompactPhase, ...]
+    branches: tuple[CompactEnd, ...]
     error: Float[Array, ""]
 
 
@@ -70,20 +79,29 @@ def simulate_compact(
 
     **Returns** a `CompactRun`, differentiable in both modes.
 
-    **Raises** `InputError` for fewer than one step, an event that is a touch, or branches."""
+    **Raises** `InputError` for fewer than one step, or an event that is a touch."""
     if steps < 1:
         raise InputError(f"simulate_compact got steps = {steps}: it must be at least 1.")
-    check_one_line(mission, "simulate_compact")
-    t = as_float(t0)
-    y = y0
     error = jnp.zeros(())
     phases = []
-    for phase in mission.phases:
-        run, t, y, more = _phase(phase, t, y, steps)
+    # Of each phase, at its end: the state before its jump, and after it.
+    left, behind = [], []
+    legs, _ = legs_of(mission)
+    for leg in legs:
+        at = CompactEnd(y0, as_float(t0))
+        if leg.after is not None:
+            at = (left if leg.parted else behind)[leg.after]
+        y = at.final if leg.start is None else leg.start(at.end, at.final)
+        run, t, y, more = _phase(leg.phase, at.end, y, steps)
         phases.append(run)
         error = error + more
-        y = y if phase.then is None else phase.then(t, y)
-    return CompactRun(y, t, tuple(phases), error)
+        left.append(CompactEnd(y, t))
+        then = leg.phase.then
+        behind.append(CompactEnd(y if then is None else then(t, y), t))
+    # The last phase of each line: that of the mission itself, then those of its branches.
+    last = {leg.line: end for leg, end in zip(legs, behind, strict=True)}
+    own, *branches = (last[line] for line in range(len(last)))
+    return CompactRun(own.final, own.end, tuple(phases), tuple(branches), error)
 
 
 def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
@@ -138,7 +156,12 @@ def _phase(
         result = _until_event(event, step, unravel, ts, v0)
         (t, v, happened), (times, vs, wrongs) = result
         times = jnp.concatenate([t0[None], times])
+        # No step goes beyond the last time, which several of them may share.
+        ended = times >= t
         t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
+        # With the derivative of the end, of which what is greatest there depends.
+        times = jnp.where(ended, t, times)
+        vs = jnp.where(ended[1:, None], ravel_pytree(y)[0], vs)
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
     sizes = _sizes(states, unravel(v0))
     error = jnp.sum(jnp.max(jnp.abs(wrongs) / sizes, axis=1))

@@ -51,6 +51,7 @@ class GroundGravity(AbstractEffect):
     )
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
+    felt: ClassVar[bool] = False
 
     @classmethod
     @constructor(

@@ -94,7 +94,7 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
         vehicles.sounding_flight vehicles.flight_phases rockets.SteeredThrust.of_thrust
         control.Together*
-        bodies.come_apart bodies.Detached*
+        bodies.come_apart bodies.release bodies.Detached*
         control.with_command
         control.LandingTask* control.RendezvousTask* control.SlewTask*
     """.split(),
