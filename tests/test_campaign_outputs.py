@@ -2,6 +2,7 @@
 alone."""
 
 import re
+from typing import final
 
 import jax
 import jax.numpy as jnp
@@ -12,9 +13,11 @@ from test_campaigns import INPUTS, fly, last, raising, swing
 
 import jaxspace
 from jaxspace.cli import main
-from jaxspace.core import InputError, output
-from jaxspace.dispersion import Campaign, _batch_runner, disperse, moments
-from jaxspace.simulation import SimulationError, Status
+from jaxspace.core import AbstractSystem, InputError, output
+from jaxspace.dispersion import Campaign, Constant, Normal, _batch_runner, disperse, moments
+from jaxspace.dispersion._outputs import outputs_to_check
+from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
+from jaxspace.vehicles.landings import landing
 
 # Where no run is refused.
 SCENE = COAST.replace("deviation = 0.05", "deviation = 0.01")
@@ -220,3 +223,55 @@ def test_an_output_that_a_file_may_name_is_checked(coast):
     file = jaxspace.load(coast, also=[off_centre])
     with pytest.raises(InputError, match="The output 'off_centre' mixes runs"):
         disperse(file.campaign(), 64, accuracy=file.accuracy)
+
+
+@final
+class Thrown(AbstractSystem):
+    """x' = 1 and z'' = -1: at the height z = 0 again after the time 2 z'(0)."""
+
+    def vector_field(self, t, y):
+        one = jnp.ones_like(y["x"])
+        return {"x": one, "z": y["w"], "w": -one}
+
+    def invariants(self, t, y):
+        return {}
+
+
+def thrown(samples):
+    w = samples["w"]
+    # Not a number where `one` is zero.
+    y0 = {"x": 0.0 * w, "z": 0.0 / samples["one"], "w": w}
+    fall = Event(lambda t, y: y["z"], -1, 10.0)
+    return Mission([Phase(Thrown(), fall, name="flight"), Phase(Thrown(), 0.5)]), y0
+
+
+class Way:
+    """An output that needs no check."""
+
+    to_check = None
+
+    def __call__(self, result, samples):
+        return {"x": result.final["x"]}
+
+
+def test_a_mission_whose_steps_are_searched_needs_no_pilots(monkeypatch):
+    """The phase after the event follows no plan either; the nominal run is still checked."""
+    monkeypatch.setattr(_batch_runner, "pilot_plans", None)
+    inputs = {"w": Normal(3.0, 0.3), "one": Constant(1.0)}
+    outputs = Way()
+    kept = disperse(Campaign(thrown, inputs, outputs), 600, seed=1, accuracy=1e-9)
+    # The steps of a parabola are exact but for rounding.
+    np.testing.assert_allclose(kept.outputs["x"], 2.0 * kept.inputs["w"] + 0.5, rtol=1e-12)
+    assert kept.good.all()
+    assert kept.attributes["nominal"] == {"x": pytest.approx(6.5, rel=1e-12)}
+    few = disperse(Campaign(thrown, inputs, outputs), 40, seed=1, accuracy=1e-9)
+    np.testing.assert_array_equal(few.outputs["x"], kept.outputs["x"][:40])
+    inputs["one"] = Constant(0.0)
+    with pytest.raises(SimulationError, match="The nominal run cannot be run"):
+        disperse(Campaign(thrown, inputs, outputs), 40, seed=1, accuracy=1e-9)
+
+
+def test_outputs_of_the_library_are_not_checked():
+    inputs = {"w": Normal(3.0, 0.3)}
+    assert outputs_to_check(Campaign(thrown, inputs, landing)) is None
+    assert outputs_to_check(Campaign(thrown, inputs, last)) is last

@@ -1,22 +1,27 @@
 """Where the runs of a campaign land: ellipses, their picture and page, and the rose of the wind."""
 
+import dataclasses
 import json
 import re
+from pathlib import Path
 
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from jaxspace.bodies import BodyState
+from jaxspace.cli._report import nominal_outputs
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
+from jaxspace.io import load
 from jaxspace.io.report import dispersion_report
-from jaxspace.plots import dispersion_page, footprint_figure
+from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
 from jaxspace.simulation.mission_result import MissionResult
 from jaxspace.simulation.run_result import RunResult
 from jaxspace.vehicles.landings import landing
 
+SCENE = Path(__file__).parents[1] / "examples" / "scenes" / "landing.toml"
 # Long and short semi-axis of one deviation, m, and the bearing of the long one, deg.
 LONG, SHORT, BEARING = 300.0, 100.0, 120.0
 RUNS = 4000
@@ -113,6 +118,13 @@ def test_a_report_has_the_ellipses_and_the_requirement():
     assert re.search(r"^distance +<= 1500 m|^distance +≤ 1500 m", text, re.MULTILINE)
 
 
+def test_nominal_outputs_of_a_campaign_need_no_further_run():
+    """Without pilots the campaign itself has them: the file is asked for no run."""
+    there = campaign()
+    there.attributes["nominal"] = {"east": 900.0}
+    assert nominal_outputs(load(SCENE), there) == {"east": (900.0, "m")}
+
+
 def test_a_rose_points_to_where_the_wind_comes_from():
     # From the west with 3, from the north with 7, from the south-east with 1 m/s, and a calm.
     shares, edges = wind_rose([3.0, 0.0, -0.7071, 0.0], [0.0, -7.0, 0.7071, 0.0])
@@ -134,6 +146,17 @@ def test_figure_and_page_show_the_landings(tmp_path):
     assert labels[1].startswith("ellipse of 50 %")
     assert labels[-1] == "required: within 1500 m"
     assert axes.get_aspect() == 1.0
+    assert axes.get_xlabel() == "east of the rail [m]"
+    assert footprint_figure(dataclasses.replace(there, units={})).axes[0].get_ylabel() == (
+        "north of the rail"
+    )
+    every = dispersion_figure(there, ("east", "north"))
+    every.canvas.draw()
+    assert every.axes[0].get_aspect() == 1.0
+    assert dispersion_figure(there, ("distance", "north")).axes[0].get_aspect() == "auto"
+    # No line of words is cut at the edge.
+    for text in (text for axes in every.axes for text in axes.texts):
+        assert text.get_window_extent().x1 <= every.bbox.x1
     assert rose.name == "polar"
     page = dispersion_page(there, tmp_path / "page.html", wind=wind).read_text()
     data = json.loads(re.search(r"const data = (\{.*\});\n", page)[1])

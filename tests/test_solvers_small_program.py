@@ -15,7 +15,8 @@ from jaxspace.core import AbstractSystem
 from jaxspace.core.vectors import dot
 from jaxspace.integration import _record
 from jaxspace.rotations import Quaternion
-from jaxspace.simulation import Accuracy, simulate, simulate_batch
+from jaxspace.simulation import Accuracy, Mission, Phase, simulate, simulate_batch
+from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas, Stormer, Tsit5
 from jaxspace.solvers.protocol import small_program
 
@@ -187,6 +188,16 @@ def test_runs_of_a_large_field_are_a_small_program(y, additions, looped):
     program = jax.jit(lambda y: end(y, additions, accuracy)).lower(y).as_text()
     # Besides the stages, the first step is chosen by a loop of two evaluations.
     assert evaluations(program) == 1 + (1 if looped else 12)
+
+
+@pytest.mark.parametrize(
+    ("y", "phases", "looped"), [(runs(2), 3, True), (runs(2), 1, False), (start(), 3, False)]
+)
+def test_the_phases_of_a_mission_decide_together(y, phases, looped):
+    """By the operations of all fields of many runs; one run is decided phase by phase, later."""
+    mission = Mission([Phase(Swing(additions=700), 1.0, name=str(k)) for k in range(phases)])
+    configs = resolve_phases(mission, y, Accuracy(1e-6, method=Tsit5()), y.position.ndim - 1)
+    assert [config.method.in_loop for config in configs] == [looped] * phases
 
 
 @pytest.mark.parametrize(

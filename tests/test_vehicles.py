@@ -427,6 +427,23 @@ def test_a_parachute_descends_at_its_steady_rate():
     np.testing.assert_allclose(-run.final.velocity[2], expected, rtol=1e-5)
 
 
+def test_a_parachute_without_an_opening_is_open_all_the_time():
+    """As one that opened long ago, but without the ends of steps at its opening."""
+    y = BodyState(jnp.array([0.0, 0.0, 900.0]), jnp.array([4.0, -1.0, -30.0]))
+    body, t = RigidBody(16.0), jnp.asarray(-3.0)
+    still, filled = Parachute(2.0), Parachute(2.0, -9.0, 2.0)
+    for a, b in zip(
+        *(jax.tree.leaves(chute.load(t, y, body)) for chute in (still, filled)), strict=True
+    ):
+        np.testing.assert_array_equal(a, b)
+    assert still.breaks() is None
+    np.testing.assert_array_equal(Parachute(2.0, 5.0).breaks(), [5.0])
+    np.testing.assert_array_equal(filled.breaks(), [-9.0, -7.0])
+    assert np.all(Parachute(2.0, 5.0).load(t, y, body).force_N == 0.0)
+    with pytest.raises(InputError, match="Parachute.inflation_time is given without an opening"):
+        Parachute(2.0, inflation_time=1.0)
+
+
 @pytest.mark.sweep
 def test_a_bare_tube_goes_straight_up_in_calm_air_and_comes_down_at_its_rail(tmp_path):
     """Without fins, nose and drag up to the closed form of a rocket in uniform gravity (Thomson

@@ -18,7 +18,7 @@ from ..io.report import dispersion_report
 from ..io.units import read_option
 from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
-from ._report import keep_pictures
+from ._report import keep_pictures, nominal_outputs
 from ._stopping import Stopped, is_stop
 from ._waiting import progress, waiting
 from ._warning_lines import UNFINISHED, warnings_as_lines
@@ -132,8 +132,10 @@ def _run_and_report(
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
+    # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
+    # take a third of the wait.
     with waiting("simulating the nominal run"):
-        nominal = file.nominal_mission()
+        nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
     with progress("compiling and planning", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
@@ -156,7 +158,7 @@ def _run_and_report(
                 **how,
             )
     with waiting("computing the statistics"):
-        outputs = file.nominal_outputs(nominal)
+        outputs = nominal_outputs(file, result, nominal)
         tables = dispersion_report(result, outputs)
     print(tables)
     print(_times(result))

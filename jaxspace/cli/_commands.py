@@ -120,7 +120,7 @@ def _confirmed(file: SceneFile, found: Optimum, best: str) -> Confirmed:
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
-    run = optimum.nominal_mission(samples=100)
+    run = optimum.nominal_mission(samples=PICTURED)
     numbers = found.confirmed(run, optimum)
     return found.checked(run, numbers), numbers, run
 

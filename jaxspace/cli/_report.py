@@ -12,6 +12,7 @@ from ..core import InputError
 from ..dispersion import Dispersion, RunPaths, open_store, run_paths
 from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
+from ..simulation import MissionTrajectory
 from ..vehicles import LaunchSite
 from ._commands import print_next
 from ._folder import make_folder
@@ -62,6 +63,17 @@ def keep_pictures(
     _attempt("page", f"{start}.html", page)
 
 
+def nominal_outputs(
+    file: SceneFile, result: Dispersion, nominal: MissionTrajectory | None = None
+) -> dict[str, tuple[float, str]]:
+    """The outputs of the nominal run, with their units: of `nominal`; without it as the campaign
+    has them, or computed here."""
+    there = result.attributes.get("nominal")
+    if there is not None and nominal is None:
+        return {name: (x, result.units.get(name, "")) for name, x in there.items()}
+    return file.nominal_outputs(file.nominal_mission() if nominal is None else nominal)
+
+
 def _top(result: Dispersion) -> float:
     """Height that the paths reach, m: the mean of an output `apogee`, or 3 km without one."""
     heights = result.outputs.get("apogee")
@@ -84,10 +96,10 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     title = name
     if file is not None:
         with waiting("simulating the nominal run"):
-            run = file.nominal_mission()
+            run = None if file.site is not None else file.nominal_mission()
         site = file.site
         title = file.title
-        nominal = file.nominal_outputs(run)
+        nominal = nominal_outputs(file, result, run)
         some = np.arange(min(PATHS, result.runs))
         # A hypercube is made for the runs that were planned, also where there are fewer.
         planned = int(result.attributes.get("planned_runs", result.runs))

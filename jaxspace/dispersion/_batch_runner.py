@@ -33,8 +33,8 @@ from ._along import Kept
 from ._campaign import Campaign
 from ._chosen_times import warn_of_unreached
 from ._isolation import isolate
-from ._outputs import check_apart
-from ._pilots import StepsForTurns, expected_steps, pilot_plans
+from ._outputs import check_apart, outputs_to_check
+from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, program
 from ._run_results import PlannedCampaign, RunResults
@@ -69,6 +69,8 @@ class BatchRunner:
         self.in_flight = in_flight
         # A run of the trial, for names and shapes.
         self.example: RunResults | None = None
+        # The outputs of the nominal run, if it was planned without pilots.
+        self.nominal: dict[str, float] | None = None
         self.key = jax.random.key(planned.seed)
 
     @classmethod
@@ -82,11 +84,15 @@ class BatchRunner:
     ) -> "BatchRunner":
         """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
 
+        Without pilots where no phase follows a plan and the outputs are those of the library: their
+        program would take as long to compile as half of that of all runs.
+
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
-        expected = placeholders(expected_steps(campaign, accuracy, samples))
-        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), False, samples, "")
+        steps, coupled = expected_steps(campaign, accuracy, samples)
+        expected = placeholders(steps)
+        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), coupled, samples, "")
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)
 
@@ -97,15 +103,19 @@ class BatchRunner:
         drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
-        def plans_of_pilots() -> tuple[list[np.ndarray | None], bool]:
+        def plans_of_pilots() -> list[np.ndarray | None]:
             draw(used)
             # Traced first, because the program of all runs takes longest to compile. Errors of its
             # functions are raised here, before any mission runs.
             lowered.result()
-            pilots, coupled, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
+            if all(plan is None for plan in expected) and outputs_to_check(campaign) is None:
+                status, runner.nominal = runner._nominal()
+                check_nominal(campaign, accuracy, status)
+                return [None] * len(expected)
+            pilots, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # Meanwhile the program of all runs is compiled.
             check_apart(campaign, runs)
-            return pilots, coupled
+            return pilots
 
         # That program needs of the plans their lengths alone, and is compiled while they are found.
         # Two threads, and none of them this one: where there are more threads than arenas for
@@ -115,7 +125,7 @@ class BatchRunner:
             pool.submit(runner._compile, drawn, lowered)
             result = pool.submit(plans_of_pilots)
         try:
-            pilots, coupled = result.result()
+            pilots = result.result()
         except StepsForTurns:
             exactly = dataclasses.replace(accuracy, decoupled=True)
             return cls.plan(campaign, exactly, seed, devices, samples)
@@ -124,7 +134,7 @@ class BatchRunner:
         results, errors = runner._call(first, trial, runner.blocks)
         factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
-        runner.planned = planned._replace(plans=plans, coupled=coupled, digest=_digest(results))
+        runner.planned = planned._replace(plans=plans, digest=_digest(results))
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
         warn_of_unreached(campaign, samples, results.trajectories)
         return runner
@@ -205,6 +215,19 @@ class BatchRunner:
     def _draw(self, numbers: np.ndarray, used: np.ndarray, k: int = 0) -> Drawn:
         """The inputs of call number `k`, on its device."""
         return draw_inputs(*self._chosen(numbers, used, k))
+
+    def _nominal(self) -> tuple[int, dict[str, float]]:
+        """The status of the nominal run and those of its outputs that are finite, by the program of
+        all runs, in a call of copies of it."""
+        size = self.call
+        drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
+        # Those of the runs say that they were not used.
+        drawn = drawn._replace(status=jnp.zeros_like(drawn.status))
+        given = self._given(drawn, self.planned.plans[0], self.blocks)
+        results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
+        outputs = {name: float(x[0]) for name, x in results.outputs.items()}
+        finite = {name: x for name, x in outputs.items() if np.isfinite(x)}
+        return int(results.status[0]), finite
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.

@@ -181,6 +181,8 @@ def disperse(
         attributes = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
         attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
         attributes |= {"chunk": runner.chunk(chunk), "samples": samples}
+        if runner.nominal is not None:
+            attributes["nominal"] = runner.nominal
         if times is not None:
             attributes["times"] = [float(t) for t in times]
             attributes["times_kept"] = TIMES_KEPT

@@ -1,6 +1,7 @@
 """Checks of the outputs of a campaign: their form, and that no run depends on another."""
 
 import dataclasses
+import inspect
 from collections.abc import Iterable, Mapping
 from typing import Any, NamedTuple
 
@@ -91,16 +92,26 @@ def _kind(x: object) -> str:
     return "an array" if eqx.is_array(x) else f"an object of the class {type(x).__name__}"
 
 
+def outputs_to_check(campaign: Any) -> Any:
+    """The outputs of a campaign that other functions than those of the library compute, which are
+    tested to treat each run by itself; `None` where there are none.
+
+    Outputs may say so themselves, by `to_check`."""
+    outputs = getattr(campaign.outputs, "to_check", campaign.outputs)
+    module = outputs.__module__ if inspect.isfunction(outputs) else ""
+    return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
+
+
 def check_apart(campaign: Any, pilots: PilotRuns) -> None:
     """Check that the outputs of a run depend on that run alone.
 
     The outputs of the pilots are computed again with copies of one pilot in place of all: each row
-    must equal that of the pilot among the others. Outputs may limit the check to those of their
-    functions that are not of the library: `to_check`, `None` for none.
+    must equal that of the pilot among the others. Those of the library are left out
+    (`outputs_to_check`).
 
     **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
     them; `SimulationError` where an output of the nominal run raises an error."""
-    unknown = getattr(campaign.outputs, "to_check", campaign.outputs)
+    unknown = outputs_to_check(campaign)
     if unknown is None:
         return
     campaign = dataclasses.replace(campaign, outputs=unknown)

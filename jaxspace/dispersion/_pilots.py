@@ -48,11 +48,11 @@ def _pilots(
     accuracy: Accuracy,
     drawn: dict[str, Float[Array, " runs"]],
     kept: Kept,
-) -> tuple[list[Array | None], bool, PilotRuns]:
+) -> tuple[list[Array | None], PilotRuns]:
     """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
-    **Returns** the ends of the steps of every phase (`None` where it follows no plan), whether a
-    phase ends by an event, and the runs themselves."""
+    **Returns** the ends of the steps of every phase (`None` where it follows no plan), and the runs
+    themselves."""
     nominal = campaign.nominal()
     samples = {name: jnp.concatenate([x, drawn[name][:PILOTS]]) for name, x in nominal.items()}
     mission, y0 = campaign.mission(samples)
@@ -67,10 +67,7 @@ def _pilots(
     ]
     record = _planned(mission, configs, every)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=record)
-    # The runs of a block share the adaptive steps of the search for an event.
-    coupled = any(isinstance(phase.until, Event) for phase in every_phase)
-    runs = PilotRuns(_as_run(result), samples)
-    return [run.step_ends for run in result.phases], coupled, runs
+    return [run.step_ends for run in result.phases], PilotRuns(_as_run(result), samples)
 
 
 def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
@@ -82,12 +79,17 @@ def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
 def _planned(
     mission: Mission, configs: Sequence[IntegrationConfig], saved: Sequence[SaveTimes]
 ) -> list[bool]:
-    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, and not
-    one whose steps are searched for its end."""
-    given = zip(legs_of(mission)[0], saved, configs, strict=True)
-    return [
-        c.method != "closed_form" and not ends_on_the_way(leg.phase, n, c) for leg, n, c in given
-    ]
+    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, not one
+    whose steps are searched for its end, and none after such a one.
+
+    Those start at a time of each run, in blocks that share adaptive steps anyway; and a mission of
+    which no phase follows a plan needs no pilots."""
+    searched: list[bool] = []
+    for leg, n, config in zip(legs_of(mission)[0], saved, configs, strict=True):
+        before = leg.after is not None and searched[leg.after]
+        searched.append(before or ends_on_the_way(leg.phase, n, config))
+    pairs = zip(configs, searched, strict=True)
+    return [config.method != "closed_form" and not free for config, free in pairs]
 
 
 @eqx.filter_jit(**QUICK)
@@ -114,18 +116,30 @@ def _breaks_differ(system: Any) -> bool:
     return breaks is not None and breaks.ndim > 1
 
 
-def expected_steps(campaign: Campaign, accuracy: Accuracy, kept: Kept) -> list[Any]:
-    """Shape and type of the number that records each phase's steps; `None` for one without a plan.
+def expected_steps(campaign: Campaign, accuracy: Accuracy, kept: Kept) -> tuple[list[Any], bool]:
+    """Shape and type of the number that records each phase's steps, `None` for one without a plan;
+    and whether a phase ends by an event, in whose search the runs of a block share their steps.
 
     They follow from the methods alone, because tracing the pilot runs takes much longer."""
 
-    def steps(campaign: Campaign, accuracy: Accuracy) -> list[Array | None]:
+    def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool]:
         mission, y0 = campaign.mission(campaign.nominal())
         configs = resolve_phases(mission, y0, accuracy, 1)
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
-        return [campaign.start if follows else None for follows in planned]
+        events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])
+        return [campaign.start if follows else None for follows in planned], events
 
     return eqx.filter_eval_shape(steps, campaign, accuracy)
+
+
+def check_nominal(campaign: Campaign, accuracy: Accuracy, status: int) -> None:
+    """Raise `SimulationError` for a nominal run that failed with this status, and `StepsForTurns`
+    where it could be run with the exact part of its motion beside the steps."""
+    if status == Status.MAX_STEPS and has_exact_part(campaign, accuracy):
+        raise StepsForTurns
+    # A missed tolerance is no failure here, because the runs are checked on finer plans.
+    if status in (Status.NOT_FINITE, Status.MAX_STEPS):
+        raise SimulationError(f"The nominal run cannot be run. {Status(status).sentence}")
 
 
 def pilot_plans(
@@ -134,33 +148,22 @@ def pilot_plans(
     draw: Callable[[np.ndarray], Drawn],
     runs: int,
     kept: Kept,
-) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
-    """The nodes at which the steps of the pilots ended, phase by phase; whether the runs of a block
-    depend on one another; and the pilots.
+) -> tuple[list[np.ndarray | None], PilotRuns]:
+    """The nodes at which the steps of the pilots ended, phase by phase; and the pilots.
 
-    `draw(used)` are the inputs of the first `runs` runs.
+    `draw(used)` are the inputs of the first `runs` runs. **Raises** as `check_nominal`."""
 
-    **Raises** `SimulationError` when the nominal run fails, and `StepsForTurns` where it could be
-    run with the exact part of its motion beside the steps."""
-
-    def simulating(used: np.ndarray, room: int) -> tuple[list[np.ndarray | None], bool, PilotRuns]:
+    def simulating(used: np.ndarray, room: int) -> tuple[list[np.ndarray | None], PilotRuns]:
         drawn = draw(np.pad(used, (0, runs - PILOTS)))
         roomy = dataclasses.replace(accuracy, max_steps=room * accuracy.max_steps)
         result = _pilots(campaign, roomy, drawn.used, kept)
         return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, result)
 
     for room in ROOM:
-        taken, coupled, used = isolate(functools.partial(simulating, room=room), PILOTS)
-        nominal = Status(int(np.ravel(used.result.status)[0]))
+        taken, used = isolate(functools.partial(simulating, room=room), PILOTS)
+        nominal = int(np.ravel(used.result.status)[0])
         # The status of the nominal run is that of `simulate_mission`, which runs it alone.
-        if nominal != Status.MAX_STEPS:
+        if nominal != Status.MAX_STEPS or not _ends_alone(campaign, accuracy):
             break
-        if not _ends_alone(campaign, accuracy):
-            if has_exact_part(campaign, accuracy):
-                raise StepsForTurns
-            break
-    # A missed tolerance is no failure here, because the runs are checked on finer plans.
-    if nominal in (Status.NOT_FINITE, Status.MAX_STEPS):
-        raise SimulationError(f"The nominal run cannot be run. {nominal.sentence}")
-    nodes = [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken]
-    return nodes, coupled, used
+    check_nominal(campaign, accuracy, nominal)
+    return [None if ends is None else nodes_of(np.asarray(ends)) for ends in taken], used

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import Scalar, State
+from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..solvers.tolerances import Tolerance
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
@@ -158,7 +159,8 @@ class _AlongStep(NamedTuple):
 
     def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
         """The `value` and its rate in normalised time."""
-        return jax.jvp(self.value, (t,), (jnp.ones_like(t),))
+        # Many operations read them, with each of which the compiler would evaluate them again.
+        return barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),)))
 
 
 class SearchedStep(NamedTuple):

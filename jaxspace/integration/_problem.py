@@ -21,7 +21,6 @@ from ..core import State
 from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
-from ._field_trace import field_trace
 from ._outcome import outcome_of, own_outcome_of
 from ._own_buffers import record_of_pass
 from ._own_replay import OwnReplay
@@ -30,6 +29,7 @@ from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
+from .field_trace import field_trace
 from .loop import LoopSettings, integrate_loop
 from .normalised_time import ScaledVectorField
 
@@ -91,10 +91,7 @@ class Problem:
             recorded_steps = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
-            estimated = settings.sought is None
-            settings = dataclasses.replace(
-                settings, method=small_program(settings.method), estimated=estimated
-            )
+            settings = dataclasses.replace(settings, method=small_program(settings.method))
         packing = self._packing(field, y0, settings)
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)

@@ -188,7 +188,7 @@ def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
 def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:
     """The number in this precision."""
     # A conversion by JAX takes a tenth of the time of a short run, one by NumPy almost none.
-    return jnp.asarray(x, dtype) if isinstance(x, jax.Array) else np.asarray(x, dtype)
+    return np.asarray(x, dtype) if is_concrete(x) else jnp.asarray(x, dtype)
 
 
 def check_tolerance(rtol: float, dtype: DTypeLike) -> None:

@@ -100,9 +100,9 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
 
     def leaf(x):
         where = index.reshape(1, *(1,) * (x.ndim - 1 - run_axes), *index.shape)
-        return jnp.take_along_axis(
-            x, jnp.broadcast_to(where, (1, *x.shape[1 : x.ndim - run_axes], *index.shape)), axis=0
-        )[0]
+        rows = jnp.broadcast_to(where, (1, *x.shape[1 : x.ndim - run_axes], *index.shape))
+        # Without a check of the numbers, which would be most of the program of a search.
+        return jnp.take_along_axis(x, rows, axis=0, mode="promise_in_bounds")[0]
 
     return jax.tree.map(leaf, tree)
 

@@ -26,12 +26,12 @@ from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
 from .event_zero import rounding_change
 from .events import Event
+from .field_trace import field_trace
 from .layout import runs_of, state_at, times_behind_components, times_first
 from .loop import TERM, LoopSettings
 from .normalised_time import (
     ScaledVectorField,
     Segments,
-    closes_over_tracers,
     hoist,
     segments_of,
 )
@@ -150,7 +150,7 @@ def locates_events(
 ) -> bool:
     """Whether the steps of a run can be searched for events as they are taken: by a method that
     `searches_steps`, where the system hides nothing in closures."""
-    return searches_steps(config) and not closes_over_tracers(system, t0, y0)
+    return searches_steps(config) and not field_trace(system, t0, y0).closes_over_tracers
 
 
 def searches_steps(config: IntegrationConfig) -> bool:
@@ -301,6 +301,8 @@ def _settings(
         dense,
         config.restarts,
         sought,
+        # The estimate would be another copy of the vector field beside that of the search.
+        estimated=sought is None,
     )
 
 

@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, Scalar, State
-from ._field_trace import field_trace
+from .field_trace import field_trace
 
 
 def broadcast_state(system: AbstractSystem, t: Scalar, y: State) -> State:

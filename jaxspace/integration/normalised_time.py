@@ -21,8 +21,7 @@ from typing import Generic, Literal, TypeVar, cast, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jax.core import Tracer
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import AbstractRegularised, AbstractSplit, AbstractSystem, Scalar, State
 from ..core.groups import project
@@ -30,6 +29,7 @@ from ..core.safe import safe_divide
 from ..core.tables import breaks_of
 from ..solvers.vector_field import ScaledField
 from ._closures import closures_as_leaves
+from .field_trace import field_trace
 
 
 @final
@@ -52,7 +52,10 @@ class Segments(eqx.Module):
         i = start.astype(jnp.int32)
         if i.ndim and self.u.ndim > 1:
             # Runs with different segments may each be in another one.
-            u, end = (jnp.take_along_axis(self.u, k[None], axis=0)[0] for k in (i, i + 1))
+            u, end = (
+                jnp.take_along_axis(self.u, k[None], axis=0, mode="promise_in_bounds")[0]
+                for k in (i, i + 1)
+            )
             return start, u, end - u
         return start, self.u[i], self.u[i + 1] - self.u[i]
 
@@ -212,18 +215,6 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
         return cast(AbstractRegularised, self.system.regularised())
 
 
-def closes_over_tracers(system: AbstractSystem, t: Scalar, y0: State) -> bool:
-    """Whether a function inside the system, such as a user's, closes over traced arrays."""
-    arrays, static = eqx.partition((system, t, y0), eqx.is_array)
-
-    def rate(arrays: PyTree) -> State:
-        system, t, y = eqx.combine(arrays, static)
-        return system.vector_field(t, y)
-
-    jaxpr = jax.make_jaxpr(rate)(arrays)
-    return any(isinstance(constant, Tracer) for constant in jaxpr.consts)
-
-
 def hoist(
     field: ScaledVectorField, y0: State, needs: Literal["", "split", "regularised"]
 ) -> ScaledField:
@@ -236,7 +227,7 @@ def hoist(
 
     **Returns** the field itself if no function of it closes over traced arrays: it then keeps the
     layout of its parameters, which the batching of mapped runs reads."""
-    if not closes_over_tracers(field.system, field.segments.t0, y0):
+    if not field_trace(field.system, field.segments.t0, y0).closes_over_tracers:
         return field
     s = jnp.zeros_like(field.segments.total, shape=())
     return closures_as_leaves(field, needs, s, y0)

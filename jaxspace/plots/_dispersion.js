@@ -64,7 +64,9 @@ function drawScatter() {
   const aside = (data.ellipses?.one_sided || []).filter((name) => a !== b && [a, b].includes(name)).map(words);
   $("scatter-words").textContent = aside.length ? `${aside.join(" and ")}: the runs lie to one side of their mean. ` +
     "They are no normal distribution, and the ellipse does not bound them." : "";
-  return Plotly.react("scatter", traces, layout(axis(label(a)), axis(label(b))), config());
+  // A metre is a metre in both directions.
+  const ground = data.footprint && a === "east" && b === "north" ? { scaleanchor: "x", scaleratio: 1 } : {};
+  return Plotly.react("scatter", traces, layout(axis(label(a)), axis(label(b), ground)), config());
 }
 
 function drawFootprint() {

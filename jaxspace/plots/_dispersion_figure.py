@@ -56,9 +56,14 @@ def dispersion_figure(
     pair = chosen_pair(dispersion, names) if scatter is None else scatter
     # Rows above those of the outputs.
     top = 0 if pair is None else 1
-    figure = Figure(figsize=(10.0, 3.4 * top + 2.1 * len(names) + 0.7), layout="constrained")
+    # Higher for places on the ground, which have one scale in both directions.
+    height = 1.7 if pair is None or not on_ground(dispersion, *pair) else 3.0
+    inches = 2.0 * height * top + 2.1 * len(names) + 0.7
+    figure = Figure(figsize=(10.0, inches), layout="constrained")
     figure.suptitle(title or heading(dispersion), fontsize=12, fontweight="bold", x=0.01, ha="left")
-    grid = figure.add_gridspec(top + len(names), 2, height_ratios=[1.7] * top + [1.0] * len(names))
+    grid = figure.add_gridspec(
+        top + len(names), 2, height_ratios=[height] * top + [1.0] * len(names)
+    )
     if pair is not None:
         _scatter(figure.add_subplot(grid[0, :]), dispersion, *pair)
     rows = {row.name: row for row in dispersion.table()}
@@ -97,6 +102,11 @@ def chosen_pair(dispersion: "Dispersion", names: list[str]) -> tuple[str, str] |
 def shown(dispersion: "Dispersion", *names: str) -> np.ndarray:
     """Whether each run is good, and all the named quantities finite in it, (runs,)."""
     return dispersion.good & np.all([np.isfinite(dispersion.values(n)) for n in names], axis=0)
+
+
+def on_ground(dispersion: "Dispersion", across: str, up: str) -> bool:
+    """Whether these are the places of the landings, to the east and to the north."""
+    return (across, up) == ("east", "north") and dispersion.footprint() is not None
 
 
 def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> None:
@@ -139,6 +149,9 @@ def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> No
         dispersion.label(across),
         dispersion.label(up),
     )
+    if on_ground(dispersion, across, up):
+        # A metre is a metre in both directions.
+        axes.set_aspect("equal", adjustable="datalim")
 
 
 def _plain(name: str) -> str:
@@ -228,7 +241,7 @@ def summary(row: "Row") -> str:
 
 def explained(contributors: "Contributors") -> str:
     """The sum of the shares and the unexplained rest, in words."""
-    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % of the variance by inputs one by one"
+    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % by inputs one by one"
     return part + ("" if contributors.r_squared >= 0.9995 else "; rest: products, higher powers")
 
 

@@ -127,7 +127,8 @@ def _footprint(
         circle = radius * np.sin(turn), radius * np.cos(turn)
         label = f"required: within {radius:g} {footprint.unit}"
         axes.plot(*circle, color=BAD, linewidth=1.2, linestyle="-.", label=label)
-    dress(axes, "", f"east of the rail [{footprint.unit}]", f"north of the rail [{footprint.unit}]")
+    unit = f" [{footprint.unit}]" if footprint.unit else ""
+    dress(axes, "", f"east of the rail{unit}", f"north of the rail{unit}")
     # A metre is a metre in both directions.
     axes.set_aspect("equal", adjustable="datalim")
     _geography(axes, dispersion)

@@ -17,6 +17,7 @@ from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
 from ..integration.events import Event
+from ..integration.field_trace import field_trace
 from ..integration.layout import broadcast_state
 from ._kinks import warn_of_kinks
 
@@ -119,15 +120,14 @@ def check_structure(
         _check_one_run(system, y0)
     # A vector field may raise anything for a state of another kind; its words are quoted.
     try:
-        trace = eqx.filter_make_jaxpr(lambda s, t, y: s.vector_field(t, y))
-        jaxpr, *derivative = trace(system, t, y0)
-        derivative = eqx.combine(*derivative)
+        trace = field_trace(system, t, y0)
+        derivative = trace.rate
         if one_run:
             _check_axes(system, y0, derivative)
         if jax.tree.structure(derivative) == jax.tree.structure(y0):
             whole = eqx.filter_eval_shape(broadcast_state, system, t, y0)
             # Three more: itself, and the two frames of `once_per_structure`.
-            warn_of_kinks(jaxpr.jaxpr, system, y0, stacklevel=stacklevel + 3)
+            warn_of_kinks(trace.jaxpr, system, y0, stacklevel=stacklevel + 3)
             return whole
     except InputError:
         raise

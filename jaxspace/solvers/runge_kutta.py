@@ -13,7 +13,7 @@ that jumps there has the value of this step.
 
 import functools
 from collections.abc import Callable, Sequence
-from typing import ClassVar, TypeAlias, final
+from typing import Any, ClassVar, TypeAlias, final
 
 import diffrax
 import equinox as eqx
@@ -181,29 +181,26 @@ class _NestedProducts(AbstractDenseOutput):
         )
 
 
-class _WeightedStages(AbstractDenseOutput):
-    """Dense output of Tsit5: every stage weighted by a polynomial of order four."""
+class _Quartic(AbstractDenseOutput):
+    """Dense output of Tsit5: a polynomial of order four without a constant, whose four
+    `coefficients` are on the first axis of the leaves, or a list."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    ks: list[State] | State
+    coefficients: list[State] | State | None
 
     def state(self, t: Float[Array, "*#runs"]) -> State:
+        assert self.coefficients is not None, "the step keeps nothing for states within it"
         x = self.fraction(t)
-        h = self.t1 - self.t0
-        weights = [h * x * (a + x * (b + x * (c + x * d))) for a, b, c, d in tableau.TSIT5_DENSE]
-        if not isinstance(self.ks, list):
-            rows = jnp.stack(weights)
-            return jax.tree.map(
-                lambda y, k: y + weighted_rows(rows.astype(k.dtype), k), self.y0, self.ks
-            )
 
-        def change(*ks: Array) -> Array:
-            terms = [w.astype(k.dtype) * k for w, k in zip(weights, ks, strict=True)]
-            return functools.reduce(jnp.add, terms)
+        def polynomial(y0: Array, *cs: Array) -> Array:
+            change = functools.reduce(lambda total, c: total * x.astype(c.dtype) + c, reversed(cs))
+            return y0 + x.astype(y0.dtype) * change
 
-        return jax.tree.map(lambda y, *ks: y + change(*ks), self.y0, *self.ks)
+        if isinstance(self.coefficients, list):
+            return jax.tree.map(polynomial, self.y0, *self.coefficients)
+        return jax.tree.map(lambda y, cs: polynomial(y, *cs), self.y0, self.coefficients)
 
 
 @final
@@ -317,19 +314,32 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     **Arguments**
 
+    - `dense`: whether states within a step can be computed. `simulate` sets it.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
       slower, with seven evaluations a step. Set for large vector fields."""
 
+    dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = _WeightedStages
+    interpolation_cls: ClassVar = _Quartic
 
     @property
     def traits(self) -> SolverTraits:
         return SolverTraits(evaluations=7 if self.in_loop else 6, linear=True)
 
+    def bind(
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
+    ) -> "Tsit5":
+        del tolerance, run_axes
+        return Tsit5(searched or save_ts is not None, self.in_loop)
+
     def small_program(self) -> "Tsit5":
-        return Tsit5(in_loop=True)
+        return Tsit5(self.dense, in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
@@ -352,7 +362,7 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             # The last row is the end of the step, and its stage the derivative there.
             ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
-            return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), dict(y0=y0, ks=ks))
+            return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, ks))
         # After a jump the last stage of the step before belongs to another vector field.
         first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
@@ -361,4 +371,20 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         y1 = barrier(f.projected(t1, combine(y0, h, tableau.TSIT5_B, ks)))
         ks = [*ks, *stages(f, t0, h, y1, tableau.TSIT5_C[-1:], ((),), [])]
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
-        return Advance(y1, error, dict(y0=y0, ks=ks), carried=ks[-1], projected=True)
+        return Advance(y1, error, self._within(h, y0, ks), carried=ks[-1], projected=True)
+
+    def _within(self, h: Array, y0: State, ks: list[State] | State) -> dict[str, Any]:
+        """What the dense output reads: the coefficients once for all times within the step."""
+        if not self.dense:
+            return dict(y0=y0, coefficients=None)
+        # By stage, the weights of the powers of the fraction of the step.
+        rows = np.transpose(tableau.TSIT5_DENSE)
+        if isinstance(ks, list):
+            weights = [tuple((i, w) for i, w in enumerate(row) if w != 0.0) for row in rows]
+            return dict(y0=y0, coefficients=[combine(None, h, row, ks) for row in weights])
+
+        def leaf(k: Array) -> Array:
+            hk = h.astype(k.dtype) * k
+            return jax.vmap(lambda w: weighted_rows(w, hk))(rows.astype(k.dtype))
+
+        return dict(y0=y0, coefficients=jax.tree.map(leaf, ks))

@@ -20,7 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import NumberField, OptionalNumberField, Scalar, Vector, output, quantity
+from ..core import InputError, NumberField, OptionalNumberField, Scalar, Vector, output, quantity
 from ..core.vectors import norm
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
 from .local_air import LocalAir, air_about
@@ -86,26 +86,52 @@ class Parachute(AbstractEffect):
     """A parachute that fills within an inflation time from its opening on, and drags from then."""
 
     drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A, filled")
-    opening: NumberField = quantity("s", default=0.0, doc="when it starts to fill")
-    inflation_time: NumberField = quantity(
-        "s", non_negative=True, default=0.0, doc="over which its drag area grows linearly"
+    opening: OptionalNumberField = quantity(
+        "s", optional=True, doc="when it starts to fill; without it, it is open all the time"
+    )
+    inflation_time: OptionalNumberField = quantity(
+        "s",
+        non_negative=True,
+        optional=True,
+        doc="over which its drag area grows linearly; without it at once",
     )
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
 
+    def __check_init__(self):
+        if self.opening is None and self.inflation_time is not None:
+            raise InputError(
+                "Parachute.inflation_time is given without an opening: it must be left out, or the "
+                "time given at which the parachute starts to fill."
+            )
+
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         air, moving = air_about(self.air).at(y.position)
+        return Load(
+            force_N=drag_force(y.velocity - moving, air.density, self._filled(t) * self.drag_area)
+        )
+
+    def _filled(self, t: Scalar) -> Scalar | float:
+        """The filled part of the drag area."""
+        if self.opening is None:
+            return 1.0
+        since = t - self.opening
+        step = jnp.where(since >= 0.0, 1.0, 0.0)
+        if self.inflation_time is None:
+            return step
         instant = self.inflation_time == 0.0
         # A canopy that opens at once would divide by zero, also in the branch that is not taken.
         time = jnp.where(instant, 1.0, self.inflation_time)
-        since = t - self.opening
-        step = jnp.where(since >= 0.0, 1.0, 0.0)
-        filled = jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
-        return Load(force_N=drag_force(y.velocity - moving, air.density, filled * self.drag_area))
+        return jnp.where(instant, step, jnp.clip(since / time, 0.0, 1.0))
 
-    def breaks(self) -> Float[Array, "times *#runs"]:
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        # An open one has none: each end of a segment is looked up wherever a time is read.
+        if self.opening is None:
+            return None
+        if self.inflation_time is None:
+            return self.opening[None]
         return jnp.stack([self.opening, self.opening + self.inflation_time])
 
 

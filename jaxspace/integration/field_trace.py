@@ -4,6 +4,8 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
+from jax.core import Tracer
+from jax.extend.core import Jaxpr
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem
@@ -12,10 +14,18 @@ from ..core.tracing import count_operations
 
 
 class FieldTrace(NamedTuple):
-    """The shapes of the derivative of a state, and how many operations it takes to compute."""
+    """The trace of a vector field.
+
+    - `rate`: the shapes of the derivative of a state.
+    - `jaxpr`: its program, with the arrays of the system, the time and the state as arguments.
+    - `operations`: their number.
+    - `closes_over_tracers`: whether a function inside the system, such as a user's, closes over
+      traced arrays."""
 
     rate: PyTree
+    jaxpr: Jaxpr
     operations: int
+    closes_over_tracers: bool
 
 
 @once_per_structure
@@ -28,4 +38,5 @@ def field_trace(system: AbstractSystem, t: PyTree, y: PyTree) -> FieldTrace:
         return system.vector_field(t, y)
 
     closed, shapes = jax.make_jaxpr(rate, return_shape=True)(arrays)
-    return FieldTrace(shapes, count_operations(closed.jaxpr))
+    hidden = any(isinstance(constant, Tracer) for constant in closed.consts)
+    return FieldTrace(shapes, closed.jaxpr, count_operations(closed.jaxpr), hidden)
