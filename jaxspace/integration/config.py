@@ -47,6 +47,10 @@ class IntegrationConfig(eqx.Module):
     restarts: bool = eqx.field(static=True, default=False)
     decoupled: bool = eqx.field(static=True, default=False)
 
+    def __repr__(self) -> str:
+        # With their numbers: Equinox shows arrays by their shapes.
+        return eqx.tree_pformat(self, short_arrays=False)
+
     @property
     def solver(self) -> diffrax.AbstractSolver:
         """The method of a run that is integrated."""
