@@ -52,13 +52,23 @@ def test_a_width_that_the_memory_does_not_hold_has_no_row(monkeypatch, capsys):
     def row(work, program, whole, width, precision, place):
         if width > 8:
             raise jax.errors.JaxRuntimeError("RESOURCE_EXHAUSTED: Out of memory")
-        return {"runs_per_second": 1.0}
+        return {"runs_per_second": 1e9}
 
     monkeypatch.setattr(accelerator, "row", row)
+    monkeypatch.setattr(accelerator, "compiled", lambda *_: None)
     monkeypatch.setattr(accelerator.kepler, "STATES", 64)
     rows = accelerator.measure("cpu", widths=(8, 16, 32), names=("kepler",))
     assert list(rows) == ["kepler, 8 runs, float64", "kepler, 8 runs, float32"]
     assert "kepler, 16 runs, float64: the memory" in capsys.readouterr().err
+
+
+def test_a_width_whose_call_would_take_too_long_has_no_row(monkeypatch, capsys):
+    monkeypatch.setattr(accelerator, "row", lambda *_: {"runs_per_second": 1.0})
+    monkeypatch.setattr(accelerator, "compiled", lambda *_: None)
+    monkeypatch.setattr(accelerator.kepler, "STATES", 64)
+    rows = accelerator.measure("cpu", widths=(8, 16), names=("kepler",))
+    assert list(rows) == ["kepler, 8 runs, float64", "kepler, 8 runs, float32"]
+    assert "kepler, 16 runs, float64: a call would take too long" in capsys.readouterr().err
 
 
 def test_a_device_that_is_not_there_is_named():

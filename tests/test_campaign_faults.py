@@ -173,7 +173,7 @@ def test_a_signal_at_a_random_moment(coast, tmp_path, number, part):
     if part % 4 == 0:
         store = stopped(tmp_path, number, None, chance.uniform(0.0, 4.0))
     else:
-        last = LONG // LONG_CHUNK - 50
+        last = LONG // LONG_CHUNK // 2
         store = stopped(tmp_path, number, chance.randint(0, last), chance.uniform(0.0, 0.005))
         with warnings.catch_warnings():
             # Where it ended between the metadata and their copy.

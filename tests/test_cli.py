@@ -20,7 +20,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxspace import load
 from jaxspace.cli import main
-from jaxspace.cli._waiting import waiting
+from jaxspace.cli._waiting import progress, waiting
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
 from jaxspace.simulation import MissionTrajectory
@@ -572,6 +572,10 @@ def test_list_and_schema(capsys):
     # Only fields name it.
     assert main(["list", "heights [m]"]) == 0
     assert "  drag: " in capsys.readouterr().out
+    assert main(["list", "drag"]) == 0
+    found = capsys.readouterr().out
+    # Several tables hold the same one: its fields are written once.
+    assert found.count("wind_20_feet") == 1 and "      as in air_drag.air\n" in found
     assert main(["list", "Julian day"]) == 2
     assert "Julian day is in no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
@@ -586,6 +590,24 @@ def test_a_long_command_says_on_a_terminal_what_it_is_at(terminal, capsys, monke
         time.sleep(0.2)
     said = capsys.readouterr().err
     assert said.endswith("\rsimulating: 0 s\x1b[K\n") if terminal else said == ""
+
+
+@pytest.mark.parametrize("terminal", [True, False])
+def test_a_bar_says_what_its_first_step_waits_for(terminal, capsys, monkeypatch):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: terminal)
+    monkeypatch.setattr("jaxspace.cli._waiting.PAUSE", 0.05)
+    with progress("compiling", total=2, mininterval=0.0) as bar:
+        time.sleep(0.2)
+        before = capsys.readouterr().err
+        bar.set_description_str(refresh=False)
+        bar.update(2)
+    after = capsys.readouterr().err.split("\r")[-1]
+    if not terminal:
+        assert before == after == ""
+        return
+    # Its seconds count on, which without a step they would not.
+    assert before.count("compiling:   0%") > 2
+    assert "compiling" not in after and "2/2" in after
 
 
 def test_a_closed_pipe_ends_in_a_sentence(own_process):

@@ -27,7 +27,7 @@ def test_every_scene_is_listed_once(capsys):
 def test_a_copy_is_the_scene_and_needs_nothing_beside_it(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     assert main(["new", "kick_stage"]) == 0
-    assert "jaxspace disperse kick_stage.toml" in capsys.readouterr().out
+    assert "next   jaxspace disperse kick_stage.toml\n" in capsys.readouterr().out
     assert Path("kick_stage.toml").read_text() == (scenes() / "kick_stage.toml").read_text()
     assert main(["new", "top", "mine.toml"]) == 0
     assert jaxspace.load("mine.toml").title == "A heavy top"

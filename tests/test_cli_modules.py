@@ -104,6 +104,17 @@ def test_a_file_alone_runs_nothing(scene, capsys):
     assert mark.exists()
 
 
+def test_the_files_of_the_manual_work_together(tmp_path, capsys):
+    page = (Path(__file__).parents[1] / "docs" / "howto" / "extending.md").read_text()
+    blocks = re.findall(r'^```{.\w+ title="(.*?)"}\n(.*?)^```$', page, re.MULTILINE | re.DOTALL)
+    for name, text in blocks:
+        (tmp_path / name).write_text(text)
+    given = [str(tmp_path / "decay.toml"), "--with", str(tmp_path / "my_effects.py")]
+    assert main(["explain", *given]) == 0
+    assert re.search(r"LinearDrag +velocity +acceleration", capsys.readouterr().out)
+    assert set(load(given[0], modules=given[2:]).campaign().units) >= {"distance"}
+
+
 def test_run_and_budget_name_own_effects_and_outputs(scene, capsys):
     """x = a t^2 / 2, and without the push nothing."""
     given = [str(scene), "--with", str(scene.with_name("push.py")), "--out", str(scene.parent)]
@@ -126,7 +137,7 @@ def test_workers_run_the_module_and_the_store_keeps_it(flown):
     )
     module = kept.attributes["modules"]["push.py"]
     assert module["text"] == MODULE and re.fullmatch("[0-9a-f]{64}", module["sha256"])
-    with pytest.raises(InputError, match="The module push.py is none: it must be the one of"):
+    with pytest.raises(InputError, match="The module push.py is not given: it must be the one of"):
         stored_scene(kept)
     file = stored_scene(kept, modules=[flown / "push.py"])
     assert float(file.simulate().final.position[0]) == pytest.approx(100.0, rel=1e-9)
@@ -136,7 +147,8 @@ def test_resume_asks_for_the_same_module(flown, tmp_path, capsys):
     store, other = str(flown / "drive.zarr"), tmp_path / "push.py"
     other.write_text(MODULE.replace("constant", "steady"))
     assert main(["resume", store]) == 2
-    assert "The module push.py is none: it must be the one of the store" in capsys.readouterr().err
+    told = capsys.readouterr().err
+    assert "The module push.py is not given: it must be the one of the store" in told
     assert main(["resume", store, "--with", str(other)]) == 2
     assert re.search(r"push.py is SHA-256 \w+\.\.\.: it must be", capsys.readouterr().err)
     assert main(["resume", store, "--with", str(flown / "push.py")]) == 0

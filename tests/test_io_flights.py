@@ -13,10 +13,11 @@ import pytest
 import jaxspace
 from jaxspace.bodies import BodyState
 from jaxspace.cli import main
+from jaxspace.cli._commands import show_page
 from jaxspace.io import SceneError, listing, schema
 from jaxspace.io._outputs import Outputs
 from jaxspace.scene import Scene
-from jaxspace.simulation import Mission, Status, simulate_mission_batch
+from jaxspace.simulation import Mission, Status, Trajectory, simulate_mission_batch
 from jaxspace.vehicles.landings import landing_latitude, landing_longitude
 
 EXAMPLES = Path(__file__).resolve().parents[1] / "examples"
@@ -151,6 +152,13 @@ def test_listing_and_schema_know_vehicles(capsys):
     assert listing(word="flights").startswith("flights\n  vehicle: ")
     assert main(["list", "vehicel"]) == 2
     assert "Did you mean vehicle?" in capsys.readouterr().err
+
+
+def test_the_page_of_a_flight_needs_no_planet(landing, monkeypatch, capsys):
+    monkeypatch.setattr("jaxspace.plots.show_run", lambda run, path, **options: options)
+    # A run whose numbers nobody reads.
+    show_page(landing, object.__new__(Trajectory), "run.html")
+    assert "'planet_radius': None" in capsys.readouterr().out
 
 
 def test_many_flights_are_built_at_once(landing):

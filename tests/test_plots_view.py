@@ -311,7 +311,7 @@ def test_page_draws_and_plays(what, tmp_path):
     assert 0.0 < found["played"] < 20.0
     # Faces in many shades, lines, letters.
     assert found["colours"] > 20 and found["near"] > 20
-    assert found["middle"].startswith("t = 10.0000 s")
+    assert found["middle"].startswith("t = 10.00 s")
     assert found["later"] == 10.0  # it stands
     # The top turns by 4 rad between two times.
     assert found["note"].startswith("The saved times do not resolve") == (what == "top")

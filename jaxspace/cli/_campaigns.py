@@ -20,6 +20,7 @@ from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
 from ._report import keep_pictures, nominal_outputs
 from ._stopping import Stopped, is_stop
+from ._waiting import progress, waiting
 from ._warning_lines import UNFINISHED, warnings_as_lines
 
 
@@ -77,7 +78,9 @@ def _without_runs(file: SceneFile, method: str) -> int:
     """Print mean and deviation by a method that makes no campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
-    with warnings_as_lines():
+    with waiting(f"computing the moments by {method}"), warnings_as_lines():
+        # The report says so in its table.
+        warnings.filterwarnings("ignore", ".*is not to be trusted")
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
@@ -129,18 +132,17 @@ def _run_and_report(
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
-    # Late: commands that draw no bar do not wait for the import.
-    from tqdm import tqdm
-
     # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
     # take a third of the wait.
-    nominal = None if file.site is not None else file.nominal_mission()
+    with waiting("simulating the nominal run"):
+        nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with tqdm(total=runs, unit="run", file=sys.stderr, disable=None) as bar:
+    with progress("compiling and planning", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
 
         def show(done: int, total: int) -> None:
+            bar.set_description_str(refresh=False)
             # The bar counts steps, the campaign reports totals.
             bar.update(done - bar.n)
 
@@ -155,12 +157,14 @@ def _run_and_report(
                 progress=show,
                 **how,
             )
-    outputs = nominal_outputs(file, result, nominal)
-    print(dispersion_report(result, outputs))
+    with waiting("computing the statistics"):
+        outputs = nominal_outputs(file, result, nominal)
+        tables = dispersion_report(result, outputs)
+    print(tables)
     print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
-        with warnings_as_lines():
+        with waiting("computing the moments by other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
@@ -220,14 +224,17 @@ def replay(
     file = _scene(store, dispersion, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
-    result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
-        run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
-    )
+    with waiting(f"simulating run {run}"):
+        result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
+            run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
+        )
     print(replay_report(file, result, dispersion))
     for name, phase in result.trajectory.items():
         draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
     if show:
         show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
+    else:
+        print_next(file, f"replay {store} --run {run} --show")
     return 0 if result.status.good else 1
 
 

@@ -4,6 +4,10 @@ import json
 import os
 import sys
 from collections.abc import Sequence
+from typing import TypeAlias
+
+import jax.numpy as jnp
+from jax.typing import ArrayLike
 
 from ..bodies import BodyState
 from ..control import LoopRun
@@ -16,15 +20,14 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..verification import run_cases
 from ._folder import make_folder
-from ._waiting import waiting
+from ._waiting import progress, waiting
 
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
 MOST_REPEATED = 16
+Confirmed: TypeAlias = tuple[Optimum, tuple[float, ...], MissionTrajectory]
+# States that the pictures of a run, or of a phase, can show: some hundred turns as lines.
+PICTURED = 4000
 TOLERANCES = tuple(10.0**-k for k in range(4, 13))
-
-
-SAMPLES = 400
-"""States of each phase of a mission that are drawn: a rocket swings ten times while it climbs."""
 
 
 def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ()) -> int:
@@ -33,17 +36,16 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     make_folder(folder)
     if isinstance(file.system, Mission):
         with waiting("simulating the mission, and once more for its error"):
-            result = file.nominal_mission(samples=SAMPLES)
+            result = file.nominal_mission(samples=PICTURED)
             # A mission has no error estimate of its own: the finer run gives one.
-            report = mission_report(
-                file, result, file.nominal_mission(samples=SAMPLES, factor=0.01)
-            )
+            finer = file.nominal_mission(samples=PICTURED, factor=0.01)
+            report = mission_report(file, result, finer)
         print(report)
         for name, phase in result.items():
             draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
         with waiting("simulating the run, and once more for its error"):
-            result = file.simulate(throw=False)
+            result = file.simulate(ts=_pictured_times(file), throw=False)
             assert isinstance(result, Trajectory | LoopRun)
             report = run_report(file, result)
         print(report)
@@ -58,23 +60,34 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     return 0 if Status(int(result.status)).good else 1
 
 
+def _pictured_times(file: SceneFile) -> ArrayLike:
+    """The times of the file, or more of them where a picture can show more. Of a loop those of the
+    file: they lie among the samples of its controller."""
+    if file.loop is not None or len(file.ts) >= PICTURED:
+        return file.ts
+    return jnp.linspace(file.ts[0], file.ts[-1], PICTURED)
+
+
 def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
     """Search the best values of the free numbers, print their table, and keep the file, the
     figures of its run and of the search."""
-    from tqdm import tqdm
-
     file = load(path, modules=modules)
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
-    with tqdm(unit="step", file=sys.stderr, disable=None) as bar:
+    with progress("compiling the search", unit="step") as bar:
 
         def show(step: int, objective: float, violation: float, gradient: float) -> None:
             del step, objective
+            bar.set_description_str(refresh=False)
             # One by one, because a search that is repeated counts from one again.
             bar.update(1)
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
-        result, numbers, run = _confirmed(file, file.optimize(progress=show), best)
+        def confirmed(found: Optimum) -> Confirmed:
+            bar.set_description("confirming the optimum by a run")
+            return _confirmed(file, found, best)
+
+        result, numbers, run = confirmed(file.optimize(progress=show))
         most = MOST_REPEATED * result.steps
         # Both claim an end by the search's own run, and not that of an interruption.
         while result.warning and result.steps < most:
@@ -83,7 +96,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
             sentence = f"{result.warning} The search goes on with {2 * result.steps}."
             bar.write(sentence, file=sys.stderr)
             again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
-            result, numbers, run = _confirmed(file, again, best)
+            result, numbers, run = confirmed(again)
     print(optimum_report(result, numbers, run))
     # The sentence of the report has said that there is no optimum.
     if sensitivities and not result.infeasible:
@@ -99,9 +112,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
     return 0 if result.converged else 1
 
 
-def _confirmed(
-    file: SceneFile, found: Optimum, best: str
-) -> tuple[Optimum, tuple[float, ...], MissionTrajectory]:
+def _confirmed(file: SceneFile, found: Optimum, best: str) -> Confirmed:
     """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
     with open(best, "w", encoding="utf-8") as out:
@@ -109,7 +120,7 @@ def _confirmed(
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
-    run = optimum.nominal_mission(samples=SAMPLES)
+    run = optimum.nominal_mission(samples=PICTURED)
     numbers = found.confirmed(run, optimum)
     return found.checked(run, numbers), numbers, run
 
@@ -258,7 +269,8 @@ def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -
     # Imported late, as in `draw`.
     from ..plots import show_run
 
-    radius = (file.values["planet"] or {}).get("radius")
+    # A flight from a rail has no table of a planet.
+    radius = (file.values.get("planet") or {}).get("radius")
     print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
 
 

@@ -106,7 +106,7 @@ def new(name: str, path: str | None) -> int:
     for copy in (target, *beside.values()):
         print(f"file   {copy}")
     for command in ("run", *_made_for(target)):
-        print(f"jaxspace {command} {target}")
+        print(f"next   jaxspace {command} {target}")
     return 0
 
 

@@ -14,7 +14,9 @@ from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
 from ..simulation import MissionTrajectory
 from ..vehicles import LaunchSite
+from ._commands import print_next
 from ._folder import make_folder
+from ._waiting import waiting
 from ._warning_lines import warnings_as_lines
 
 PATHS = 24
@@ -93,7 +95,8 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     site = None
     title = name
     if file is not None:
-        run = None if file.site is not None else file.nominal_mission()
+        with waiting("simulating the nominal run"):
+            run = None if file.site is not None else file.nominal_mission()
         site = file.site
         title = file.title
         nominal = nominal_outputs(file, result, run)
@@ -102,16 +105,21 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
         if campaign.text() == result.attributes.get("inputs"):
-            paths = run_paths(campaign, some, seed=result.seed, accuracy=file.accuracy)
+            with waiting("simulating the runs whose paths are drawn"):
+                paths = run_paths(campaign, some, seed=result.seed, accuracy=file.accuracy)
         else:
             print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
-    print(dispersion_report(result, nominal))
+    with waiting("computing the statistics"):
+        tables = dispersion_report(result, nominal)
+    print(tables)
     start = os.path.join(folder, name)
     keep_pictures(result, title, nominal, start, paths, site)
     _attempt("table", f"{start}.csv", result.to_csv)
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:
         _attempt("table", f"{start}.parquet", result.to_parquet)
+    if file is not None:
+        print_next(file, f"replay {path} --run 0 --show")
     return 0
 
 
@@ -128,7 +136,8 @@ def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
 def _attempt(what: str, path: str, write: Callable[[str], None]) -> None:
     """Write a file, and say where it is or why it is not there."""
     try:
-        write(path)
+        with waiting(f"writing {path}"):
+            write(path)
     # Any error of a plotting library, because the numbers are to be written anyway.
     except Exception as error:
         print(f"{path} is left out: {type(error).__name__}: {error}", file=sys.stderr)

@@ -4,10 +4,16 @@ import contextlib
 import sys
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from tqdm import tqdm
 
 PATIENCE = 3.0
 """Seconds after which a command says what it is at."""
+PAUSE = 1.0
+"""Seconds from one line to the next."""
 
 
 @contextlib.contextmanager
@@ -30,27 +36,55 @@ def waiting(words: str) -> Iterator[None]:
             compiled.append(duration_secs)
 
     started = time.monotonic()
-    done = threading.Event()
 
     def line() -> str:
         part = f", of which {sum(compiled):.0f} s to compile" if sum(compiled) >= 1.0 else ""
         return f"{words}: {time.monotonic() - started:.0f} s{part}"
 
-    def show() -> None:
-        pause = PATIENCE
-        while not done.wait(pause):
-            # To the end of the line, so that nothing of a longer one stays.
-            print(f"\r{line()}\x1b[K", end="", file=sys.stderr, flush=True)
-            pause = 1.0
+    def show(end: str = "") -> None:
+        # To the end of the line, so that nothing of a longer one stays.
+        print(f"\r{line()}\x1b[K", end=end, file=sys.stderr, flush=True)
 
     jax.monitoring.register_event_duration_secs_listener(listen)
-    thread = threading.Thread(target=show, daemon=True)
+    try:
+        with _repeated(show, PATIENCE):
+            yield
+    finally:
+        jax.monitoring.unregister_event_duration_listener(listen)
+        if time.monotonic() - started > PATIENCE:
+            show("\n")
+
+
+@contextlib.contextmanager
+def progress(words: str, **options: Any) -> Iterator["tqdm"]:
+    """A bar on the error output, `options` as of tqdm, which says `words` and counts its seconds
+    also where no step is made for long.
+
+    Nothing is shown where the error output is no terminal."""
+    # Late: commands that draw no bar do not wait for the import.
+    from tqdm import tqdm
+
+    with tqdm(desc=words, file=sys.stderr, disable=None, **options) as bar:
+        with _repeated(bar.refresh, PAUSE):
+            yield bar
+        bar.set_description_str(refresh=False)
+
+
+@contextlib.contextmanager
+def _repeated(show: Callable[[], None], first: float) -> Iterator[None]:
+    """Call `show` in another thread, after `first` seconds and then after each pause."""
+    done = threading.Event()
+
+    def go() -> None:
+        pause = first
+        while not done.wait(pause):
+            show()
+            pause = PAUSE
+
+    thread = threading.Thread(target=go, daemon=True)
     thread.start()
     try:
         yield
     finally:
         done.set()
         thread.join()
-        jax.monitoring.unregister_event_duration_listener(listen)
-        if time.monotonic() - started > PATIENCE:
-            print(f"\r{line()}\x1b[K", file=sys.stderr, flush=True)

@@ -7,12 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.extras import extra
-from ..simulation import Status
+from ._export import PENDING, described
 from ._lock import StoreError
 from ._run_results import RunResults
-
-# Status of a run that has not been computed.
-PENDING = -1
 
 
 class Column(NamedTuple):
@@ -47,16 +44,7 @@ def arrays_of(results: RunResults, numbers: np.ndarray) -> dict[str, np.ndarray]
 
 def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Column]:
     """The arrays that hold results like these."""
-    meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
-    attributes: dict[str, dict[str, Any]] = {
-        "run": {"long_name": "number of the run"},
-        "status": {"units": "", "meanings": f"{PENDING} NOT RUN YET, {meanings}"},
-        "evaluations": {"units": ""},
-    }
-    for kind, values in (("input", results.inputs), ("output", results.outputs)):
-        # With its position, because a store sorts by name.
-        for place, name in enumerate(values):
-            attributes[name] = {"units": units.get(name, ""), "kind": kind, "place": place}
+    attributes = described({"input": results.inputs, "output": results.outputs}, units)
     columns = {}
     for name, x in arrays_of(results, np.zeros(1, np.int64)).items():
         if "/" in name:
@@ -64,8 +52,8 @@ def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Colum
         inner = [f"{name}.{axis}" for axis in range(x.ndim - 2)]
         # The times of a phase are an axis that all of its parts share.
         inner += [f"{name.partition('.')[0]}.sample"] if x.ndim > 1 else []
-        described = attributes.get(name, {"kind": "trajectory"})
-        columns[name] = Column(x.dtype.str, ("run", *inner), x.shape[1:], described)
+        own = attributes.get(name, {"kind": "trajectory"})
+        columns[name] = Column(x.dtype.str, ("run", *inner), x.shape[1:], own)
     return columns
 
 

@@ -1,6 +1,6 @@
 """The runs of a dispersion as a table of pandas and as a dataset of xarray."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,6 +11,9 @@ from ..simulation import Status
 if TYPE_CHECKING:
     import pandas
     import xarray
+
+# Status of a run that has not been computed.
+PENDING = -1
 
 
 def as_frame(
@@ -43,15 +46,27 @@ def as_dataset(
     with extra("app"):
         import xarray
 
-    variables: dict[str, tuple[str, np.ndarray, dict[str, object]]] = {}
-    for kind, values in kinds.items():
-        # The place of a variable is kept, because a store sorts by name.
-        for place, (name, x) in enumerate(values.items()):
-            own = {"units": units.get(name, ""), "kind": kind, "place": place}
-            variables[name] = ("run", np.asarray(x), own)
+    own = described(kinds, units)
+    values = {name: x for part in kinds.values() for name, x in part.items()}
+    values |= {"status": status, "evaluations": evaluations}
+    variables = {name: ("run", np.asarray(x), own[name]) for name, x in values.items()}
+    return xarray.Dataset(variables, {"run": ("run", numbers, own["run"])}, attributes)
+
+
+def described(
+    kinds: Mapping[str, Iterable[str]], units: Mapping[str, str]
+) -> dict[str, dict[str, Any]]:
+    """The attributes of the arrays of a campaign in datasets and stores, by name.
+
+    `kinds`: the names of inputs and outputs, as "input" and "output"."""
     meanings = ", ".join(f"{s.value} {s.name}" for s in Status)
-    variables["status"] = ("run", np.asarray(status), {"units": "", "meanings": meanings})
-    variables["evaluations"] = ("run", np.asarray(evaluations), {"units": ""})
-    return xarray.Dataset(
-        variables, {"run": ("run", numbers, {"long_name": "number of the run"})}, attributes
-    )
+    result: dict[str, dict[str, Any]] = {
+        "run": {"long_name": "number of the run"},
+        "status": {"units": "", "meanings": f"{PENDING} NOT RUN YET, {meanings}"},
+        "evaluations": {"units": ""},
+    }
+    for kind, names in kinds.items():
+        # With its position, because a store sorts by name.
+        for place, name in enumerate(names):
+            result[name] = {"units": units.get(name, ""), "kind": kind, "place": place}
+    return result

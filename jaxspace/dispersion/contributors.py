@@ -58,12 +58,9 @@ def contributors(
     y = values.astype(float)
     good = good & np.isfinite(y)
     y = y[good]
+    chosen = {name: x[good].astype(float) for name, x in inputs.items()}
     # An input that does not scatter explains nothing, and has a deviation of zero.
-    columns = {
-        name: x[good].astype(float)
-        for name, x in inputs.items()
-        if x[good].size and np.ptp(x[good]) > 0.0
-    }
+    columns = {name: x for name, x in chosen.items() if x.size and np.ptp(x) > 0.0}
     # The rounding of a constant output correlates with inputs by chance only.
     if not columns or not scatters(values[good]):
         return Contributors(output, {}, float("nan"))
@@ -74,18 +71,21 @@ def contributors(
             f"{y.size} good runs are too few to find contributors: "
             f"there must be more than {needed}."
         )
-    z = np.stack([_standard(x) for x in columns.values()], axis=1)
+    z = np.stack([_standard(x) for x in columns.values()])
     # Orthogonal to z, so that the shares of an input's two terms add.
-    squares = z**2 - 1.0 - np.mean(z**3, axis=0) * z
+    squares = z**2 - 1.0 - np.mean(z**3, axis=1, keepdims=True) * z
     u = _standard(y)
-    regressors = np.concatenate([z, squares], axis=1)
-    coefficients = np.linalg.lstsq(regressors, u, rcond=None)[0]
-    r_squared = 1.0 - float(np.mean((u - regressors @ coefficients) ** 2))
+    regressors = np.concatenate([z, squares])
+    # By the normal equations: the regressors are all but orthonormal, so that nothing is lost, and
+    # a decomposition of all runs would take ten times as long.
+    products = regressors @ u
+    coefficients = np.linalg.lstsq(regressors @ regressors.T, products, rcond=None)[0]
+    r_squared = 1.0 - float(np.mean((u - coefficients @ regressors) ** 2))
     if not _significant(r_squared, 2 * len(columns), y.size):
         return Contributors(output, {}, r_squared)
     # Covariances with what each input does, which add up to R^2, while squares of coefficients
     # do not in a sample, where the regressors are not quite orthogonal.
-    parts = u @ (regressors * coefficients) / u.size
+    parts = coefficients * products / u.size
     shares = parts[: len(columns)] + parts[len(columns) :]
     order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
     return Contributors(output, {name: float(share) for name, share in order}, r_squared)
@@ -93,14 +93,14 @@ def contributors(
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:
     """Whether as many random columns would explain less, except in one case of a thousand."""
-    from scipy.stats import f
+    from scipy.special import fdtrc
 
     rest = runs - regressors - 1
     # A law that holds to rounding leaves nothing to compare with.
     if r_squared >= 1.0 - 1e-12:
         return True
     statistic = (r_squared / regressors) / ((1.0 - r_squared) / rest)
-    return bool(f.sf(statistic, regressors, rest) < 1e-3)
+    return bool(fdtrc(regressors, rest, statistic) < 1e-3)
 
 
 def _standard(x: np.ndarray) -> np.ndarray:

@@ -140,8 +140,8 @@ def moments(
     unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
     if unsure:
         warnings.warn(
-            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs say otherwise, "
-            f"and Moments.warnings what; Monte Carlo tells it.",
+            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs contradict "
+            f"it, as Moments.warnings says. Take monte_carlo.",
             stacklevel=2,
         )
     return result

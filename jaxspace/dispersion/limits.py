@@ -70,8 +70,6 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
     - `confidence`: of the interval, split evenly between its ends.
 
     **Raises** `InputError` for a share or a confidence outside (0, 1), and without any value."""
-    from scipy.stats import binom
-
     check_share("share", share)
     check_share("confidence", confidence)
     ordered = np.sort(np.asarray(x, float))
@@ -81,12 +79,22 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
         raise InputError("x holds no number: a percentile needs one.")
     tail = 0.5 * (1.0 - confidence)
     # The largest l with B(l - 1) <= tail, and the smallest u with B(u - 1) >= 1 - tail.
-    lower = int(binom.ppf(tail, n, share))
-    upper = int(binom.ppf(1.0 - tail, n, share)) + 1
+    lower = _binomial_quantile(tail, n, share)
+    upper = _binomial_quantile(1.0 - tail, n, share) + 1
     # An order statistic that the sample does not have bounds nothing.
     low = ordered[lower - 1] if lower >= 1 else -np.inf
     high = ordered[upper - 1] if upper <= n else np.inf
     return Percentile(share, quantile(ordered, share), float(low), float(high), confidence)
+
+
+def _binomial_quantile(p: float, n: int, share: float) -> int:
+    """The least k with B(k; n, share) >= p."""
+    # Not from scipy.stats, whose import takes as long as the tables of a campaign.
+    from scipy.special import bdtr, bdtrik
+
+    k = int(np.ceil(bdtrik(p, n, share)))
+    # The root is known to rounding: at a whole number it may lie just above.
+    return k - 1 if k > 0 and bdtr(k - 1, n, share) >= p else k
 
 
 def quantile(x: np.ndarray, share: float) -> float:

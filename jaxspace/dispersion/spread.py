@@ -51,7 +51,7 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     - `probability`: share of the distribution within it.
 
     **Raises** `InputError` for a probability outside (0, 1), and for fewer than two runs."""
-    from scipy.stats import chi2
+    from scipy.special import gammaincinv
 
     check_share("probability", probability)
     x = np.atleast_2d(np.asarray(values, float))
@@ -65,7 +65,7 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     root = scale * u * (size / np.sqrt(x.shape[1] - 1))
     # The axes of the scaled problem are no axes in the units of the outputs: a second, small one.
     u, size, _ = np.linalg.svd(root)
-    k2 = float(chi2.ppf(probability, len(x)))
+    k2 = 2.0 * float(gammaincinv(0.5 * len(x), probability))
     # A pseudo-inverse: outputs may depend on each other, and the ellipsoid is then flat.
     whitened = np.linalg.pinv(root, rcond=1e-12) @ (x - centre[:, None])
     inside = float(np.mean(np.sum(whitened**2, axis=0) <= k2))

@@ -161,9 +161,10 @@ def _known_start(
     system: AbstractSystem, y0: PyTree, ts: ArrayLike | Sequence[float] | None
 ) -> Callable[[], InitialConditions] | None:
     """What returns a single run; `None` where its numbers are unknown."""
+    if ts is None:
+        return None
     leaves = jax.tree.leaves((system, y0, ts))
-    shapes = any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves)
-    if ts is None or shapes or is_traced(leaves):
+    if is_traced(leaves) or any(isinstance(x, jax.ShapeDtypeStruct) for x in leaves):
         return None
     return functools.partial(InitialConditions.of_one, system, y0, jnp.asarray(ts))
 

@@ -47,6 +47,10 @@ class IntegrationConfig(eqx.Module):
     restarts: bool = eqx.field(static=True, default=False)
     decoupled: bool = eqx.field(static=True, default=False)
 
+    def __repr__(self) -> str:
+        # With their numbers: Equinox shows arrays by their shapes.
+        return eqx.tree_pformat(self, short_arrays=False)
+
     @property
     def solver(self) -> diffrax.AbstractSolver:
         """The method of a run that is integrated."""
@@ -184,7 +188,7 @@ def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
 def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:
     """The number in this precision."""
     # A conversion by JAX takes a tenth of the time of a short run, one by NumPy almost none.
-    return jnp.asarray(x, dtype) if isinstance(x, jax.Array) else np.asarray(x, dtype)
+    return np.asarray(x, dtype) if is_concrete(x) else jnp.asarray(x, dtype)
 
 
 def check_tolerance(rtol: float, dtype: DTypeLike) -> None:

@@ -32,7 +32,7 @@ from ..control import AbstractController
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, State
 from ..core.declarations import EventCondition, Initial, Output
 from ..core.modules import public_names
-from ..core.quantities import Quantity, quantities
+from ..core.quantities import quantities
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
 from ._modules import defined_in, read_modules
@@ -309,11 +309,6 @@ def part_entries(cls: type) -> dict[str, Entry]:
         for name, declared in quantities(cls).items()
         if not _is_object(cls, name)
     }
-
-
-def part_quantities(cls: type) -> Mapping[str, Quantity]:
-    """The quantities of the parts of a state, by name."""
-    return quantities(cls)
 
 
 def _is_object(cls: type, name: str) -> bool:

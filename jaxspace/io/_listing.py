@@ -1,5 +1,6 @@
 """The names that scene files may use, for people (a text) and for editors (a JSON schema)."""
 
+import itertools
 import os
 import re
 from collections.abc import Iterable, Mapping
@@ -48,7 +49,8 @@ def listing(
 
     - `also`, `modules`: as in `load`.
     - `word`: only the group of this name is listed; where there is none, the entries with it in
-      their name or first sentence, or else in their fields.
+      their name or first sentence, or else in their fields. A table that several of them hold has
+      its fields once.
 
     **Raises** `InputError` for a word that no entry has."""
     known = catalog(also, modules)
@@ -67,7 +69,8 @@ def listing(
         ("methods", [f"  {name}" for name in method_names(known)]),
     ]
     if word:
-        groups = _with_word(groups, word)
+        written: dict[tuple[str, ...], str] = {}
+        groups = [(name, _once(lines, written)) for name, lines in _with_word(groups, word)]
     return "\n\n".join("\n".join([name, *lines]) for name, lines in groups)
 
 
@@ -85,16 +88,45 @@ def _with_word(groups: list[Group], word: str) -> list[Group]:
                 result.setdefault(group, []).extend(entry)
         if result:
             return list(result.items())
-    names = [*(name for name, _ in groups), *(_name(entry) for _, entry in entries)]
+    names = [*(name for name, _ in groups), *(_name(entry[0]) for _, entry in entries)]
     raise InputError(
         f"{word} is in no entry: it must be a part of a name or of a description."
         f"{InputError.hint(word, names)}"
     )
 
 
-def _name(entry: list[str]) -> str:
-    """The name of an entry, with which its first line begins."""
-    return re.split(r"[ :]", entry[0].strip())[0]
+def _once(lines: list[str], written: dict[tuple[str, ...], str]) -> list[str]:
+    """The lines; of a table whose fields are `written` above, the place where they are."""
+    result: list[str] = []
+    path: list[str] = []
+    until = 0
+    for k, line in enumerate(lines):
+        depth = _depth(line)
+        if k < until:
+            continue
+        inner = list(itertools.takewhile(lambda x, d=depth: _depth(x) > d, lines[k + 1 :]))
+        fields = tuple(x[depth:] for x in inner)
+        path = [*path[: depth // 2 - 1], _name(line)]
+        result.append(line)
+        # A short table is read faster than its place.
+        if depth < 4 or len(fields) < 4:
+            continue
+        if fields in written:
+            result.append(f"{' ' * (depth + 2)}as in {written[fields]}")
+            until = k + 1 + len(inner)
+        else:
+            written[fields] = ".".join(path)
+    return result
+
+
+def _depth(line: str) -> int:
+    """Number of spaces before a line."""
+    return len(line) - len(line.lstrip())
+
+
+def _name(line: str) -> str:
+    """The name of an entry or a field, with which its line begins."""
+    return re.split(r"[ :]", line.strip())[0]
 
 
 def _entries(lines: list[str]) -> list[list[str]]:

@@ -63,12 +63,12 @@ def check_stored(record: Mapping[str, Any], given: Iterable[NamedFile]) -> None:
         if there.get(name) == here.get(name):
             continue
         was, now = (
-            f"SHA-256 {hashes[name][:16]}..." if name in hashes else "none"
+            f"SHA-256 {hashes[name][:16]}..." if name in hashes else "not given"
             for hashes in (there, here)
         )
         raise InputError(
             f"The module {name} is {now}: it must be the one of the store, {was} (--with {name}; "
             f"the store has its text)."
             if name in there
-            else f"The module {name} is none of the store: it must be left out."
+            else f"The module {name} is not in the store: it must be left out."
         )

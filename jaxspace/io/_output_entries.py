@@ -5,9 +5,9 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 from ..bodies import BodyState
-from ..core.quantities import Quantity
+from ..core.quantities import Quantity, quantities
 from ..vehicles import LaunchSite
-from ._catalog import OutputFunction, output_methods, part_quantities, state_class
+from ._catalog import OutputFunction, output_methods, state_class
 from ._checks import Parsed
 from ._errors import hint, unknown, wrong
 from ._flight import SITE, phases_of_flight
@@ -194,7 +194,7 @@ def given_parts(file: Parsed, place: int = -1) -> set[str]:
     """The parts of the states of a run of the file, at the place of an output."""
     cls = state_of(file)
     if cls is not BodyState or "initial" in file.makers:
-        parts = set(part_quantities(cls))
+        parts = set(quantities(cls))
         # A system's own maker of states says nothing about the parts; a body's are those of it.
         return parts if cls is not BodyState else {"attitude", "omega"}
     line = file.line_at(place) if file.kind == "mission" else None
@@ -202,7 +202,7 @@ def given_parts(file: Parsed, place: int = -1) -> set[str]:
 
 
 def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> str:
-    declared = part_quantities(state_of(file))
+    declared = quantities(state_of(file))
     parts = given_parts(file, place)
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))

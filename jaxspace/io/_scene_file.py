@@ -181,6 +181,7 @@ class SceneFile:
     def simulate(
         self,
         *,
+        ts: Float[ArrayLike, "*times"] | None = None,
         accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
         events: Sequence[Event] | None = None,
         num_saved: int | None = None,
@@ -189,14 +190,16 @@ class SceneFile:
         """The nominal run: of a system or a scene, of a mission, or of the loop of a file with
         [control], whichever the file describes (`kind`, `loop`).
 
-        **Arguments**, the first two in place of those of the file
+        **Arguments**, the first three in place of those of the file
 
+        - `ts`: as in `jaxspace.simulate`; of a mission the time at which it starts.
         - `accuracy`: as in `jaxspace.simulate`.
         - `events`: as there, or as in `ClosedLoop.simulate`; the phases of a mission have theirs.
         - `num_saved`: as in `jaxspace.simulate_mission`, of a mission.
         - `throw`: whether to raise `SimulationError` for a failed run.
 
         **Raises** `InputError` and `SimulationError` as these do."""
+        ts = self.ts if ts is None else ts
         accuracy = self.accuracy if accuracy is None else accuracy
         if self.loop is not None:
             if num_saved is not None:
@@ -204,13 +207,11 @@ class SceneFile:
             until = self.mission.phases[0].until
             if events is None:
                 events = (until,) if isinstance(until, Event) else ()
-            return self.loop.simulate(
-                self.y0, self.ts, accuracy=accuracy, events=events, throw=throw
-            )
+            return self.loop.simulate(self.y0, ts, accuracy=accuracy, events=events, throw=throw)
         run = run_either(
             self.system,
             self.y0,
-            self.ts,
+            ts,
             accuracy=accuracy,
             events=events or (),
             num_saved=num_saved,

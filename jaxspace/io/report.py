@@ -82,14 +82,14 @@ def error_rows(error: State, units: WrittenUnits) -> list[tuple[str, str]]:
         if part is not None:
             unit = units.of(name, declared.unit)
             size = in_unit(declared.unit, unit) * _largest(part)
-            rows.append((_label(f"error of {name}", unit), f"{size:.1e}"))
+            rows.append((_label(f"error of {name}", unit), _rough(size)))
     return rows
 
 
 def drift_rows(drift: Mapping[str, ArrayLike]) -> list[tuple[str, str]]:
     """The largest relative change of every invariant."""
     return [
-        (f"drift of {name.replace('_', ' ')}", f"{float(np.max(np.abs(d))):.1e}")
+        (f"drift of {name.replace('_', ' ')}", _rough(float(np.max(np.abs(d)))))
         for name, d in drift.items()
     ]
 
@@ -341,6 +341,11 @@ def status_line(status: SupportsInt) -> str:
 def _label(name: str, unit: str) -> str:
     name = name.replace("_", " ")
     return f"{name} [{unit}]" if unit else name
+
+
+def _rough(x: float) -> str:
+    """A size of an error: of what is exact a zero."""
+    return f"{x:.1e}" if x else "0"
 
 
 def _largest(tree: State) -> float:

@@ -158,7 +158,7 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
     required = dispersion.requirements
     violations = dispersion.violations()
-    heads = ["output", "nominal", "mean", "deviation", "middle 99 %", "limit of 99.5 %"]
+    heads = ["output", "nominal", "mean", "deviation", "middle 99\u00a0%", "limit of 99.5\u00a0%"]
     heads += ["least, greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
     lines = [_cells(heads, "th", 1)]
@@ -178,9 +178,13 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     note = "The limit of 99.5 % lies in its interval with 95 % confidence."
     if required:
         note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
-    table = '<table class="outputs">' + "\n".join(lines) + "</table>"
     warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.warnings)
-    return f'{table}{warnings}<p class="note">{note}</p>'
+    return f'{_outputs_table(lines)}{warnings}<p class="note">{note}</p>'
+
+
+def _outputs_table(lines: list[str]) -> str:
+    """A table of which a narrow page shows each line as a block."""
+    return '<table class="outputs">' + "\n".join(lines) + "</table>"
 
 
 def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
@@ -249,7 +253,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     if result is None:
         return []
     head, *rows = result.words
-    table = [_cells(list(head), "th", 1), *(_cells(list(row), text=1) for row in rows)]
+    lines = [_cells(list(head), "th", 1), *(_cells(list(row), text=1, heads=head) for row in rows)]
     beside = "" if data["rose"] is None else _plot("rose")
     place = " Pointing at a run shows its latitude and longitude." * bool(
         data["footprint"]["degrees"]
@@ -259,7 +263,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
         _section(
             "Landings",
             f'<div class="beside">{_plot("footprint", "tall")}{beside}</div>',
-            f'<div class="wide"><table>{"".join(table)}</table></div>',
+            _outputs_table(lines),
             f'<p class="note">{words}{place}</p>',
         )
     ]

@@ -16,6 +16,9 @@ for (const name in data.traces) coarse[name] = coarse.attitude;
 const UNRESOLVED = data.coarse.length ? `The saved times do not resolve the ${data.coarse.join(" and the ")}, ` +
   "shown at these times alone: more of them, dense=True or a shorter run show the motion." : "";
 const TOO_FAST = "Something turns faster than the screen shows: choose a slower speed.";
+// The unit of the clock and its size, s, by the length of the run; so many digits that it counts on.
+const [UNIT, SIZE] = span > 172800 ? ["d", 86400] : span > 7200 ? ["h", 3600] : ["s", 1];
+const DIGITS = Math.max(0, Math.ceil(2 - Math.log10(span / SIZE / 10)));
 // Seconds of a whole run at speed 1.
 const SHOWN = 12;
 // Where no sun is stated, the light comes from over the reader's left shoulder: right, up, towards.
@@ -79,7 +82,7 @@ function draw() {
   if (sun && scene.light[2] < 0) sunAt(scene, sun, extent);
   if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
   if (sun && scene.light[2] >= 0) sunAt(scene, sun, extent);
-  $("clock").textContent = "t = " + state.t.toPrecision(6) + " s" + (data.phases ? ", " + phase() : "");
+  $("clock").textContent = `t = ${(state.t / SIZE).toFixed(DIGITS)} ${UNIT}` + (data.phases ? ", " + phase() : "");
   $("note").textContent = UNRESOLVED || (tooFast(now) ? TOO_FAST : "");
   state.frames += 1;
   document.body.dataset.frames = state.frames;

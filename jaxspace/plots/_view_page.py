@@ -94,7 +94,7 @@ def view_page(
 <div id="controls"><button id="play">Play</button><span id="clock"></span>
 <input id="time" type="range" min="0" max="1" step="0.0005" value="0" aria-label="time">
 <select id="speed" aria-label="speed">{speeds}</select>
-{"".join(boxes)}</div>
+<span id="boxes">{"".join(boxes)}</span></div>
 <script>const data = {script_safe};
 {(HERE / "_view.js").read_text(encoding="utf-8")}</script></body></html>
 """

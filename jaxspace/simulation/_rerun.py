@@ -29,6 +29,9 @@ def _final_state(
     return jax.tree.map(lambda x: jnp.where(result.status == Status.MAX_STEPS, jnp.nan, x), final)
 
 
+_final_state_of_one = jit_wide_vectors(_final_state)
+
+
 @jit_wide_vectors
 def _final_states(
     batched: tuple, shared: tuple, config: IntegrationConfig, blocks: Blocks
@@ -52,7 +55,7 @@ def final_state_again(
     - `config`: usually tighter than the first one.
     - `run_axes`: 0 for one run, 1 for a batch."""
     if run_axes == 0:
-        return jit_wide_vectors(_final_state)(system, y0, ts, config, 0)
+        return _final_state_of_one(system, y0, ts, config, 0)
     ends = ts[:: max(ts.shape[0] - 1, 1)]
     batched, shared, runs = split_batch(system, y0, ends, None, 1)
     return _final_states(batched, shared, config, local_blocks((batched, shared), runs))

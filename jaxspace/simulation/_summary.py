@@ -190,8 +190,8 @@ def _range(x: ArrayLike) -> str:
 
 
 def _number(x: Any) -> str:
-    # Counts in full, and measured numbers to six digits.
-    return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x):.6g}"
+    # Counts in full, and measured numbers to six digits; with zero added, which has no sign.
+    return f"{x}" if np.issubdtype(type(x), np.integer) else f"{float(x) + 0.0:.6g}"
 
 
 def _state_table(

@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import InputError, State
 from ..core.layout import add_batch_axis, run_axes_of
+from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
 from ..integration.mapping import BLOCK
@@ -26,12 +27,23 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
     `least` runs is shared by all."""
 
     def leaf(x: PyTree, axes: int) -> bool:
-        if not eqx.is_array(x) or axes == 0:
+        if not isinstance(x, jax.ShapeDtypeStruct) or axes == 0:
             return False
         # A symbolic number of runs, as `jax.export` allows, stands for many.
         return is_symbolic_dim(x.shape[-1]) or x.shape[-1] >= least
 
     return jax.tree.map(leaf, tree, run_axes_of(tree, lambda x: min(x.ndim, undeclared)))
+
+
+@once_per_structure
+def _by_declaration(systems: PyTree, y0s: State, times_carry_runs: bool) -> tuple[PyTree, PyTree]:
+    """Which leaves of the systems and of the states carry runs."""
+    # At least two runs: an axis of length one is a shared number that broadcasts.
+    flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
+    if any(jax.tree.leaves((flags, times_carry_runs))):
+        return flags
+    # A batch of one run, where no other array gives the number.
+    return _declared(systems, 0, 1), _declared(y0s, 1, 1)
 
 
 def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
@@ -79,13 +91,11 @@ def split_batch(
 
     - `systems`, `y0s`, `in_axes`: as in `simulate_batch`.
     - `ts`: times with `times_axes` axes, and one more if they differ between runs."""
-    ts = jnp.asarray(ts, state_dtype(y0s))
+    dtype = state_dtype(y0s)
+    if not isinstance(ts, jax.Array) or ts.dtype != dtype or ts.weak_type:
+        ts = jnp.asarray(ts, dtype)
     if in_axes is None:
-        # At least two runs: an axis of length one is a shared number that broadcasts.
-        flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
-        if not any(jax.tree.leaves((flags, ts.ndim > times_axes))):
-            # A batch of one run, where no other array gives the number.
-            flags = (_declared(systems, 0, 1), _declared(y0s, 1, 1))
+        flags = _by_declaration(systems, y0s, ts.ndim > times_axes)
     else:
         flags = (_marked(systems, in_axes[0]), _marked(y0s, in_axes[1]))
     every = (systems, y0s, ts)

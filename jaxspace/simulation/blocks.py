@@ -10,6 +10,7 @@ import jax.numpy as jnp
 from jax.sharding import AxisType, Mesh, PartitionSpec
 from jaxtyping import Array, PyTree
 
+from ..core.jit import quick_jit
 from ..core.tracing import is_traced
 from ..integration.mapping import BLOCK
 
@@ -31,8 +32,8 @@ def jit_wide_vectors(function: Callable[P, T]) -> Callable[P, T]:
     """The function under `jit`, for CPUs with the widest vectors.
 
     Within a transformation plain `jit`, because the outer call sets the options of the compiler."""
-    plain = eqx.filter_jit(function)
-    wide = eqx.filter_jit(function, **WIDE_VECTORS)
+    plain = quick_jit(function)
+    wide = quick_jit(function, **WIDE_VECTORS)
 
     @functools.wraps(function)
     def call(*args: P.args, **kwargs: P.kwargs) -> T:

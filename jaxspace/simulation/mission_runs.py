@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.jit import quick_jit
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents, first_event
@@ -160,7 +161,7 @@ def _left_by(
     return t, y if then is None else then(t, y)
 
 
-@eqx.filter_jit
+@quick_jit
 def _run_phase(
     system: AbstractSystem,
     until: Scalar | Event,
