@@ -1,7 +1,9 @@
 """Calisto from its rail to the ground with a scatter of the angles of its rail: by the campaign of
 RocketPy, its class `MonteCarlo` with its stochastic classes, one flight after the other, and by
 ours. Both draw for themselves: means and deviations agree within their sampling errors, which the
-rows give, and to what the two models of the flight differ by.
+rows give, and to what the two models of the flight differ by. Each rocket of RocketPy's campaign is
+corrected by `_rocketpy.corrected`: as shipped, version 1.13 has its propellant and its nozzle ahead
+of the centre of dry mass, turns further into the wind and lands 89 m further west.
 
 Ours is timed as a whole, compilation included: the rows say how much of it that was, and how much
 the processors worked.
@@ -96,13 +98,19 @@ def theirs() -> dict:
     from rocketpy import stochastic
 
     sys.path.insert(0, str(HERE))
-    from _rocketpy import environment, flight, rocket
+    from _rocketpy import corrected, environment, flight, rocket
+
+    class CorrectedRocket(stochastic.StochasticRocket):
+        """A campaign builds each rocket from its parts: one corrected before would be lost."""
+
+        def create_object(self):
+            return corrected(super().create_object())
 
     given = calisto()
     made, air = rocket(given), environment(given)
     nominal = flight(given, made, air)
     nose, fins, tail = (surface for surface, _ in made.aerodynamic_surfaces)
-    loose = stochastic.StochasticRocket(made)
+    loose = CorrectedRocket(made)
     loose.add_motor(
         stochastic.StochasticSolidMotor(made.motor), position=(given["exit_station"], 0.0)
     )
