@@ -1,6 +1,6 @@
 """Vectors of sines, cosines and angles beside forty digits, and long arrays in blocks."""
 
-from types import SimpleNamespace
+from unittest.mock import Mock
 
 import jax
 import jax.numpy as jnp
@@ -144,7 +144,7 @@ def test_long_arrays_of_orbits(states):
 def test_blocks_of_an_accelerator_are_alike(runs, devices, monkeypatch):
     """None wider than what keeps it busy, and no more of them than that requires."""
     monkeypatch.setattr(blocks, "_mesh_of", lambda devices: None)
-    size = blocks.Blocks.on([SimpleNamespace(platform="gpu")] * devices, runs).size
+    size = blocks.Blocks.on([Mock(jax.Device, platform="gpu")] * devices, runs).size
     share = -(-runs // devices)
     count = -(-share // size)
     assert size <= blocks.ACCELERATOR_BLOCK and size % blocks.BLOCK == 0

@@ -267,8 +267,9 @@ def stops(samples):
 
 
 def test_a_mission_with_an_event_is_cut_into_chunks_alike():
-    """The search for events shares adaptive steps within a block, so that a block must be the same
-    runs, also when it is repeated because some of them missed the tolerance."""
+    """The search for events and the phases after it share adaptive steps within a block, so that a
+    block must be the same runs, also where one of them takes three times the steps of the
+    others."""
     inputs = {"luck": Uniform(0.0, 1.0), "x0": Uniform(0.5, 1.0), "v0": Constant(0.0)}
     campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.phases[0].ts[-1]})
     one, two = (
@@ -276,7 +277,7 @@ def test_a_mission_with_an_event_is_cut_into_chunks_alike():
         disperse(campaign, 600, seed=1, chunk=768),
     )
     fast = one.inputs["luck"] > 0.995
-    assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations[~fast].max())
+    assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations.min())
     for name in ("x", "t"):
         np.testing.assert_array_equal(one.outputs[name], two.outputs[name])
     assert np.all(one.status <= Status.EVENT)

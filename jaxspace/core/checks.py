@@ -37,7 +37,8 @@ def is_concrete(x: object) -> bool:
     ):
         return False
     # Booleans and text have no range that could be checked.
-    return isinstance(x, float | int) or x.dtype.kind in NUMBERS
+    known = isinstance(x, jax.Array | np.ndarray | np.generic)
+    return (x if known else np.asarray(x)).dtype.kind in NUMBERS
 
 
 def _show(x: object) -> str:

@@ -36,7 +36,7 @@ def _declared(tree: PyTree, undeclared: int, least: int) -> PyTree[bool]:
 
 
 @once_per_structure
-def _by_declaration(systems: PyTree, y0s: State, times_carry_runs: bool) -> tuple[PyTree, PyTree]:
+def _by_declaration(systems: PyTree, y0s: PyTree, times_carry_runs: bool) -> tuple[PyTree, PyTree]:
     """Which leaves of the systems and of the states carry runs."""
     # At least two runs: an axis of length one is a shared number that broadcasts.
     flags = (_declared(systems, 0, 2), _declared(y0s, 1, 2))
