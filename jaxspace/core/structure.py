@@ -41,7 +41,8 @@ class _Array(NamedTuple):
 
 def _compared(x: object) -> object:
     if isinstance(x, jax.Array | jax.ShapeDtypeStruct):
-        return _Array(x.shape, x.dtype, x.weak_type)
+        # The keys of random numbers have no weak type.
+        return _Array(x.shape, x.dtype, getattr(x, "weak_type", False))
     return _Array(x.shape, x.dtype, False) if isinstance(x, np.ndarray) else x
 
 
