@@ -102,21 +102,13 @@ outputs = [
 INPUTS = ("initial.velocity.2", "branch.booster.kick.2", "branch.booster.body.mass")
 
 
-@pytest.fixture
-def scene(tmp_path):
-    """Loads a scene file from its text."""
-
-    def loaded(text):
-        path = tmp_path / "scene.toml"
-        path.write_text(text)
-        return load(path)
-
-    return loaded
+def loaded(text):
+    return load("throw.toml", text=text)
 
 
 @functools.cache
 def parted():
-    return load("throw.toml", text=FILE + CAMPAIGN)
+    return loaded(FILE + CAMPAIGN)
 
 
 def by_hand(speed, kick, mass):
@@ -209,10 +201,10 @@ equal = "20 s"
 """
 
 
-def test_a_search_sees_the_ends_of_branches(scene):
+def test_a_search_sees_the_ends_of_branches():
     """The greatest height of the sustainer where the booster comes down at 20 s: the speed of the
     throw and the kick of the springs are free, and the springs push as hard as they may."""
-    file = scene(FILE + SEARCH)
+    file = loaded(FILE + SEARCH)
     assert file.task is not None
     best = file.optimize()
     speed, kick = (best.values[name] for name in INPUTS[:2])
@@ -222,9 +214,9 @@ def test_a_search_sees_the_ends_of_branches(scene):
     assert best.objective == pytest.approx(exact["sustainer"], rel=1e-6)
 
 
-def test_derivatives_pass_through_the_parting_of_a_file(scene):
+def test_derivatives_pass_through_the_parting_of_a_file():
     """In both modes, of the outputs of the search, whose run is that of `simulate_compact`."""
-    file = scene(FILE + SEARCH)
+    file = loaded(FILE + SEARCH)
     paths = INPUTS[:2]
 
     def flown(x):
@@ -273,7 +265,7 @@ def test_parts_that_are_released_keep_the_momentum():
         release()
 
 
-def test_a_body_that_turns_leaves_a_point(scene):
+def test_a_body_that_turns_leaves_a_point():
     """A branch without inertia has no attitude; one with inertia, and a phase with mass properties
     of its own, go on turning."""
     text = FILE.split("[branch.booster]")[0]
@@ -295,7 +287,7 @@ name = "fall"
 effects = ["uniform_gravity"]
 duration = "3 s"
 """
-    run = scene(text).simulate()
+    run = loaded(text).simulate()
     assert run["stone"].final.attitude is None and run.branch_names == ("cap", "stone")
     # The transverse rate turns about the axis by (C - A)/A omega_z (Thomson 5.8).
     for name, ratio, span in (("ascent", -0.5, 5.0), ("coast", 1.0, 4.0), ("cap.fall", 1.0, 3.0)):
@@ -361,21 +353,21 @@ BAD = {
 
 
 @pytest.mark.parametrize(("change", "sentence"), BAD.items())
-def test_wrong_branches_are_refused_in_a_sentence(scene, change, sentence):
+def test_wrong_branches_are_refused_in_a_sentence(change, sentence):
     with pytest.raises(SceneError) as error:
-        scene((FILE + CAMPAIGN).replace(*change, 1))
+        loaded((FILE + CAMPAIGN).replace(*change, 1))
     assert sentence in str(error.value)
 
 
-def test_a_scene_without_phases_has_no_branches(scene):
+def test_a_scene_without_phases_has_no_branches():
     text = FILE.split("[[phase]]")[0] + '[times]\nend = "1 s"\n[branch.a]\nafter = "b"\n'
     with pytest.raises(SceneError, match=r"branch leaves at the end of a phase: there must be a"):
-        scene(text)
+        loaded(text)
     text = FILE.split("[branch.booster]")[0] + "[[branch]]\n"
     with pytest.raises(
         SceneError, match=r"branch is .*: it must be tables by names of your choice"
     ):
-        scene(text)
+        loaded(text)
 
 
 @pytest.mark.sweep

@@ -11,6 +11,7 @@ Stages are evaluated inside of the step: the last one just before its end, so th
 that jumps there has the value of this step.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from typing import Any, ClassVar, TypeAlias, final
@@ -203,8 +204,30 @@ class _Quartic(AbstractDenseOutput):
         return jax.tree.map(lambda y, cs: polynomial(y, *cs), self.y0, self.coefficients)
 
 
+class _AbstractStages(AbstractFieldSolver):
+    """A method of which the user of a run does not choose the form: whether states within a step
+    can be computed, and whether the stages are a loop of the program."""
+
+    dense: eqx.AbstractVar[bool]
+    in_loop: eqx.AbstractVar[bool]
+
+    def bind(
+        self,
+        *,
+        tolerance: Tolerance,
+        save_ts: Float[Array, " times"] | None,
+        run_axes: int,
+        searched: bool = False,
+    ) -> AbstractFieldSolver:
+        del tolerance, run_axes
+        return dataclasses.replace(self, dense=searched or save_ts is not None)
+
+    def small_program(self) -> AbstractFieldSolver:
+        return dataclasses.replace(self, in_loop=True)
+
+
 @final
-class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
+class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     """The method of Dormand and Prince of order 8, with embedded errors of orders 5 and 3 and dense
     output of order 7.
 
@@ -224,20 +247,6 @@ class DOP853(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     @property
     def traits(self) -> SolverTraits:
         return SolverTraits(evaluations=12, linear=True)
-
-    def bind(
-        self,
-        *,
-        tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
-        run_axes: int,
-        searched: bool = False,
-    ) -> "DOP853":
-        del tolerance, run_axes
-        return DOP853(searched or save_ts is not None, self.in_loop)
-
-    def small_program(self) -> "DOP853":
-        return DOP853(self.dense, in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 8
@@ -305,7 +314,7 @@ def _dense_coefficients(
 
 
 @final
-class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
+class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
     order 4.
 
@@ -326,20 +335,6 @@ class Tsit5(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     @property
     def traits(self) -> SolverTraits:
         return SolverTraits(evaluations=7 if self.in_loop else 6, linear=True)
-
-    def bind(
-        self,
-        *,
-        tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
-        run_axes: int,
-        searched: bool = False,
-    ) -> "Tsit5":
-        del tolerance, run_axes
-        return Tsit5(searched or save_ts is not None, self.in_loop)
-
-    def small_program(self) -> "Tsit5":
-        return Tsit5(self.dense, in_loop=True)
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:
         return 5
