@@ -213,11 +213,15 @@ def test_an_event_right_behind_a_break():
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_a_condition_that_jumps_ends_the_run_where_it_does(backwards):
-    """No step of Newton's method leads anywhere: the polynomial's bracket does."""
-    when = Event(lambda t, y: jnp.where(t < 1.234567, -1.0, 2.0) + 0.0 * y.position[2])
+@pytest.mark.parametrize("slope", [0.0, 1.0])
+def test_a_condition_that_jumps_ends_the_run_where_it_does(slope, backwards):
+    """No slope leads anywhere: the polynomial's bracket does."""
+
+    def jumps(t, y):
+        return jnp.where(t < 1.234567, -1.0, 2.0) + slope * (t - 1.3) + 0.0 * y.position[2]
+
     ts = jnp.array([3.0, 0.0] if backwards else [0.0, 3.0])
-    run = simulate(Throw(), ball(), ts, events=(when,))
+    run = simulate(Throw(), ball(), ts, events=(Event(jumps),))
     np.testing.assert_allclose(run.ts[-1], 1.234567, rtol=1e-14)
 
 
