@@ -347,11 +347,11 @@ def shortened(
     length = location.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
-    # Newton's method converges from the zero of the dense output, unless the field jumps at the event
-    # as at the end of the propellant. Beyond it the condition may be flat, and the stages of a step
-    # that lie there bend its dense output and falsify its end. The slope at its start is right: the
-    # place to which it leads is taken if the condition is nearer to zero there. Where the condition
-    # itself jumps it is not, and the place by the dense output stays.
+    # Newton's method converges from the zero of the dense output, unless the field jumps at the
+    # event, as at the end of the propellant. Beyond it the condition may be flat, and the stages of
+    # a step that lie there bend its dense output and falsify its end. The slope at its start is
+    # right: the place to which it leads is taken if the condition is nearer to zero there. Where
+    # the condition itself jumps it is not, and the place by the dense output stays.
     lost = ~(jnp.abs(change) <= 0.5 * location.change)
     flat = (slope == 0.0) & (value * first < 0.0)
     place = -safe_divide(first, first_slope).astype(length.dtype) * length

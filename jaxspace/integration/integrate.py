@@ -271,7 +271,7 @@ def _settings(
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
     save_ts = None
     if fractions is not None:
-        save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
+        save_ts = ends if landing else segments.normalised(fractions.astype(ends.dtype))
     traits = solver_traits(config.solver)
     # The loop sees a fixed-step method as one that takes one step in each segment.
     if traits.fixed_step:
