@@ -223,7 +223,7 @@ def _sampled_to_event(
 @_sampled_to_event.def_jvp
 def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
     def searched_first(*given: Any) -> RunResult:
-        return _search_and_run(*given, 0)
+        return _search_and_run(*given, run_axes=0)
 
     return eqx.filter_jvp(searched_first, primals, tangents)
 
