@@ -65,4 +65,4 @@ def _first(states: State) -> State:
 
 def _last(ts: ArrayLike) -> np.ndarray:
     """The last of the times, s."""
-    return np.asarray(ts)[-1]
+    return np.asarray(np.asarray(ts)[-1])
