@@ -21,7 +21,7 @@ from .runnable import AbstractRunnable
 # programs. Stages that are written out are up to 1.7 times as fast, and compile in three times the
 # time: for a kick stage (600 operations) they win that back after 40,000 runs, for a rocket on its
 # way to the ground (4,000) after a million.
-LARGE = 2000
+LARGE = 1600
 
 
 def resolve_phases(
