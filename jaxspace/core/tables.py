@@ -27,7 +27,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
@@ -48,7 +48,7 @@ def within(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
 
 @functools.partial(within.defjvp, symbolic_zeros=True)
 def _within_rule(
-    primals: tuple[Scalar, Scalar, Scalar], tangents: tuple[Array | SymbolicZero, ...]
+    primals: tuple[ArrayLike, ...], tangents: tuple[Array | SymbolicZero, ...]
 ) -> tuple[Scalar, Scalar]:
     # A field holds many of them, and those of `jax.numpy` take four times as many operations.
     x, low, high = primals
