@@ -36,7 +36,7 @@ from .types import Scalar, as_float
 
 
 @jax.custom_jvp
-def within(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
+def within(x: ArrayLike, low: ArrayLike, high: ArrayLike) -> Array:
     """`x`, but at least `low` and at most `high`. At either end the slope is the mean of those of
     both sides.
 
