@@ -53,7 +53,7 @@ def _within_rule(
     # A field holds many of them, and those of `jax.numpy` take four times as many operations.
     x, low, high = primals
     # Sign one above the end, minus one below, zero at it.
-    above_low, above_high = jnp.sign(x - low), jnp.sign(x - high)
+    above_low, above_high = (jnp.sign(jnp.subtract(x, end)) for end in (low, high))
     slopes = 0.5 * (above_low - above_high), 0.5 * (1.0 - above_low), 0.5 * (1.0 + above_high)
     pairs = zip(slopes, tangents, strict=True)
     moves = [slope * d for slope, d in pairs if not isinstance(d, SymbolicZero)]
