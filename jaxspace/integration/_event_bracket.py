@@ -10,7 +10,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..core import Scalar
+from ..core import Scalar, State
 from ..core.safe import safe_divide
 from .events import Event
 
@@ -30,7 +30,8 @@ class _Bracket(NamedTuple):
     - `slopes`: rates at both ends, positive away from zero, infinite where unknown.
     - `moving`: whether the guess still changes.
     - `left`: number of further steps that are allowed.
-    - `finite`: whether the condition was finite at every guess."""
+    - `finite`: whether the condition was finite at every guess.
+    - `y`: the state at the guess."""
 
     low: Scalar
     high: Scalar
@@ -41,6 +42,28 @@ class _Bracket(NamedTuple):
     moving: Bool[Array, "*#runs"]
     left: Array | int
     finite: Bool[Array, "*#runs"]
+    y: State
+
+
+class Place(NamedTuple):
+    """The function that is zero at the event at one time: its `value` and its rate, the `slope`;
+    the state there and its rate, or `None` where the search is for a time alone."""
+
+    value: Scalar
+    slope: Scalar
+    y: State = None
+    rate: State = None
+
+
+class ClosedIn(NamedTuple):
+    """The end of a search between two samples: the time, the state there, whether it is a zero,
+    whether the search converged, and whether the condition rises there along the run."""
+
+    time: Scalar
+    y: State
+    met: Bool[Array, "*#runs"]
+    sure: Bool[Array, "*#runs"]
+    rising: Bool[Array, "*#runs"]
 
 
 @runtime_checkable
@@ -52,12 +75,12 @@ class WithinSpan(Protocol):
         """The event."""
         ...
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """The function that is zero at the event, and its rate."""
+    def at(self, t: Scalar) -> Place:
+        """The function that is zero at the event, at the time `t`."""
         ...
 
-    def condition(self, t: Scalar) -> Scalar:
-        """The condition itself."""
+    def condition(self, t: Scalar, y: State) -> Scalar:
+        """The condition itself, where the state of `at` is `y`."""
         ...
 
 
@@ -67,7 +90,7 @@ def close_in(
     g: tuple[Scalar, Scalar],
     sought: Bool[Array, "*runs"],
     behind: Scalar | None = None,
-) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
+) -> ClosedIn:
     """The zero between two samples.
 
     **Arguments**
@@ -76,9 +99,7 @@ def close_in(
     - `span`: the times of the samples, and `g` the condition there.
     - `sought`: the runs whose zero is sought.
     - `behind`: time after which the zero is sought, by default that of the first sample. If it is
-      given, `g[0]` is the condition just after it.
-
-    **Returns** the time, whether there is a zero, and whether the search converged."""
+      given, `g[0]` is the condition just after it."""
     t, end = span
     first = t if behind is None else behind
     # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
@@ -91,13 +112,14 @@ def close_in(
 
     def step(old: _Bracket) -> _Bracket:
         guess = old.guess
-        value, slope = within.slope(guess)
+        value, slope, y, rate = within.at(guess)
         new = _narrowed(old, value, forwards * old.sign * slope, back)
         following = _next_guess(new, value, slope)
         change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
         resolved = least * jnp.maximum(jnp.abs(guess), length)
         enough = jnp.where(new.dip, NARROW * length, resolved)
-        new = new._replace(guess=following, moving=old.moving & (change > enough))
+        y = jax.tree.map(lambda x, k: x + k * (following - guess), y, rate)
+        new = new._replace(guess=following, moving=old.moving & (change > enough), y=y)
         # A run whose search has ended stays at its zero while the others go on.
         new = jax.tree.map(
             lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
@@ -110,16 +132,19 @@ def close_in(
     # run must not pass a time that is NaN to the other runs of its block.
     secant = safe_divide(g[0], g[0] - g[1])
     share = jnp.where(dip | ~jnp.isfinite(secant), 0.5, jnp.clip(secant, 0.02, 0.98))
+    guess = first + share * (end - first)
+    there = jax.eval_shape(lambda t: within.at(t).y, guess)
     start = _Bracket(
         low=first,
         high=end,
-        guess=first + share * (end - first),
+        guess=guess,
         sign=jnp.sign(g[0]),
         dip=dip,
         slopes=(-unknown, unknown),
         moving=sought,
         left=CLOSING_STEPS,
         finite=jnp.ones(jnp.shape(t), bool),
+        y=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), there),
     )
     result = jax.lax.while_loop(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
@@ -127,8 +152,9 @@ def close_in(
     met = ~result.dip
     touch = within.event.touch
     if touch is not None:
-        met = met & (jnp.abs(within.condition(result.guess)) <= touch)
-    return result.guess, met, ~result.moving & result.finite
+        met = met & (jnp.abs(within.condition(result.guess, result.y)) <= touch)
+    sure = ~result.moving & result.finite
+    return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
 
 
 def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:

@@ -27,6 +27,7 @@ from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..solvers.tolerances import Tolerance
+from ._event_bracket import Place
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
 from .events import Event
 from .normalised_time import OwnStep
@@ -143,7 +144,7 @@ class _AlongStep(NamedTuple):
     step: diffrax.AbstractLocalInterpolation
     runs: tuple[int, ...]
 
-    def condition(self, t: Scalar) -> Scalar:
+    def condition(self, t: Scalar, _: State = None) -> Scalar:
         """The condition at the normalised time `t`."""
         y = self.step.evaluate(t)
         # One time for each run, also where all share it.
@@ -157,10 +158,10 @@ class _AlongStep(NamedTuple):
         rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
         return rate / self.segment.rate.astype(rate.dtype)
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+    def at(self, t: Scalar) -> Place:
         """The `value` and its rate in normalised time."""
         # Many operations read them, with each of which the compiler would evaluate them again.
-        return barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),)))
+        return Place(*barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),))))
 
 
 class SearchedStep(NamedTuple):
@@ -284,7 +285,7 @@ def _first_zero(
     `rounding` and `size` are of the condition, so far; `span` the start and duration of the run,
     s."""
     event, runs = along.event, along.runs
-    g, slopes = jax.vmap(along.slope)(nodes)
+    g, slopes, *_ = jax.vmap(along.at)(nodes)
     slopes = slopes[:: nodes.shape[0] - 1]
     dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
@@ -333,7 +334,7 @@ def shortened(
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
         # At both ends of the step, with one copy of the condition in the program.
-        values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
+        values, slopes, *_ = jax.vmap(along.at)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
         value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
         first = jnp.where(mine, values[0], first)

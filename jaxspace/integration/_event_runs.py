@@ -10,7 +10,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
-from ._event_bracket import WithinSpan
+from ..core.barrier import barrier
+from ._event_bracket import Place, WithinSpan
 from .config import IntegrationConfig
 from .event_zero import (
     APART,
@@ -36,10 +37,6 @@ class ConditionOnRun(NamedTuple):
     event: Event
     config: IntegrationConfig
     run_axes: int
-
-    def value(self, t: Scalar, y: State) -> Scalar:
-        """The function that is zero at the event."""
-        return self.event.value(self.system, t, y)
 
     def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
         """The `value` and its rate along the motion, 1/s times its unit."""
@@ -70,13 +67,17 @@ class FromSample(NamedTuple):
         """The event."""
         return self.along.event
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+    def at(self, t: Scalar) -> Place:
         """The function that is zero at the event, and its rate along the run."""
-        return self.along.slope(t, self.along.state(self.y, self.t, t))
+        system = self.along.system
+        y = self.along.state(self.y, self.t, t)
+        rate = system.vector_field(t, y)
+        # Many operations read them, with each of which the compiler would evaluate them again.
+        return barrier(Place(*self.event.slope_along(system, t, y, rate), y, rate))
 
-    def condition(self, t: Scalar) -> Scalar:
+    def condition(self, t: Scalar, y: State) -> Scalar:
         """The condition itself."""
-        return self.event.condition(t, self.along.state(self.y, self.t, t))
+        return self.event.condition(t, y)
 
 
 class Samples(NamedTuple):
@@ -86,7 +87,8 @@ class Samples(NamedTuple):
       the sign that follows.
     - `candidate`: the intervals in which there may be a zero.
     - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
-    - `size`: the largest condition.
+    - `size`: the largest condition; `unexplained`: the root mean square of the part of its change
+      that its rates do not explain, relative to its own.
     - `ill`: time after the start, s, at which it is first not finite."""
 
     times: Float[Array, "samples *#runs"]
@@ -96,6 +98,7 @@ class Samples(NamedTuple):
     at_zero: Bool[Array, "*runs"]
     away: Scalar
     size: Scalar
+    unexplained: Scalar
     ill: Scalar
 
 
@@ -136,10 +139,10 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     system, event, _, run_axes = along
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
-    g = jnp.broadcast_to(jax.vmap(along.value)(times, states), times.shape)
-    # Slopes at the two ends only, in place of samples beyond the run.
-    ends = jax.tree.map(lambda x: x[:: times.shape[0] - 1], (times, states))
-    slopes = jax.vmap(lambda t, y: along.slope(t, y)[1])(*ends)
+    g, rates = barrier(jax.vmap(along.slope)(times, states))
+    g, rates = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(rates, times.shape)
+    # The slopes at the two ends, in place of samples beyond the run.
+    slopes = rates[:: times.shape[0] - 1]
     dip = dips(g, (times[1] - times[0]) * slopes)
     size = jnp.max(jnp.abs(g), axis=0)
     span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
@@ -147,5 +150,16 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
     ill = ill_after(g, states, times, run_axes)
     away = jnp.sign(t1 - t0) * slopes[0]
+    unexplained = _change_unexplained(times, g, rates)
     g, candidate = candidates(g, dip, at_zero, away, event.direction)
-    return Samples(times, states, g, candidate, at_zero, away, size, ill)
+    return Samples(times, states, g, candidate, at_zero, away, size, unexplained, ill)
+
+
+def _change_unexplained(times: Array, g: Array, slopes: Array) -> Scalar:
+    """Root mean square of the part of the condition's change that its rates do not explain,
+    relative to that of the condition."""
+    steps = jnp.diff(times, axis=0)
+    change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])
+    size = jnp.sqrt(jnp.mean(g * g, axis=0))
+    rms = jnp.sqrt(jnp.mean(change * change, axis=0))
+    return jnp.where(size > 0.0, rms / jnp.where(size > 0.0, size, 1.0), 0.0)

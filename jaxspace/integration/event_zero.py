@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
@@ -75,11 +76,11 @@ def first_in_intervals(
         t, value = pick((times, g), index, len(runs))
         end, other = pick((times, g), index + 1, len(runs))
         sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
-        there, met, sure = close_in(within(index), (t, end), (value, other), sought)
-        good = sought & met & sure
-        unresolved = unresolved | (sought & ~sure)
+        zero = close_in(within(index), (t, end), (value, other), sought)
+        good = sought & zero.met & zero.sure
+        unresolved = unresolved | (sought & ~zero.sure)
         last = good | ~sought | unresolved
-        when = jnp.where(sought & (good | unresolved), there, when)
+        when = jnp.where(sought & (good | unresolved), zero.time, when)
         return when, hit | good, unresolved, jnp.where(last, count, index + 1)
 
     nowhere = jnp.zeros(tuple(runs), bool)
@@ -107,6 +108,17 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
     return jax.tree.map(leaf, tree)
 
 
+def put(tree: State, index: Array, rows: State, run_axes: int) -> State:
+    """The blocks with `rows` in place of sample number `index` of each run; see `pick`."""
+
+    def leaf(x, row):
+        where = index.reshape(1, *(1,) * (x.ndim - 1 - run_axes), *index.shape)
+        where = jnp.broadcast_to(where, (1, *row.shape))
+        return jnp.put_along_axis(x, where, row[None], 0, inplace=False, mode="promise_in_bounds")
+
+    return jax.tree.map(leaf, tree, rows)
+
+
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
     """Time after the start, s, at which the condition is first not finite; infinite if it always is
     finite.
@@ -126,20 +138,21 @@ def rounding_change(
 
     Times the rounding unit, it bounds the condition at a rounded zero."""
     leaves, structure = jax.tree.flatten(y)
-    total = jnp.zeros_like(t)
-    for k, leaf in enumerate(leaves):
-        shape = leaf.shape[: leaf.ndim - run_axes]
-        # Component by component, because their absolute values are summed.
-        basis = jnp.eye(math.prod(shape), dtype=leaf.dtype).reshape(-1, *shape, *(1,) * run_axes)
+    shapes = [leaf.shape[: leaf.ndim - run_axes] for leaf in leaves]
+    ends = np.cumsum([math.prod(shape) for shape in shapes])
+    # Component by component, because their absolute values are summed; all of them at once, with
+    # one copy of the condition in the program.
+    parts = np.split(np.eye(ends[-1]), ends[:-1], axis=1)
+    basis = [
+        jnp.asarray(part.reshape(-1, *shape, *(1,) * run_axes), leaf.dtype)
+        for part, shape, leaf in zip(parts, shapes, leaves, strict=True)
+    ]
 
-        def value(x: Array, k: int = k) -> Scalar:
-            return event.value(system, t, structure.unflatten([*leaves[:k], x, *leaves[k + 1 :]]))
+    def change(direction: list[Array]) -> Scalar:
+        tangent = structure.unflatten([d * x for d, x in zip(direction, leaves, strict=True)])
+        return jax.jvp(lambda y: event.value(system, t, y), (y,), (tangent,))[1]
 
-        def change(direction: Array, leaf: Array = leaf, value=value) -> Array:
-            return jax.jvp(value, (leaf,), (direction * leaf,))[1]
-
-        total = total + jnp.sum(jnp.abs(jax.vmap(change)(basis)), axis=0)
-    return total
+    return jnp.sum(jnp.abs(jax.vmap(change)(basis)), axis=0)
 
 
 def dips(g: Array, changes: Array) -> Array:
