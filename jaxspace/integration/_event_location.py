@@ -144,7 +144,7 @@ class _AlongStep(NamedTuple):
     step: diffrax.AbstractLocalInterpolation
     runs: tuple[int, ...]
 
-    def condition(self, t: Scalar, _: State = None) -> Scalar:
+    def condition(self, t: Scalar, y: State = None) -> Scalar:
         """The condition at the normalised time `t`."""
         y = self.step.evaluate(t)
         # One time for each run, also where all share it.

@@ -253,25 +253,29 @@ def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
         good = sought & zero.met & zero.sure
         # Runs without a zero here write to the last row, which nothing reads.
         row = jnp.where(good, search.count, capacity - 1)
-        rows = search.times, search.states, search.rising
-        rows = put(rows, row, (zero.time, zero.y, zero.rising), along.run_axes)
+        found = zero.time, zero.y, zero.rising
+        times, states, rising = put(search[:3], row, found, along.run_axes)
         # The second zero of a dip counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
         return _SearchState(
-            *rows,
+            times,
+            states,
+            rising,
             search.count + good.astype(int),
             jnp.where(sought & ~again, index + 1, jnp.where(sought, index, search.following)),
             again,
             search.unresolved | (sought & ~zero.sure),
         )
 
+    def rows_of(x: Array) -> Array:
+        return jnp.broadcast_to(x, (capacity, *x.shape))
+
     none = jnp.zeros(runs, bool)
     at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
     start = _SearchState(
-        *jax.tree.map(
-            lambda x: jnp.broadcast_to(x[0], (capacity, *x.shape[1:])),
-            (samples.times, samples.states, (samples.away > 0.0)[None]),
-        ),
+        times=rows_of(samples.times[0]),
+        states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
+        rising=rows_of(samples.away > 0.0),
         count=at_start.astype(int),
         following=jnp.zeros(runs, int),
         again=none,

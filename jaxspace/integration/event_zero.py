@@ -7,7 +7,7 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import WithinSpan, close_in
@@ -108,7 +108,7 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
     return jax.tree.map(leaf, tree)
 
 
-def put(tree: State, index: Array, rows: State, run_axes: int) -> State:
+def put(tree: PyTree, index: Array, rows: PyTree, run_axes: int) -> PyTree:
     """The blocks with `rows` in place of sample number `index` of each run; see `pick`."""
 
     def leaf(x, row):
