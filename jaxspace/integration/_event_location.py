@@ -286,8 +286,8 @@ def _first_zero(
     s."""
     event, runs = along.event, along.runs
     g, slopes, *_ = jax.vmap(along.at)(nodes)
-    slopes = slopes[:: nodes.shape[0] - 1]
-    dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
+    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
+    dip = dips(columns, g, slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
     start, duration = span
     # The rounding of the time, from the rate per second and the largest time of the run.
@@ -298,8 +298,7 @@ def _first_zero(
     at_zero = at_start & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
     ill = ~jnp.isfinite(g)
     g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
-    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
-    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, candidate)
+    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, slopes, candidate)
     if event.at_start:
         now = at_zero & (event.direction * slopes[0] >= 0.0)
         when = jnp.where(now, nodes[0], when)

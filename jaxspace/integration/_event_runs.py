@@ -44,8 +44,8 @@ class ConditionOnRun(NamedTuple):
 
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
-        # A few short integrations, and one more program of a step: a small one for a single run.
-        config = self.config if self.run_axes else self.config.small_program()
+        # Short integrations, and one more program of a step: a small one.
+        config = self.config.small_program()
         result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
 
@@ -70,7 +70,7 @@ class FromSample(NamedTuple):
     def at(self, t: Scalar) -> Place:
         """The function that is zero at the event, and its rate along the run."""
         system = self.along.system
-        y = self.along.state(self.y, self.t, t)
+        y = barrier(self.along.state(self.y, self.t, t))
         rate = system.vector_field(t, y)
         # Many operations read them, with each of which the compiler would evaluate them again.
         return barrier(Place(*self.event.slope_along(system, t, y, rate), y, rate))
@@ -83,8 +83,8 @@ class FromSample(NamedTuple):
 class Samples(NamedTuple):
     """A condition along each run.
 
-    - `times`, `states`, `g`: of the samples, on the first axis; where the start is a zero, `g` has
-      the sign that follows.
+    - `times`, `states`, `g`, `slopes`: of the samples, on the first axis; where the start is a
+      zero, `g` has the sign that follows.
     - `candidate`: the intervals in which there may be a zero.
     - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
     - `size`: the largest condition; `unexplained`: the root mean square of the part of its change
@@ -94,6 +94,7 @@ class Samples(NamedTuple):
     times: Float[Array, "samples *#runs"]
     states: State
     g: Float[Array, "samples *#runs"]
+    slopes: Float[Array, "samples *#runs"]
     candidate: Bool[Array, "intervals *#runs"]
     at_zero: Bool[Array, "*runs"]
     away: Scalar
@@ -112,7 +113,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     def within(index: Array) -> WithinSpan:
         return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
 
-    result = first_in_intervals(within, samples.times, samples.g, samples.candidate)
+    result = first_in_intervals(within, samples.times, samples.g, samples.slopes, samples.candidate)
     when, hit, unresolved = result
     event = along.event
     at_zero = samples.at_zero
@@ -139,20 +140,25 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     system, event, _, run_axes = along
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
-    g, rates = barrier(jax.vmap(along.slope)(times, states))
-    g, rates = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(rates, times.shape)
-    # The slopes at the two ends, in place of samples beyond the run.
-    slopes = rates[:: times.shape[0] - 1]
-    dip = dips(g, (times[1] - times[0]) * slopes)
+    g, slopes = jax.lax.platform_dependent(
+        times,
+        states,
+        # One after the other: a program of one sample compiles sooner than one of all, and its
+        # numbers stay in the cache.
+        cpu=lambda times, states: jax.lax.map(lambda sample: along.slope(*sample), (times, states)),
+        default=jax.vmap(along.slope),
+    )
+    g, slopes = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(slopes, times.shape)
+    dip = dips(times, g, slopes)
     size = jnp.max(jnp.abs(g), axis=0)
     span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
     change = rounding_change(event, system, t0, y0, run_axes) + size + jnp.abs(slopes[0]) * span
     at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
     ill = ill_after(g, states, times, run_axes)
     away = jnp.sign(t1 - t0) * slopes[0]
-    unexplained = _change_unexplained(times, g, rates)
+    unexplained = _change_unexplained(times, g, slopes)
     g, candidate = candidates(g, dip, at_zero, away, event.direction)
-    return Samples(times, states, g, candidate, at_zero, away, size, unexplained, ill)
+    return Samples(times, states, g, slopes, candidate, at_zero, away, size, unexplained, ill)
 
 
 def _change_unexplained(times: Array, g: Array, slopes: Array) -> Scalar:

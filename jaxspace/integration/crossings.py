@@ -33,7 +33,7 @@ from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import close_in
 from ._event_runs import ConditionOnRun, FromSample, Samples, sampled
 from .config import IntegrationConfig
-from .event_zero import pick, put
+from .event_zero import next_candidates, pick, put
 from .events import Event, newton_correct
 from .field_trace import field_trace
 from .integrate import integrate
@@ -93,11 +93,9 @@ class Crossings(eqx.Module):
 class _SearchState(NamedTuple):
     """State of the search.
 
-    - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`. There is one
-      row more than the capacity, for the zeros beyond it.
-    - `count`: number of zeros.
-    - `following`: the next sample; `again`: whether the interval behind it is searched a second
-      time.
+    - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`.
+    - `count`: number of zeros, up to one more than the capacity.
+    - `following`: the next interval to search; `again`: whether it is searched a second time.
     - `unresolved`: whether the search failed."""
 
     times: Float[Array, "zeros *#runs"]
@@ -147,16 +145,15 @@ def _found(
     samples = sampled(along, times, states)
     search = _search(along, samples)
     stored = jnp.minimum(search.count, event.capacity)
-    used = _numbers(event.capacity, stored) < stored
+    used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
 
     def leaf(x: Array) -> Array:
         return jnp.where(used, x, jnp.nan)
 
-    at_zeros = jax.tree.map(lambda x: x[:-1], search.states)
     crossings = Crossings(
-        leaf(search.times[:-1]),
-        jax.tree.map(leaf, times_behind_components(at_zeros, run_axes)),
-        search.rising[:-1] & used,
+        leaf(search.times),
+        jax.tree.map(leaf, times_behind_components(search.states, run_axes)),
+        search.rising & used,
         stored,
         search.count > event.capacity,
         _status(samples, search),
@@ -174,13 +171,14 @@ def _integrated_to(
     run_axes: int,
 ) -> Crossings:
     """`_found`, with derivatives: by an integration from the sample before each zero to it."""
-    fixed = jax.tree.map(_fixed, (system, event, times, states))
-    found = _found(*fixed, config, run_axes)
+    parts = jax.tree.map(_fixed, (system, event, times, states))
+    found = _found(parts[0], parts[1], parts[2], parts[3], config, run_axes)
+    moments = parts[2]
 
     # Zeros one after the other: those of all runs with the same number share an integration.
     def one(carry: None, t: Array) -> tuple[None, tuple[Array, State]]:
         used = jnp.isfinite(t)
-        passed = jnp.sum(jnp.abs(fixed[2] - fixed[2][0]) <= jnp.abs(t - fixed[2][0]), axis=0)
+        passed = jnp.sum(jnp.abs(moments - moments[0]) <= jnp.abs(t - moments[0]), axis=0)
         y, start = pick((states, times), jnp.maximum(passed - 1, 0), run_axes)
         t = jnp.where(used, t, jax.lax.stop_gradient(start))
         result = integrate(system, y, start, t, None, config.small_program(), run_axes)
@@ -223,36 +221,32 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     )
 
 
-def _numbers(count: int, runs: Array) -> Array:
-    """0, 1, ... on an axis before those of the runs."""
-    return jnp.arange(count).reshape(-1, *(1,) * runs.ndim)
-
-
 def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
     """All zeros of each run, up to one more than the capacity."""
     event, runs = along.event, samples.times.shape[1:]
-    capacity = event.capacity + 1
     intervals = samples.candidate.shape[0]
-    numbers = _numbers(intervals, samples.at_zero)
 
-    def ahead(search: _SearchState) -> Array:
-        open_to = (search.count < capacity) & ~search.unresolved
-        return samples.candidate & (numbers >= search.following) & open_to
+    def sought_in(search: _SearchState) -> Array:
+        """Whether each run has another interval to search."""
+        room = search.count <= event.capacity
+        return (search.following < intervals) & room & ~search.unresolved
 
     def look(search: _SearchState) -> _SearchState:
-        sought = jnp.any(ahead(search), axis=0)
-        index = jnp.argmax(ahead(search), axis=0)
-        y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
-        end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
+        sought, index = sought_in(search), jnp.minimum(search.following, intervals - 1)
+        knots = samples.times, samples.g, samples.slopes
+        t, value, slope = pick(knots, index, along.run_axes)
+        end, other, last_slope = pick(knots, index + 1, along.run_axes)
         dip = (value * other > 0.0) & ~search.again
         # The second zero of a dip is sought from its first one, where the sign is opposite.
-        last = pick(search.times, jnp.maximum(search.count - 1, 0), along.run_axes)
+        number = jnp.clip(search.count - 1, 0, event.capacity - 1)
+        last = pick(search.times, number, along.run_axes)
         start = jnp.where(search.again, last, t)
         value = jnp.where(search.again, -other, value)
-        zero = close_in(FromSample(along, y, t), (t, end), (value, other), sought, start)
+        within = FromSample(along, pick(samples.states, index, along.run_axes), t)
+        ends = (t, end), (value, other), (slope, last_slope)
+        zero = close_in(within, *ends, sought, start)
         good = sought & zero.met & zero.sure
-        # Runs without a zero here write to the last row, which nothing reads.
-        row = jnp.where(good, search.count, capacity - 1)
+        row = jnp.where(good, search.count, event.capacity)
         found = zero.time, zero.y, zero.rising
         times, states, rising = put(search[:3], row, found, along.run_axes)
         # The second zero of a dip counts only for an event of both directions.
@@ -262,14 +256,15 @@ def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
             states,
             rising,
             search.count + good.astype(int),
-            jnp.where(sought & ~again, index + 1, jnp.where(sought, index, search.following)),
+            jnp.where(sought & ~again, pick(ahead, index + 1, along.run_axes), search.following),
             again,
             search.unresolved | (sought & ~zero.sure),
         )
 
     def rows_of(x: Array) -> Array:
-        return jnp.broadcast_to(x, (capacity, *x.shape))
+        return jnp.broadcast_to(x, (event.capacity, *x.shape))
 
+    ahead = next_candidates(samples.candidate)
     none = jnp.zeros(runs, bool)
     at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
     start = _SearchState(
@@ -277,11 +272,11 @@ def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
         states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
         rising=rows_of(samples.away > 0.0),
         count=at_start.astype(int),
-        following=jnp.zeros(runs, int),
+        following=ahead[0],
         again=none,
         unresolved=none,
     )
-    return jax.lax.while_loop(lambda search: jnp.any(ahead(search)), look, start)
+    return jax.lax.while_loop(lambda search: jnp.any(sought_in(search)), look, start)
 
 
 def _status(samples: Samples, search: _SearchState) -> Int[Array, "*runs"]:
