@@ -110,7 +110,7 @@ def next_candidates(candidate: Bool[Array, "intervals *#runs"]) -> Int[Array, "f
     return jnp.concatenate([ahead, none[None]])
 
 
-def pick(tree: State, index: Array, run_axes: int) -> State:
+def pick(tree: PyTree, index: Array, run_axes: int) -> PyTree:
     """Select sample number `index` of each run, from blocks with the samples on the first axis."""
 
     def leaf(x):
