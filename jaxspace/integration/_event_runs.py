@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ._event_bracket import Place, WithinSpan
+from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
     APART,
@@ -51,7 +52,9 @@ class ConditionOnRun(NamedTuple):
 
     def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
         """The states at these fractions of the time from `t` to `end`, times first."""
-        result = integrate(self.system, y, t, end, fractions, self.config, self.run_axes)
+        result = integrate(
+            self.system, y, t, end, fractions, self.config, self.run_axes, for_search=True
+        )
         return times_first(result.states, self.run_axes)
 
 
@@ -140,14 +143,7 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     system, event, _, run_axes = along
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
-    g, slopes = jax.lax.platform_dependent(
-        times,
-        states,
-        # One after the other: a program of one sample compiles sooner than one of all, and its
-        # numbers stay in the cache.
-        cpu=lambda times, states: jax.lax.map(lambda sample: along.slope(*sample), (times, states)),
-        default=jax.vmap(along.slope),
-    )
+    g, slopes = in_turn(lambda sample: along.slope(*sample), (times, states))
     g, slopes = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(slopes, times.shape)
     dip = dips(times, g, slopes)
     size = jnp.max(jnp.abs(g), axis=0)

@@ -12,6 +12,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ._event_bracket import WithinSpan, close_in, tangent_reaches
+from ._in_turn import in_turn
 from .events import Event
 
 # Rounding of the condition in a state at the event itself, in units in the last place.
@@ -171,7 +172,7 @@ def rounding_change(
         y_at = structure.unflatten(leaves)
         return jax.jvp(lambda y: event.value(system, at, y), (y_at,), (tangent,))[1]
 
-    return jnp.sum(jnp.abs(jax.lax.map(change, basis)), axis=0)
+    return jnp.sum(jnp.abs(in_turn(change, basis)), axis=0)
 
 
 def dips(times: Array, g: Array, slopes: Array) -> Array:

@@ -5,6 +5,7 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import cast
 
 import equinox as eqx
@@ -21,6 +22,7 @@ from ..solvers.regularised_step import evaluations_of
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import FoundEvents, Location, SoughtEvents
+from ._in_turn import in_turn
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
@@ -53,6 +55,7 @@ def integrate(
     record_steps: bool = False,
     dense: bool = False,
     trimmed: bool = False,
+    for_search: bool = False,
     until: tuple[Event, ...] = (),
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
@@ -70,6 +73,8 @@ def integrate(
     - `trimmed`: whether to leave out segments of no length at both ends. Only for a run whose final
       state alone is saved and which is not differentiated: a break at one of its ends would have
       a derivative.
+    - `for_search`: whether the states at the fractions are samples for a search; a closed form
+      computes them `in_turn`.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
@@ -80,7 +85,8 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+        rows = in_turn if for_search else _at_once
+        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
     if config.decoupled:
@@ -182,12 +188,17 @@ def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> Fo
     )
 
 
+def _at_once(function: Callable[[Array], State], rows: Array) -> State:
+    return jax.vmap(function)(rows)
+
+
 def _by_closed_form(
     closed_form: AbstractClosedForm,
     y0: State,
     duration: Array,
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
+    rows: Callable[[Callable[[Array], State], Array], State],
 ) -> IntegrationResult:
     # A single duration is not mapped over, because that would trace everything twice.
     if fractions is None:
@@ -195,7 +206,7 @@ def _by_closed_form(
         states = jax.tree.map(lambda x: x[None], final)
     else:
         durations = of_each(fractions, duration)
-        states = jax.vmap(lambda d: _on_groups(closed_form.flow(d, y0)))(durations)
+        states = rows(lambda d: _on_groups(closed_form.flow(d, y0)), durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
