@@ -295,9 +295,9 @@ def held(program, operation, name="main"):
 
 @pytest.mark.parametrize(
     ("method", "motion", "times"),
-    # The motion comes once for the samples and once for the search: by steps, the vector field with
-    # seven stages and three, the first step included, and for two rates of the condition.
-    [("closed_form", "tan", 2), (Tsit5(), "cbrt", 12)],
+    # The motion comes once for the samples and once for the search: by steps, the vector field in all
+    # stages of the one and in the loop of stages of the other, and for the rates of the condition.
+    [("closed_form", "tan", 2), (Tsit5(), "cbrt", 11)],
     ids=["closed form", "steps"],
 )
 def test_the_program_holds_motion_and_condition_few_times(method, motion, times):

@@ -73,8 +73,8 @@ def integrate(
     - `trimmed`: whether to leave out segments of no length at both ends. Only for a run whose final
       state alone is saved and which is not differentiated: a break at one of its ends would have
       a derivative.
-    - `for_search`: whether the states at the fractions are samples for a search; a closed form
-      computes them `in_turn`.
+    - `for_search`: whether the states at the fractions are samples for a search, for which a small
+      program counts: a closed form computes them `in_turn`, and the first step is not estimated.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
@@ -123,6 +123,9 @@ def integrate(
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )
+    if for_search:
+        # As in `_settings`, for the same reason.
+        settings = dataclasses.replace(settings, estimated=False)
     if trimmed and settings.plan is None and not traits.own_steps:
         settings = dataclasses.replace(settings, reach=segments.reach())
     field = ScaledVectorField(system, segments)
