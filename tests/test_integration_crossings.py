@@ -295,8 +295,8 @@ def held(program, operation, name="main"):
 
 @pytest.mark.parametrize(
     ("method", "motion", "times"),
-    # The motion comes once for the samples and once for the search: by steps, the vector field in all
-    # stages of the one and in the loop of stages of the other, and for the rates of the condition.
+    # The motion comes once for the samples and once for the search: by steps, the vector field in
+    # all stages of the one, in the loop of the other, and for the rates of the condition.
     [("closed_form", "tan", 2), (Tsit5(), "cbrt", 11)],
     ids=["closed form", "steps"],
 )
