@@ -79,17 +79,15 @@ def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
 def _planned(
     mission: Mission, configs: Sequence[IntegrationConfig], saved: Sequence[SaveTimes]
 ) -> list[bool]:
-    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, not one
-    whose steps are searched for its end, and none after such a one.
+    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, and none
+    of a mission with a phase whose steps are searched for its end.
 
-    Those start at a time of each run, in blocks that share adaptive steps anyway; and a mission of
-    which no phase follows a plan needs no pilots."""
-    searched: list[bool] = []
-    for leg, n, config in zip(legs_of(mission)[0], saved, configs, strict=True):
-        before = leg.after is not None and searched[leg.after]
-        searched.append(before or ends_on_the_way(leg.phase, n, config))
-    pairs = zip(configs, searched, strict=True)
-    return [config.method != "closed_form" and not free for config, free in pairs]
+    The runs of a block share adaptive steps in such a phase anyway, and a mission of which no phase
+    follows a plan needs no pilots: their program would be compiled for the rest."""
+    triples = list(zip(legs_of(mission)[0], saved, configs, strict=True))
+    if any(ends_on_the_way(leg.phase, n, config) for leg, n, config in triples):
+        return [False] * len(triples)
+    return [config.method != "closed_form" for config in configs]
 
 
 @eqx.filter_jit(**QUICK)
