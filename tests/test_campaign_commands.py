@@ -86,7 +86,7 @@ def test_a_stop_before_the_first_run_leaves_what_is_there(
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(SceneFile, "nominal_mission", stop)
+    monkeypatch.setattr(SceneFile, "campaign", stop)
     path = tmp_path / "coast.toml"
     path.write_text(COAST)
     assert main(["disperse", str(path), "--out", str(tmp_path), *options]) == 130
