@@ -97,7 +97,7 @@ def _block(
     mission, y0 = campaign.mission(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved = saved_of(campaign.along, samples)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
     outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))

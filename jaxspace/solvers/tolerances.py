@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import Scalar, State
+from ..core.barrier import barrier
 
 
 @final
@@ -101,4 +102,6 @@ class Tolerance(eqx.Module):
         """Whether all numbers in the state of each run are finite."""
         leaves = jax.tree.leaves(y)
         flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
-        return functools.reduce(jnp.logical_and, flags)
+        result = functools.reduce(jnp.logical_and, flags)
+        # Many operations read it, with each of which the compiler would compute it again.
+        return barrier(result) if self.run_axes else result
