@@ -36,7 +36,7 @@ from ._isolation import isolate
 from ._outputs import check_apart, outputs_to_check
 from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
-from ._program import Drawn, draw_inputs, program
+from ._program import Drawn, draw_inputs, drawn_by, program
 from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
@@ -92,7 +92,8 @@ class BatchRunner:
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
-        steps, coupled = expected_steps(campaign, accuracy, samples)
+        size = Blocks.on(devices[:1], call_size(devices)).size
+        steps, coupled = expected_steps(campaign, accuracy, samples, size)
         expected = placeholders(steps)
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), coupled, samples, "")
         runner = cls(planned, devices)
@@ -104,7 +105,7 @@ class BatchRunner:
         used = np.ones(runner.call, bool)
         unplanned = all(plan is None for plan in expected)
         piloted = not unplanned or outputs_to_check(campaign) is not None
-        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, used, 0))
+        drawn = eqx.filter_eval_shape(drawn_by, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
         def plans_of_pilots() -> list[np.ndarray | None]:

@@ -114,14 +114,17 @@ def _breaks_differ(system: Any) -> bool:
     return breaks is not None and breaks.ndim > 1
 
 
-def expected_steps(campaign: Campaign, accuracy: Accuracy, kept: Kept) -> tuple[list[Any], bool]:
+def expected_steps(
+    campaign: Campaign, accuracy: Accuracy, kept: Kept, runs: int
+) -> tuple[list[Any], bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
     and whether a phase ends by an event, in whose search the runs of a block share their steps.
 
-    They follow from the methods alone, because tracing the pilot runs takes much longer."""
+    They follow from the methods alone, because tracing the pilot runs takes much longer. `runs`: as
+    many as in a block, whose program then finds its vector fields traced."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool]:
-        mission, y0 = campaign.mission(campaign.nominal())
+        mission, y0 = campaign.mission(campaign.nominal(runs))
         configs = resolve_phases(mission, y0, accuracy, 1)
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
         events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])
