@@ -144,8 +144,9 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
         end = self._end_of_step(start, proposal)
         state = StepControl(proposal, limiting)
-        # All that a step leaves is selected by them.
-        decision = barrier((accept, start, end, landed, state))
+        decision = accept, start, end, landed, state
+        # All that a step of many runs leaves is selected by them.
+        decision = barrier(decision) if self.tolerance.run_axes else decision
         return *decision, diffrax.RESULTS.successful
 
     def _end_of_step(self, s: Float[Array, ""], ds: Float[Array, ""]) -> Float[Array, ""]:

@@ -82,8 +82,8 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
         index = jnp.searchsorted(inner, held, side="right")
     else:
         index = jnp.sum(inner <= held, axis=0)
-    # With every number that is read there the compiler would search again.
-    return barrier(index), held
+    # Of many runs the compiler would search again with every number that is read there.
+    return barrier(index) if jnp.ndim(held) else index, held
 
 
 def of_all_runs(nodes: Float[Array, "nodes *#runs"]) -> Array:
