@@ -109,16 +109,43 @@ GROUND = Event(lambda t, y: y.position[2], within=60.0)
 
 
 def test_the_vector_field_of_a_phase_stands_in_its_program_once():
-    """In the steps; and to a run without events, which estimates its first step, twice."""
+    """In the steps; and of a run of a system without events, which estimates its first step,
+    twice."""
 
-    def phase(y):
-        return simulate_mission(Mission(Phase(Large(), GROUND)), y, throw=False).final
+    def phase(until, num_saved):
+        mission = Mission(Phase(Large(), until))
+        return lambda y: simulate_mission(mission, y, num_saved=num_saved, throw=False).final
 
     def run(y):
         return simulate(Large(), y, jnp.array([0.0, 1.0]), throw=False).final
 
-    assert fields_in(phase, ball()) == 1
+    for until in (GROUND, 1.0):
+        assert fields_in(phase(until, 2), ball()) == 1
+        assert fields_in(phase(until, 9), ball()) == 1
     assert fields_in(run, ball()) == 2
+
+
+def test_states_on_the_way_to_an_event_and_their_slopes_are_those_of_the_formula():
+    """Of one run, whose program serves twice: z = 10 + v t - g t^2/2 at parts of the time
+    T = (v + sqrt(v^2 + 20 g))/g. The times on the way are held fixed: dz/dv = t."""
+
+    def saved(v):
+        run = simulate_mission(Mission(Phase(Throw(), GROUND)), ball(10.0, v), num_saved=9)
+        return run.phases[0].ts, run.phases[0].states.position[2], run.status
+
+    (ts, z, status), (of_ts, of_z, _) = jax.jit(lambda v: jax.jvp(saved, (v,), (1.0,)))(25.0)
+    root = np.sqrt(25.0**2 + 2.0 * G * 10.0)
+    times = np.linspace(0.0, 1.0, 9) * (25.0 + root) / G
+    assert status == Status.EVENT
+    np.testing.assert_allclose(ts, times, rtol=1e-14)
+    np.testing.assert_allclose(z, 10.0 + 25.0 * times - 0.5 * G * times**2, atol=1e-12)
+    np.testing.assert_allclose(of_z, [*times[:-1], 0.0], atol=1e-9)
+    np.testing.assert_allclose(of_ts, [*(8 * [0.0]), (1.0 + 25.0 / root) / G], atol=1e-12)
+    # Not met: the states go on to the limit of the time.
+    away = Event(lambda t, y: y.position[2] + 1e3, within=2.0)
+    run = simulate_mission(Mission(Phase(Throw(), away)), ball(), num_saved=3, throw=False)
+    assert run.status == Status.EVENT_MISSED
+    np.testing.assert_allclose(run.phases[0].ts, [0.0, 1.0, 2.0], rtol=1e-15)
 
 
 @pytest.mark.parametrize("method", [DOP853(), Tsit5(), MuntheKaas(), RKN1210()])
@@ -213,11 +240,15 @@ def test_an_event_right_behind_a_break():
 
 
 @pytest.mark.parametrize("backwards", [False, True])
-def test_a_condition_that_jumps_ends_the_run_where_it_does(backwards):
-    """No step of Newton's method leads anywhere: the polynomial's bracket does."""
-    when = Event(lambda t, y: jnp.where(t < 1.234567, -1.0, 2.0) + 0.0 * y.position[2])
+@pytest.mark.parametrize("slope", [0.0, 1.0])
+def test_a_condition_that_jumps_ends_the_run_where_it_does(slope, backwards):
+    """No slope leads anywhere: the polynomial's bracket does."""
+
+    def jumps(t, y):
+        return jnp.where(t < 1.234567, -1.0, 2.0) + slope * (t - 1.3) + 0.0 * y.position[2]
+
     ts = jnp.array([3.0, 0.0] if backwards else [0.0, 3.0])
-    run = simulate(Throw(), ball(), ts, events=(when,))
+    run = simulate(Throw(), ball(), ts, events=(Event(jumps),))
     np.testing.assert_allclose(run.ts[-1], 1.234567, rtol=1e-14)
 
 

@@ -13,10 +13,11 @@ import pytest
 from jaxspace import Accuracy, simulate
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState
+from jaxspace.core import AbstractSystem
 from jaxspace.dispersion import Dispersion
 from jaxspace.gyros import GimbalState
 from jaxspace.orbits import TwoBody
-from jaxspace.plots import dispersion_figure, dispersion_page, trajectory_figure
+from jaxspace.plots import _resolution, dispersion_figure, dispersion_page, trajectory_figure
 from jaxspace.rotations import Quaternion, to_euler_angles
 from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853
@@ -269,3 +270,36 @@ def test_any_part_of_a_state_is_resolved_or_said_not_to_be(times, said):
     figure = trajectory_figure(simulate(TwoBody(1.0), y0, ts, accuracy=accuracy))
     assert all(axes.get_title(loc="right").startswith(said) for axes in figure.axes)
     assert bool(figure.axes[0].get_title(loc="right")) == bool(said)
+
+
+class Towed(AbstractSystem):
+    """A weight on a spring whose other end goes at 1 m/s: x = t + a cos(w t), w = 2 pi 1/s."""
+
+    def vector_field(self, t, y):
+        pull = -((2.0 * jnp.pi) ** 2) * (y.position - jnp.array([t, 0.0, 0.0]))
+        return BodyState(y.velocity, pull)
+
+    def invariants(self, t, y):
+        return {}
+
+
+@pytest.mark.parametrize("case", ["orbit", "spin", "coarse orbit", "coarse spin", "once a turn"])
+def test_the_vector_field_is_asked_where_the_states_do_not_show_that_they_are_resolved(
+    case, monkeypatch
+):
+    """Its program takes longer than the figure. Saved once a turn, the weight goes evenly."""
+    accuracy = Accuracy(1e-6, method=DOP853())
+    if "orbit" in case:
+        y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+        ts = jnp.linspace(0.0, 6.0, 102) * (60.0 if "coarse" in case else 1.0)
+        run = simulate(TwoBody(1.0), y0, ts, accuracy=accuracy)
+    elif "spin" in case:
+        run = simulate(SPINNER, FAST, TIMES * (1.0 if "coarse" in case else 0.1), accuracy=accuracy)
+    else:
+        y0 = BodyState(jnp.array([1e-2, 0.0, 0.0]), jnp.array([1.0, 0.0, 0.0]))
+        run = simulate(Towed(), y0, jnp.linspace(0.0, 101.0, 102), accuracy=accuracy)
+    asked = []
+    exactly = _resolution._derivatives
+    monkeypatch.setattr(_resolution, "_derivatives", lambda p: asked.append(1) or exactly(p))
+    trajectory_figure(run)
+    assert bool(asked) == (case not in ("orbit", "spin"))

@@ -510,16 +510,34 @@ def test_bad_input_is_refused_in_a_sentence(make, sentence):
         make()
 
 
+def burnt_out(burnout_mass, accuracy):
+    """The end of a burn by the event of its propellant."""
+    thrust = SteeredThrust(
+        FixedDirection([0.0, 0.0, 1.0]), 5000.0, 2500.0, 1e3, burnout_mass=burnout_mass
+    )
+    left = Event(PropellantDepletion(thrust.propellant_left), direction=-1)
+    ts = jnp.array([0.0, 100.0])
+    return simulate(Scene((thrust,)), POINT, ts, accuracy=accuracy, events=(left,))
+
+
+def test_a_burn_ends_where_its_propellant_does_at_any_tolerance():
+    """Long steps pass the end of the thrust, which bends their polynomials."""
+
+    def end(burnout_mass):
+        run = burnt_out(burnout_mass, 1e-4)
+        return run.ts[-1], run.final.mass
+
+    masses = jnp.linspace(370.0, 390.0, 24)
+    times, left = jax.jit(lambda masses: jax.lax.map(end, masses))(masses)
+    # The event lies 1e-12 of the mass before the end of the thrust.
+    np.testing.assert_allclose(left, masses, rtol=2e-12)
+    # Within the tolerance of the mass, over its rate.
+    np.testing.assert_allclose(times, (500.0 - masses) * 0.5, atol=1e-4 * 500.0 / 2.0)
+
+
 def test_every_end_of_the_propellant_has_its_time_and_slope():
     def end_of_burn(burnout_mass):
-        thrust = SteeredThrust(
-            FixedDirection([0.0, 0.0, 1.0]), 5000.0, 2500.0, 1e3, burnout_mass=burnout_mass
-        )
-        left = Event(PropellantDepletion(thrust.propellant_left), direction=-1)
-        run = simulate(
-            Scene((thrust,)), POINT, jnp.array([0.0, 100.0]), accuracy=1e-10, events=(left,)
-        )
-        return run.ts[-1]
+        return burnt_out(burnout_mass, 1e-10).ts[-1]
 
     # Where the last step meets the end of the thrust hangs on the mass: one run after the other.
     masses = jnp.linspace(370.0, 390.0, 24)

@@ -2,6 +2,7 @@
 of compiled programs."""
 
 import contextlib
+import gc
 import os
 
 from .._jax_settings import enable_x64, keep_programs
@@ -23,6 +24,9 @@ def settle(*, once: bool = False) -> None:
     keep_programs()
     if once:
         jax.config.update("jax_disable_most_optimizations", True)
+        # What a trace leaves behind is little beside what it keeps: the search for it, as often as
+        # Python does it by default, takes a thirtieth of the command.
+        gc.set_threshold(100_000, 20, 100)
 
 
 def cores() -> int:

@@ -60,6 +60,8 @@ class Location(NamedTuple):
       length; `length`: that up to the event; `y`: the state there.
     - `sizes`: the largest value of each condition so far.
     - `change`: the last change of the length; `again`: whether the step is still repeated.
+    - `placed`, `missed`: the length by the dense output, and the condition there, once another
+      place is tried; NaN before that, and a `missed` that is infinite where the other one is worse.
     - `repetitions`: their number so far."""
 
     waiting: Bool[Array, "*runs"]
@@ -72,6 +74,8 @@ class Location(NamedTuple):
     y: State
     sizes: Float[Array, "events *#runs"]
     change: Float[Array, "*runs"]
+    placed: Float[Array, "*runs"]
+    missed: Float[Array, "*runs"]
     again: Bool[Array, "*runs"]
     repetitions: Int[Array, ""]
 
@@ -99,6 +103,8 @@ class Location(NamedTuple):
             y=y0,
             sizes=sizes,
             change=zero + jnp.inf,
+            placed=zero + jnp.nan,
+            missed=sizes[0] + jnp.nan,
             again=no,
             repetitions=jnp.asarray(0),
         )
@@ -343,27 +349,34 @@ def shortened(
     length = location.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
-    # Beyond an event at which the field jumps, such as the end of the propellant, the condition may
-    # be flat, so that its slope does not lead back; the slope at the start of the step does. Where
-    # the condition itself jumps no slope leads back, and the place by the dense output is used.
-    share = -safe_divide(first, first_slope)
-    back = (slope == 0.0) & (value * first < 0.0) & (share > 0.0) & (share < 1.0)
-    change = jnp.where(back, (share.astype(length.dtype) - 1.0) * length, change)
+    # Newton's method converges from the zero of the dense output, unless the field jumps at the
+    # event, as at the end of the propellant. Beyond it the condition may be flat, and the stages of
+    # a step that lie there bend its dense output and falsify its end. The slope at its start is
+    # right: the place to which it leads is taken if the condition is nearer to zero there. Where
+    # the condition itself jumps it is not, and the place by the dense output stays.
+    lost = ~(jnp.abs(change) <= 0.5 * location.change)
+    flat = (slope == 0.0) & (value * first < 0.0)
+    place = -safe_divide(first, first_slope).astype(length.dtype) * length
+    untried = jnp.isnan(location.placed)
+    tried = untried & (flat | lost & (location.repetitions == 0))
+    tried = tried & (place > 0.0) & (place <= location.whole)
+    worse = ~untried & ~(jnp.abs(value) < location.missed)
+    change = jnp.where(tried, place - length, change)
+    change = jnp.where(worse, location.placed - length, change)
     within = jnp.clip(length + change, 0.0, location.whole)
     change = within - length
     least = 16.0 * jnp.finfo(length.dtype).eps
     resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
-    # Newton's method converges from the zero of the dense output. Where it does not, no slope leads
-    # to the zero, and the end stays at that of the dense output.
-    regular = jnp.isfinite(change) & (back | (jnp.abs(change) <= 0.5 * location.change))
-    more = location.again & regular & (jnp.abs(change) > resolved)
-    more = more & (location.repetitions + 1 < REPETITIONS)
+    more = location.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
+    more = more & ~jnp.isinf(location.missed) & (location.repetitions + 1 < REPETITIONS)
     taken = location.again
     change, within, more = barrier((change, within, more))
     return location._replace(
         y=jax.tree.map(lambda a, b: jnp.where(taken, a, b), y1, location.y),
         length=jnp.where(more, within, length),
         change=jnp.where(more, jnp.abs(change), location.change),
+        placed=jnp.where(tried, length, location.placed),
+        missed=jnp.where(tried, jnp.abs(value), jnp.where(worse, jnp.inf, location.missed)),
         again=more,
         repetitions=location.repetitions + 1,
     )

@@ -55,6 +55,7 @@ def integrate(
     dense: bool = False,
     trimmed: bool = False,
     until: tuple[Event, ...] = (),
+    estimated: bool = True,
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
 
@@ -72,6 +73,8 @@ def integrate(
       state alone is saved and which is not differentiated: a break at one of its ends would have
       a derivative.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
+    - `estimated`: whether the first step is estimated, by another copy of the vector field; it is
+      not where events are sought.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -99,6 +102,7 @@ def integrate(
             record_steps=record_steps,
             dense=dense,
             trimmed=trimmed,
+            estimated=estimated,
         )
         return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
@@ -116,7 +120,7 @@ def integrate(
         roundings = [rounding_change(event, system, t, y0, run_axes) for event in until]
         sought = SoughtEvents(until, jnp.stack(roundings))
     settings = _settings(
-        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
+        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought, estimated
     )
     if trimmed and settings.plan is None and not traits.own_steps:
         settings = dataclasses.replace(settings, reach=segments.reach())
@@ -262,13 +266,14 @@ def _settings(
     record_steps: bool,
     dense: bool,
     sought: SoughtEvents | None = None,
+    estimated: bool = True,
 ) -> LoopSettings:
     """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
     save_ts = None
     if fractions is not None:
-        save_ts = ends if landing else jnp.interp(fractions.astype(ends.dtype), segments.u, ends)
+        save_ts = ends if landing else segments.normalised(fractions.astype(ends.dtype))
     traits = solver_traits(config.solver)
     # The loop sees a fixed-step method as one that takes one step in each segment.
     if traits.fixed_step:
@@ -304,7 +309,7 @@ def _settings(
         config.restarts,
         sought,
         # The estimate would be another copy of the vector field beside that of the search.
-        estimated=sought is None,
+        estimated=estimated and sought is None,
     )
 
 

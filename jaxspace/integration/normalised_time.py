@@ -69,6 +69,16 @@ class Segments(eqx.Module):
         start, u, width = self._segment(s)
         return self.t0 + self.total * (u + (s - start) * width)
 
+    def normalised(self, fractions: Float[Array, " times"]) -> Float[Array, " times"]:
+        """The normalised times at these fractions of the run; of segments that all runs share."""
+        if len(self) == 1:
+            return fractions
+        # Segments that are passed, and the share of the one in which a fraction lies. Without a
+        # search, whose program is several times as long.
+        x = fractions[:, None]
+        share = jnp.clip(safe_divide(x - self.u[:-1], jnp.diff(self.u)), 0.0, 1.0)
+        return jnp.sum(jnp.where(x >= self.u[1:], 1.0, share), axis=1)
+
     def time_inside(self, s: Scalar) -> Scalar:
         """The time, s, at the normalised time `s`, a few roundings inside where a segment begins or
         ends: a vector field that jumps there has the value of this segment."""

@@ -5,11 +5,13 @@ from typing import Any
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
 
 from ..control import LoopRun
 from ..core import State
 from ..simulation import MissionTrajectory, Trajectory
-from ._outputs import BEGAN, Curve, Outputs, OutputSpec, first_state, line_ends
+from ._outputs import BEGAN, Curve, Outputs, OutputSpec, line_ends
 
 
 def outputs_of(
@@ -23,17 +25,17 @@ def outputs_of(
         return {}
     if isinstance(nominal, MissionTrajectory):
         states = nominal_states(nominal)
-        ends = {**line_ends(nominal)[1], **{k: p.ts[-1] for k, p in enumerate(nominal.phases)}}
+        ends = {**line_ends(nominal)[1], **{k: _last(p.ts) for k, p in enumerate(nominal.phases)}}
     else:
         states = {-1: _with_run(nominal.final)}
-        ends = {-1: nominal.ts[-1]}
+        ends = {-1: _last(nominal.ts)}
     # Outputs take runs on the last axis, so that the nominal run is a batch of one.
-    ends = {place: jnp.reshape(t, (1,)) for place, t in ends.items()}
+    ends = _with_run(ends)
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}
     curves = {k: _with_run(Curve(phases[k].ts, phases[k].states)) for k in along}
     began = {
-        spec.at: first_state(_with_run(phases[outputs.file.parsed.first_leg(spec.at)].states))
+        spec.at: _with_run(_first(phases[outputs.file.parsed.first_leg(spec.at)].states))
         for spec in specs
         if BEGAN in spec.arguments()
     }
@@ -52,4 +54,15 @@ def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
 
 def _with_run(tree: Any) -> Any:
     """The arrays with an axis of one run behind."""
-    return jax.tree.map(lambda x: jnp.asarray(x)[..., None], tree)
+    # By NumPy, as below: outside of `jit` each shape would be a program of JAX.
+    return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., None]), tree)
+
+
+def _first(states: State) -> State:
+    """The state at the first of the times, of one run."""
+    return jax.tree.map(lambda x: np.asarray(x)[..., 0], states)
+
+
+def _last(ts: ArrayLike) -> np.ndarray:
+    """The last of the times, s."""
+    return np.asarray(np.asarray(ts)[-1])

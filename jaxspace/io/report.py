@@ -26,6 +26,8 @@ from ._search_task import values_of
 from .units import WrittenUnits, in_unit
 
 Row = tuple[str, ...]
+# One program: outside of `jit` each of its operations would be compiled by itself.
+_euler_angles = jax.jit(to_euler_angles)
 # Smallest relative error that is shown, because of the rounding of a long run.
 MOST_DIGITS = 12
 # Outputs of each phase in the table of an optimum, if the file has their arguments.
@@ -66,7 +68,7 @@ def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> lis
             # With Euler's angles, in the angle unit of the file, because a quaternion is hard to
             # read.
             angle = units.of(name, "rad")
-            turned = in_unit("rad", angle) * np.asarray(to_euler_angles(part))
+            turned = in_unit("rad", angle) * np.asarray(_euler_angles(part))
             rows.append((name, _listed(part.wxyz, miss)))
             rows.append((f"Euler angles 3-1-3 [{angle}]", _listed(turned)))
         else:
@@ -115,7 +117,8 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     errors follow."""
     lines = [file.title]
     for name, phase in run.items():
-        lines.append(f"\n{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s")
+        ts = np.asarray(phase.ts)
+        lines.append(f"\n{name}: from {number(ts[0])} s to {number(ts[-1])} s")
         drift = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))
     outputs = output_rows(file.nominal_outputs(run, every=True))
@@ -132,7 +135,7 @@ def _end_table(
     outputs: Sequence[tuple[str, str]] = (),
 ) -> str:
     """How a mission or a branch ended, with its `outputs`, and the errors, from a `finer` run."""
-    error = jax.tree.map(lambda a, b: a - b, run.final, finer.final)
+    error = jax.tree.map(np.subtract, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
     return aligned([*rows, *outputs, *error_rows(error, file.units)])
 

@@ -11,6 +11,11 @@
 Of a sine that is sampled four times a turn the two sides differ by a tenth of what it spans, and by
 all of it where it is sampled twice. So it is resolved below a quarter, and an attitude up to a
 quarter of a turn.
+
+The derivative of a rigid body's velocity needs its vector field, whose program takes longer than a
+figure. It is not needed where the position changes by the integral of the velocity as it was saved:
+a motion of the velocity between two times would show in the position. So does one of the angular
+velocity in the attitude.
 """
 
 import dataclasses
@@ -32,6 +37,8 @@ if TYPE_CHECKING:
 MISSED = 0.25
 TURN = 0.5 * math.pi
 CONSTANT, KINKS, TINY = 1e-6, 2, 1e-300
+# Each with its rate, and a mass, make up the state of a rigid body or of a point.
+RATES = {"position": "velocity", "attitude": "omega"}
 # So much of a radian between two points makes a smooth line.
 SMOOTH = 0.3
 MOST_POINTS = 20_000
@@ -125,6 +132,8 @@ def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     # The field alone does not know what a controller commands.
     if phase.control is not None:
         derivatives = _of_motion(phase.states)
+    elif _follows_its_rates(phase):
+        return frozenset(), math.inf
     else:
         derivatives = {name: leaf for name, _, leaf in state_leaves(_derivatives(phase))}
     ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
@@ -145,14 +154,76 @@ def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     return frozenset(intervals), min(intervals.values(), default=math.inf)
 
 
+def _follows_its_rates(phase: Any) -> bool:
+    """Whether the times resolve the state of a rigid body, or of a point, as far as the state alone
+    shows it; false where it does not."""
+    leaves = {name: leaf for name, _, leaf in state_leaves(phase.states) if leaf is not None}
+    mass = leaves.pop("mass", None)
+    burnt = np.zeros(0) if mass is None else np.diff(np.asarray(mass), axis=-1 - phase.run_axes)
+    pairs = {name: rate for name, rate in RATES.items() if name in leaves}
+    known = {*pairs, *pairs.values()} == set(leaves)
+    # A mass that only falls, or only grows, has nothing between two times that they do not show.
+    if not known or (np.any(burnt < 0.0) and np.any(burnt > 0.0)):
+        return False
+    ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
+    h = np.diff(ts, axis=0)
+    for name, rate in pairs.items():
+        y, f = leaves[name], np.asarray(leaves[rate])
+        y = np.asarray(y.wxyz if isinstance(y, Quaternion) else y)
+        if y.shape[1:] != f.shape[1:] or f.shape[0] != 3 or f.ndim != 2 + phase.run_axes:
+            return False
+        y, f = (x.reshape(len(x), len(ts), -1) for x in (y, f))
+        if name == "attitude":
+            resolved = _largest_turn(np.sqrt(np.sum(f * f, axis=0)), h) <= TURN
+            change = _turns(y)
+        else:
+            resolved = _of_part(y, f, ts) == math.inf
+            change = np.diff(y, axis=1)
+        if not (resolved and _is_integral(change, f, h)):
+            return False
+    return True
+
+
+def _turns(q: np.ndarray) -> np.ndarray:
+    """The vectors of the turns between attitudes that follow each other, rad, in body axes,
+    (3, times - 1, runs); the shorter way round."""
+    w, v = q[0], q[1:]
+    cross = np.cross(v[:, :-1], v[:, 1:], axis=0)
+    sine = w[:-1] * v[:, 1:] - w[1:] * v[:, :-1] - cross
+    cosine = w[:-1] * w[1:] + np.sum(v[:, :-1] * v[:, 1:], axis=0)
+    size = np.sqrt(np.sum(sine * sine, axis=0))
+    angle = 2.0 * np.arctan2(size, np.abs(cosine))
+    return np.sign(cosine) * angle / np.fmax(size, TINY) * sine
+
+
+def _is_integral(change: np.ndarray, f: np.ndarray, h: np.ndarray) -> bool:
+    """Whether the `change` between two times is the integral of `f` along straight lines, but for
+    a quarter of what each component of `f` spans.
+
+    `change`: (components, times - 1, runs); `f`: (components, times, runs); `h`: s, (times - 1,
+    runs or 1)."""
+    span = np.fmax.reduce(f, axis=1) - np.fmin.reduce(f, axis=1)
+    missed = np.abs(change - 0.5 * h * (f[:, 1:] + f[:, :-1]))
+    moves = missed > CONSTANT * np.abs(h) * np.fmax.reduce(np.abs(f).reshape(-1))
+    far = moves & (missed > MISSED * np.abs(h) * span[:, None])
+    return not np.any(np.count_nonzero(far, axis=1) > KINKS)
+
+
 def _of_attitude(f: np.ndarray, h: np.ndarray) -> float:
     """The interval in which an attitude turns little, s; infinite where it does so already.
 
     `f`: q', (4, times, runs); `h`: (times - 1, runs or 1)."""
     rate = 2.0 * np.sqrt(np.sum(f * f, axis=0))
+    coarse = _largest_turn(rate, h) > TURN
+    return SMOOTH / float(np.fmax.reduce(rate.reshape(-1))) if coarse else math.inf
+
+
+def _largest_turn(rate: np.ndarray, h: np.ndarray) -> float:
+    """The largest turn between two times, rad, by the size of the angular velocity, (times, runs).
+
+    `h`: s, (times - 1, runs or 1)."""
     # NaN, where a run failed, is no turn.
-    turn = np.fmax.reduce((np.abs(h) * np.fmax(rate[1:], rate[:-1])).reshape(-1))
-    return SMOOTH / float(np.fmax.reduce(rate.reshape(-1))) if turn > TURN else math.inf
+    return float(np.fmax.reduce((np.abs(h) * np.fmax(rate[1:], rate[:-1])).reshape(-1)))
 
 
 def _of_part(y: np.ndarray, f: np.ndarray, ts: np.ndarray) -> float:

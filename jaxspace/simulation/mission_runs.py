@@ -1,12 +1,12 @@
 """Runs of a mission: one phase after the other, in the layout of the physics, runs last."""
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, TypeAlias
+from typing import Any, NamedTuple, TypeAlias, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.jit import quick_jit
@@ -16,6 +16,7 @@ from ..integration.event_search import FoundEvents, first_event
 from ..integration.events import Event, closures_of_events, newton_correct
 from ..integration.integrate import integrate, locates_events, of_each, searches_steps
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
+from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
 from ._alike_phases import alike_legs, run_alike
 from ._mission import Mission, Phase
@@ -82,25 +83,42 @@ def _up_to_jump(
     # Each run may start, and meet its event, at another time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
-    found = None
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
         (until,) = closures_of_events((until,), t0, y0)
-        ends_alone = isinstance(num_saved, int) and num_saved == 2
-        if ends_alone and plan is None and not record_steps:
-            if locates_events(config, system, y0, t0):
+        if plan is None and not record_steps and locates_events(config, system, y0, t0):
+            if isinstance(num_saved, int) and num_saved == 2:
                 times = jnp.stack([t0, t1])
                 run = straight_to_event(system, y0, times, (until,), config, run_axes)
                 missed = run.status == Status.COMPLETED
                 return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
-        found = first_event(system, y0, t0, t1, (until,), config, run_axes)
-        t1 = found.time
+            # A batch would hold all of its states twice.
+            if isinstance(num_saved, int) and not run_axes:
+                return _sampled_to_event(system, y0, t0, t1, until, num_saved, config)
+    given = num_saved, config, run_axes, plan, record_steps
+    if isinstance(until, Event):
+        return _search_and_run(system, y0, t0, t1, until, *given)
+    return _saved(system, y0, t0, t1, *given)
+
+
+def _saved(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    num_saved: SaveTimes,
+    config: IntegrationConfig,
+    run_axes: int,
+    plan: Array | None,
+    record_steps: bool,
+) -> RunResult:
+    """A phase from `t0` to `t1`, with its saved states."""
     if isinstance(num_saved, int):
-        fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=dtype)
+        fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
     elif isinstance(num_saved, OwnTimes):
         fractions = num_saved.fractions(t0, t1)
     else:
-        fractions = num_saved.astype(dtype)
+        fractions = num_saved.astype(t0.dtype)
     ends_alone = fractions.shape[0] == 2
     result = integrate(
         system,
@@ -113,37 +131,115 @@ def _up_to_jump(
         run_axes,
         plan=plan,
         record_steps=record_steps,
+        # One run waits for a program of more operations longer than for a few more steps.
+        estimated=run_axes > 0,
     )
     # Only runs of a system store their steps: `dense` is no argument of a mission.
-    phase = RunResult(
+    return RunResult(
         ts=t0 + of_each(fractions, t1 - t0),
         states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
         status=result.status,
-        event=-jnp.ones(runs, jnp.int32),
-        happened=jnp.zeros((0, *runs), bool),
+        event=-jnp.ones(runs_of(y0, run_axes), jnp.int32),
+        happened=jnp.zeros((0, *runs_of(y0, run_axes)), bool),
         stats=result.stats,
         dense=None,
         step_ends=result.step_ends,
     )
-    if found is None:
-        return phase
-    assert isinstance(until, Event)
-    return _ended_by(until, found, phase, system, run_axes)
+
+
+def _search_and_run(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    event: Event,
+    num_saved: SaveTimes,
+    config: IntegrationConfig,
+    run_axes: int,
+    plan: Array | None = None,
+    record_steps: bool = False,
+) -> RunResult:
+    """A phase up to an event, whose search is one integration, and whose states are another."""
+    found = first_event(system, y0, t0, t1, (event,), config, run_axes)
+    given = num_saved, config, run_axes, plan, record_steps
+    phase = _saved(system, y0, t0, found.time, *given)
+    last = found.met(state_at(phase.states, -1, run_axes))
+    t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
+    # The derivatives of the end are those of the correction, and not of the search.
+    return _ended_by(found, phase, t_event, y_event, run_axes)
+
+
+@final
+class _Ahead(eqx.Module):
+    """The condition of an event while it is `sought`; otherwise seconds since `start`, and one
+    more, which are never zero, nor at rest."""
+
+    condition: Callable[[Scalar, State], Scalar]
+    sought: Bool[Array, ""]
+    start: Scalar
+
+    def __call__(self, t: Scalar, y: State) -> Scalar:
+        return jnp.where(self.sought, self.condition(t, y), 1.0 + (t - self.start))
+
+
+@eqx.filter_custom_jvp
+def _sampled_to_event(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    event: Event,
+    num_saved: int,
+    config: IntegrationConfig,
+) -> RunResult:
+    """`_search_and_run` of one run by half of the program: a loop over two integrations, of which
+    the first one locates the event, and the other one saves the states up to it.
+
+    Only for a method that `locates_events`."""
+    fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
+
+    def once(end: Scalar, sought: Array) -> tuple[Scalar, IntegrationResult]:
+        condition = _Ahead(event.condition, sought, t0)
+        until = (eqx.tree_at(lambda e: e.condition, event, condition),)
+        result = integrate(system, y0, t0, end, fractions, config, 0, until=until)
+        assert result.found is not None
+        return result.found.time, result
+
+    _, both = jax.lax.scan(once, t1, jnp.array([True, False]))
+    found = jax.tree.map(lambda x: x[0], both.found)
+    result = jax.tree.map(lambda x: x[1], both)
+    phase = RunResult(
+        ts=t0 + fractions * (found.time - t0),
+        states=replace_state(result.states, 0, y0, 0),
+        status=result.status,
+        event=found.which,
+        happened=jnp.zeros((0,), bool),
+        stats=result.stats,
+        dense=None,
+        step_ends=None,
+    )
+    return _ended_by(found, phase, found.time, found.met(state_at(phase.states, -1, 0)), 0)
+
+
+@_sampled_to_event.def_jvp
+def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
+    def searched_first(*given: Any) -> RunResult:
+        return _search_and_run(*given, run_axes=0)
+
+    return eqx.filter_jvp(searched_first, primals, tangents)
 
 
 def _ended_by(
-    event: Event, found: FoundEvents, phase: RunResult, system: AbstractSystem, run_axes: int
+    found: FoundEvents, phase: RunResult, time: Scalar, state: State, run_axes: int
 ) -> RunResult:
-    """The phase with its end moved to the event, and with the status of the search."""
-    last = found.met(state_at(phase.states, -1, run_axes))
-    t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
+    """The phase with its end at the `time` and the `state` of the event, and with the status of
+    the search."""
     hit = found.which >= 0
     ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
     status = combine_status(phase.status, found.status)
     return phase._replace(
-        # The derivatives of the end are those of the correction, and not of the search.
-        ts=phase.ts.at[-1].set(t_event),
-        states=replace_state(phase.states, -1, y_event, run_axes),
+        ts=phase.ts.at[-1].set(time),
+        states=replace_state(phase.states, -1, state, run_axes),
         status=jnp.where(status == Status.COMPLETED, ended, status),
         event=found.which,
         happened=hit[None],

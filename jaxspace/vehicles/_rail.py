@@ -45,8 +45,8 @@ class Rail(AbstractEffect):
         held = (along < 0.0) & (dot(d, y.velocity) <= 0.0)
         rates = {"velocity": jnp.where(held, 0.0, along) * d}
         if rate.omega is not None:
-            # Times zero keeps the runs and the precision of the rate.
-            rates["omega"] = 0.0 * rate.omega
+            # Not zero times the rate: the compiler then leaves out the moments.
+            rates["omega"] = jnp.zeros_like(rate.omega)
         return dataclasses.replace(rate, **rates)
 
     @event("m", direction=1, needs=("position",))
