@@ -239,6 +239,8 @@ def searched(
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
         here = going & ~search.here & jnp.isfinite(earliest)
+        # What is selected by them would compute them again.
+        here, earliest, which, status = barrier((here, earliest, which, status))
         return _SearchState(
             search.part + 1,
             search.here | here,
@@ -368,6 +370,7 @@ def shortened(
     more = location.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
     more = more & ~jnp.isinf(location.missed) & (location.repetitions + 1 < REPETITIONS)
     taken = location.again
+    change, within, more = barrier((change, within, more))
     return location._replace(
         y=jax.tree.map(lambda a, b: jnp.where(taken, a, b), y1, location.y),
         length=jnp.where(more, within, length),

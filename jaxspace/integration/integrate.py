@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar, State
+from ..core.barrier import barrier
 from ..core.groups import on_group, project
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
@@ -149,7 +150,8 @@ def integrate(
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
-        result = result._replace(found=_found(outcome.location, segments, t0, t1))
+        found = _found(outcome.location, segments, t0, t1)
+        result = result._replace(found=barrier(found))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)

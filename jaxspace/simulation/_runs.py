@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
+from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings, crossings_between
@@ -262,6 +263,7 @@ def straight_to_event(
         happened = happened_together(
             system, events, found, asked[0], found.time, found.state, run_axes
         )
+    stopped, hit, status = barrier((stopped, hit, status))
     return RunResult(
         jnp.where(stopped, found.time, asked),
         _where_stopped(stopped, found.state, states, run_axes),
