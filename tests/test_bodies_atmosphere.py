@@ -127,6 +127,14 @@ def test_slopes_agree_with_differences():
     np.testing.assert_allclose(slopes(z), expected, rtol=1e-7, atol=1e-12)
 
 
+def test_a_derivative_holds_the_upper_air_once():
+    """The air is a function of one number: reverse mode multiplies by its slope."""
+    slope = jax.grad(lambda height: jnp.sum(standard_atmosphere(height).density))
+    program = str(jax.make_jaxpr(slope)(jnp.array([1e3, 2e3])))
+    # Without a derivative one branch as well, for which the program is not larger.
+    assert program.count("cond[") == 1
+
+
 def test_heights_are_those_of_the_standard():
     """86 km is 84.852 km of geopotential; there and back to rounding."""
     assert float(geopotential_height(86e3)) == pytest.approx(84852.0, abs=0.5)

@@ -63,6 +63,21 @@ def test_norm_derivative_is_the_direction():
         np.testing.assert_allclose(mode(core.vectors.norm)(a), a / 7.0, rtol=1e-15)
 
 
+def test_derivatives_of_the_direction():
+    """u_i,j = P_ij / |a| with P = I - u u; u_i,jk = -(P_ij u_k + P_ik u_j + P_jk u_i) / |a|^2, and
+    the second derivative of the length is the first one of the direction."""
+    a = jnp.array([2.0, -3.0, 6.0])
+    u = a / 7.0
+    across = np.eye(3) - np.outer(u, u)
+    axes = ("ij,k->ijk", "ik,j->ijk", "jk,i->ijk")
+    second = -sum(np.einsum(text, across, u) for text in axes) / 49.0
+    for mode in (jax.jacfwd, jax.jacrev):
+        first = mode(core.vectors.unit)
+        np.testing.assert_allclose(first(a), across / 7.0, rtol=1e-14)
+        np.testing.assert_allclose(jax.jacfwd(mode(core.vectors.norm))(a), across / 7.0, rtol=1e-14)
+        np.testing.assert_allclose(jax.jacfwd(first)(a), second, rtol=1e-13)
+
+
 @pytest.mark.parametrize("power", [1, 2, 3, 5])
 def test_powers_of_the_inverse_length(power):
     # d |a|^-n = -n |a|^-(n+2) a . da; |a| = 7, a few roundings.

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import Load
 from jaxspace.core import AbstractSystem, InputError, Spline, Table
-from jaxspace.core.tables import breaks_of
+from jaxspace.core.tables import breaks_of, within
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status
@@ -20,6 +20,21 @@ from jaxspace.solvers import DOP853
 
 TIMES = np.array([0.0, 0.7, 1.0, 2.5, 4.0])
 VALUES = np.array([1.0, -2.0, 0.5, 3.0, 0.0])
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_a_number_within_limits_has_the_mean_slope_at_them(mode):
+    """Of the number and of either limit, which may be infinite."""
+    x = jnp.array([-1.0, 0.0, 1.0, 2.0, 3.0])
+
+    def sums(x, low, high):
+        return jnp.sum(within(x, low, high))
+
+    np.testing.assert_array_equal(within(x, 0.0, 2.0), [0.0, 0.0, 1.0, 2.0, 2.0])
+    of_x, of_low, of_high = mode(sums, argnums=(0, 1, 2))(x, 0.0, 2.0)
+    np.testing.assert_array_equal(of_x, [0.0, 0.5, 1.0, 0.5, 0.0])
+    assert of_low == of_high == 1.5
+    np.testing.assert_array_equal(mode(sums)(x, -jnp.inf, 2.0), [1.0, 1.0, 1.0, 0.5, 0.0])
 
 
 def test_values_between_nodes_and_beyond_them():

@@ -12,8 +12,11 @@ from typing import final
 
 import jax.numpy as jnp
 import numpy as np
+from jax import lax
+from jaxtyping import Array
 
 from ..core import Scalar
+from ..core.tables import within
 
 # Height, km; density, kg/m^3; molar mass, kg/kmol.
 _NODES = np.array(
@@ -36,68 +39,78 @@ _NODES = np.array(
     ]
 )
 # Slopes at both ends, 1/km and kg/kmol/km.
-_DENSITY_SLOPES = (-0.177943, -4.22136e-3)
-_MOLAR_MASS_SLOPES = (-4.1312e-3, -2.95301e-3)
+_SLOPES = np.array([(-0.177943, -4.22136e-3), (-4.1312e-3, -2.95301e-3)])
+
+
+def summed(weights: np.ndarray, terms: Array) -> Scalar:
+    """sum_k w_k x_k of `terms`, (terms, *runs)."""
+    # As a product of a vector and a matrix, which the compiler vectorises, unlike a sum over a
+    # leading axis; a product of two matrices would call a library.
+    return jnp.tensordot(weights.astype(terms.dtype), terms, 1, precision=lax.Precision.HIGHEST)
 
 
 @final
 class Climb:
-    """A cubic spline of the height as a sum: each interval adds its change."""
+    """Cubic splines of the height at the same nodes, as sums: each interval adds its change."""
 
-    def __init__(
-        self, nodes: np.ndarray, values: np.ndarray, slopes: tuple[float, float], beyond: float
-    ):
-        """The twice differentiable spline through the `values` at the `nodes`, with these `slopes`
-        at its ends; it starts at zero, and after the last node it has the slope `beyond`."""
+    def __init__(self, nodes: np.ndarray, values: np.ndarray, slopes: np.ndarray):
+        """The twice differentiable splines through the `values`, (splines, nodes), with the
+        `slopes`, (splines, 2), at their ends; they start at zero, and end with the last node."""
         widths = np.diff(nodes)
         mean = np.diff(values) / widths
         # Equal curvatures on both sides of each inner node; the slopes at the ends are given.
         matrix = np.eye(nodes.size)
-        right = np.empty(nodes.size)
-        right[0], right[-1] = slopes
+        right = np.empty_like(values)
+        right[:, 0], right[:, -1] = slopes.T
         for k in range(1, nodes.size - 1):
             before, after = 1.0 / widths[k - 1], 1.0 / widths[k]
             matrix[k, k - 1 : k + 2] = before, 2.0 * (before + after), after
-            right[k] = 3.0 * (mean[k - 1] * before + mean[k] * after)
-        m = np.linalg.solve(matrix, right)
+            right[:, k] = 3.0 * (mean[:, k - 1] * before + mean[:, k] * after)
+        m = np.linalg.solve(matrix, right.T).T
         self.nodes = nodes
         self.widths = widths
-        self.beyond = beyond
-        self.first = m[:-1]
-        self.second = (3.0 * mean - 2.0 * m[:-1] - m[1:]) / widths
-        self.third = (m[:-1] + m[1:] - 2.0 * mean) / widths**2
+        second = (3.0 * mean - 2.0 * m[:, :-1] - m[:, 1:]) / widths
+        third = (m[:, :-1] + m[:, 1:] - 2.0 * mean) / widths**2
+        # Of the powers of what is passed of each interval.
+        self.weights = np.concatenate([m[:, :-1], second, third], axis=1)
 
-    def __call__(self, x: Scalar) -> Scalar:
-        """The change from the first node to `x`, (*runs,); zero before it."""
+    def __call__(self, x: Scalar) -> list[Scalar]:
+        """The changes from the first node to `x`, (*runs,), of each spline; zero before it."""
         dtype = jnp.result_type(x, float)
-        x = jnp.asarray(x, dtype)
-
-        def column(numbers: np.ndarray):
-            return jnp.asarray(numbers.reshape(-1, *(1,) * x.ndim), dtype)
-
+        starts, widths = (
+            a.reshape(-1, *(1,) * jnp.ndim(x)).astype(dtype) for a in (self.nodes[:-1], self.widths)
+        )
         # A search and a gather for each run cost more than the few operations of each interval.
-        passed = jnp.clip(x - column(self.nodes[:-1]), 0.0, column(self.widths))
-        cubic = column(self.second) + passed * column(self.third)
-        risen = jnp.sum(passed * (column(self.first) + passed * cubic), axis=0)
-        return risen + self.beyond * jnp.maximum(x - self.nodes[-1].item(), 0.0)
+        passed = within(x - starts, 0.0, widths)
+        square = passed * passed
+        powers = jnp.concatenate([passed, square, square * passed])
+        return [summed(row, powers) for row in self.weights]
 
 
 # By the height above 86 km, km: the changes of ln rho and of the molar mass, kg/kmol.
 _ABOVE = _NODES[:, 0] - 86.0
-LOG_DENSITY = Climb(_ABOVE, np.log(_NODES[:, 1]), _DENSITY_SLOPES, _DENSITY_SLOPES[1])
-# Constant beyond the last node, because a linear molar mass would become negative.
-MOLAR_MASS_CHANGE = Climb(_ABOVE, _NODES[:, 2], _MOLAR_MASS_SLOPES, 0.0)
+_CLIMB = Climb(_ABOVE, np.stack([np.log(_NODES[:, 1]), _NODES[:, 2]]), _SLOPES)
+
+
+def upper_changes(above: Scalar) -> tuple[Scalar, Scalar]:
+    """The changes of ln rho and of the molar mass, kg/kmol, from 86 km to a height `above` it, km,
+    (*runs,).
+
+    Beyond the last node the density has its last slope. The molar mass is constant there, because a
+    linear one would become negative."""
+    log_density, molar_mass = _CLIMB(above)
+    beyond = jnp.maximum(above - _ABOVE[-1].item(), 0.0)
+    return log_density + _SLOPES[0, 1].item() * beyond, molar_mass
+
 
 # Table 8: 1 - M / M_0 from 80 to 86 km.
-_RATIO_HEIGHTS = (80e3, 81e3, 82e3, 83e3, 84e3, 85e3, 86e3)
-_RATIO_LOSSES = (0.0, 1.1e-5, 5.9e-5, 1.30e-4, 2.14e-4, 3.06e-4, 4.21e-4)
+_RATIO_HEIGHTS = np.arange(80e3, 87e3, 1e3)
+_RATIO_LOSSES = np.array([0.0, 1.1e-5, 5.9e-5, 1.30e-4, 2.14e-4, 3.06e-4, 4.21e-4])
 
 
 def molar_mass_ratio(height: Scalar) -> Scalar:
     """M / M_0 up to 86 km, linear between the heights, m, of table 8; then its last value."""
-    ratio = 1.0
-    for k in range(len(_RATIO_HEIGHTS) - 1):
-        width = _RATIO_HEIGHTS[k + 1] - _RATIO_HEIGHTS[k]
-        loss = (_RATIO_LOSSES[k + 1] - _RATIO_LOSSES[k]) / width
-        ratio = ratio - loss * jnp.clip(height - _RATIO_HEIGHTS[k], 0.0, width)
-    return ratio
+    dtype = jnp.result_type(height, float)
+    starts = _RATIO_HEIGHTS[:-1].reshape(-1, *(1,) * jnp.ndim(height)).astype(dtype)
+    passed = within(height - starts, 0.0, 1e3)
+    return 1.0 - summed(np.diff(_RATIO_LOSSES) / 1e3, passed)

@@ -31,15 +31,18 @@ Adaptive steps shorten where a run passes such a height; across it, fixed steps 
 __all__ = ["geometric_height", "geopotential_height", "standard_atmosphere"]
 
 import math
+from collections.abc import Callable
 from typing import final
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array
+from jaxtyping import PyTree
 
 from ..core import Choice, NumberField, Scalar, constructor, quantity
-from ._upper_air import LOG_DENSITY, MOLAR_MASS_CHANGE, molar_mass_ratio
+from ..core.tables import within
+from ._upper_air import molar_mass_ratio, summed, upper_changes
 from .atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 
 RADIUS = 6356766.0  # m, r_0
@@ -77,9 +80,33 @@ def standard_atmosphere(height: Scalar) -> Air:
     - `height`: above sea level, m, (*runs,); `geometric_height` turns a geopotential one into it.
 
     **Returns** the `Air` there."""
-    height = jnp.asarray(height, jnp.result_type(height, float))
+    return _air(jnp.asarray(height, jnp.result_type(height, float)))
+
+
+@jax.custom_jvp
+def _air(height: Scalar) -> Air:
+    return _by_height(height, lambda air, given: air(*given), (height, *_layers(height)))
+
+
+@_air.defjvp
+def _air_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Air, Air]:
+    # By the slope, because reverse mode would hold the way back through both branches as well.
+    (height,) = primals
+    (d_height,) = tangents
+    ahead = jnp.ones_like(height)
+    layers, d_layers = jax.jvp(_layers, (height,), (ahead,))
+    air, slope = _by_height(height, jax.jvp, (height, *layers), (ahead, *d_layers))
+    return air, Air(*(s * d_height for s in slope))
+
+
+def _by_height(height: Scalar, apply: Callable, *given: tuple) -> PyTree:
+    """`apply(air, *given)` for the function of the air at these heights."""
     # The splines of the upper air are most of the work, and are skipped where all runs are below.
-    return lax.cond(jnp.any(height > MIXED), _all_air, _lower_air, height, *_layers(height))
+    return lax.cond(
+        jnp.any(height > MIXED),
+        lambda: apply(_all_air, *given),
+        lambda: apply(_lower_air, *given),
+    )
 
 
 def _lower_air(height: Scalar, logarithm: Scalar, temperature: Scalar) -> Air:
@@ -93,8 +120,9 @@ def _lower_air(height: Scalar, logarithm: Scalar, temperature: Scalar) -> Air:
 def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
     """The air at every height."""
     above = jnp.maximum(height - TOP, 0.0) * 1e-3
-    density = jnp.exp(logarithm + LOG_DENSITY(above))
-    molar_mass = MOLAR_MASS * molar_mass_ratio(height) + MOLAR_MASS_CHANGE(above)
+    rarer, lighter = upper_changes(above)
+    density = jnp.exp(logarithm + rarer)
+    molar_mass = MOLAR_MASS * molar_mass_ratio(height) + lighter
     warm = height > TOP
     kinetic = jnp.where(warm, _upper_temperature(above), of_layers * molar_mass / MOLAR_MASS)
     per_mass = GAS_CONSTANT / MOLAR_MASS * of_layers
@@ -105,28 +133,23 @@ def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
 
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
-    level = geopotential_height(jnp.clip(height, BOTTOM, TOP))
+    level = geopotential_height(within(height, BOTTOM, TOP))
     dtype = jnp.result_type(level, float)
     level = jnp.asarray(level, dtype)
-    columns = _COLUMNS.astype(dtype)
-    base, low, thick, rate = columns[:4].reshape(4, len(LAYERS), *(1,) * level.ndim)
-    exponent, decay, lapse = columns[4:]
+    base, low, thick, rate = _COLUMNS.astype(dtype).reshape(4, len(LAYERS), *(1,) * level.ndim)
     # Every layer adds the change of height within it, so that no run of a batch needs a branch.
-    climbed = jnp.clip(level - base, low, thick)
-
-    # As a product of matrices, which the compiler vectorises, unlike a sum over layers.
-    def summed(weights: np.ndarray, x: Array) -> Scalar:
-        return jnp.tensordot(weights, x, 1, precision=lax.Precision.HIGHEST)
-
-    logarithm = math.log(PRESSURE) - summed(exponent, jnp.log1p(rate * climbed))
-    logarithm = logarithm - summed(decay, climbed)
-    temperature = LAYERS[0][2] + summed(lapse, climbed)
-    return logarithm + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature), temperature
+    climbed = within(level - base, low, thick)
+    terms = jnp.concatenate([jnp.log1p(rate * climbed), climbed])
+    loss, warming = (summed(row, terms) for row in _SUMS)
+    temperature = LAYERS[0][2] + warming
+    logarithm = math.log(PRESSURE) - loss + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature)
+    return logarithm, temperature
 
 
-def _columns() -> np.ndarray:
-    """Constants of each layer, (7, layers): base, least and greatest climb, m; lapse over base
-    temperature, 1/m; the factors of the logarithm and of the climb, 1/m; lapse, K/m."""
+def _of_layers() -> tuple[np.ndarray, np.ndarray]:
+    """Constants of each layer, (4, layers): base, least and greatest climb, m; lapse over base
+    temperature, 1/m. And the factors of the logarithm, 1, and the climb, 1/m and K/m, in what ln p
+    loses and in what T_M gains."""
     base, lapse, at_base = np.array(LAYERS).T
     low = np.where(base == 0.0, -np.inf, 0.0)
     thick = np.append(base[1:], np.inf) - base
@@ -134,19 +157,20 @@ def _columns() -> np.ndarray:
     warms = lapse != 0.0
     exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
     decay = np.where(warms, 0.0, per_kelvin / at_base)
-    return np.stack([base, low, thick, lapse / at_base, exponent, decay, lapse])
+    sums = np.block([[exponent, decay], [0.0 * lapse, lapse]])
+    return np.stack([base, low, thick, lapse / at_base]), sums
 
 
-_COLUMNS = _columns()
+_COLUMNS, _SUMS = _of_layers()
 
 
 def _upper_temperature(above: Scalar) -> Scalar:
     """T, K, at the height `above` 86 km, km (Eqs. 25, 27, 29, 31)."""
     z = 86.0 + above
     # The ellipse ends at 111 km; beyond 110 km it is not taken.
-    x = (jnp.clip(z, 91.0, 110.0) - 91.0) / 19.9429
+    x = (within(z, 91.0, 110.0) - 91.0) / 19.9429
     ellipse = 263.1905 - 76.3232 * jnp.sqrt(1.0 - x * x)
-    straight = 12.0 * jnp.clip(z - 110.0, 0.0, 10.0)
+    straight = 12.0 * within(z - 110.0, 0.0, 10.0)
     far = jnp.maximum(z, 120.0)
     reduced = (far - 120.0) * (6356.766 + 120.0) / (6356.766 + far)
     return ellipse + straight - 640.0 * jnp.expm1(-0.01875 * reduced)

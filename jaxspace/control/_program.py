@@ -26,7 +26,7 @@ from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._samples import SampledRun, Setting, run_samples
 from .commands import Actuate
 
-LARGE = 200
+LARGE = 160
 """Operations of a vector field from which many runs, too, take the program that compiles sooner.
 
 A loop holds a step at three places. With a field of 650 operations that program takes 10 s of a

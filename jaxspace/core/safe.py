@@ -32,10 +32,19 @@ from .trigonometry import atan2
 from .types import Scalar
 
 
+@jax.custom_jvp
 def safe_sqrt(x: Scalar) -> Scalar:
     """Square root, with derivative zero instead of infinity at x = 0; NaN for negative x."""
+    return jnp.sqrt(x)
+
+
+@safe_sqrt.defjvp
+def _safe_sqrt_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar, Scalar]:
+    (x,) = primals
+    (dx,) = tangents
     zero = x == 0.0
-    return jnp.where(zero, 0.0, jnp.sqrt(jnp.where(zero, 1.0, x)))
+    # Its own root, so that a second derivative is zero there as well.
+    return safe_sqrt(x), jnp.where(zero, 0.0, 0.5 / jnp.sqrt(jnp.where(zero, 1.0, x))) * dx
 
 
 def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:

@@ -15,8 +15,9 @@ therefore lands on its nodes (`breaks_of`).
 Source: de Boor, A Practical Guide to Splines, IV.
 """
 
-__all__ = ["breaks_of", "polygon"]
+__all__ = ["breaks_of", "polygon", "within"]
 
+import functools
 from types import FunctionType, MethodType
 from typing import Any, final
 
@@ -25,12 +26,38 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
+from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array, Float
 
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
 from .shapes import with_rank
 from .types import Scalar, as_float
+
+
+@jax.custom_jvp
+def within(x: Scalar, low: Scalar, high: Scalar) -> Scalar:
+    """`x`, but at least `low` and at most `high`. At either end the slope is the mean of those of
+    both sides.
+
+    **Arguments**
+
+    - `x`, `low`, `high`: shapes that broadcast; the limits may be infinite."""
+    return jnp.minimum(jnp.maximum(x, low), high)
+
+
+@functools.partial(within.defjvp, symbolic_zeros=True)
+def _within_rule(
+    primals: tuple[Scalar, Scalar, Scalar], tangents: tuple[Array | SymbolicZero, ...]
+) -> tuple[Scalar, Scalar]:
+    # A field holds many of them, and those of `jax.numpy` take four times as many operations.
+    x, low, high = primals
+    # Sign one above the end, minus one below, zero at it.
+    above_low, above_high = jnp.sign(x - low), jnp.sign(x - high)
+    slopes = 0.5 * (above_low - above_high), 0.5 * (1.0 - above_low), 0.5 * (1.0 + above_high)
+    pairs = zip(slopes, tangents, strict=True)
+    moves = [slope * d for slope, d in pairs if not isinstance(d, SymbolicZero)]
+    return within(x, low, high), functools.reduce(jnp.add, moves)
 
 
 def polygon(
@@ -49,7 +76,7 @@ def polygon(
     slopes = (values[1:] - values[:-1]) / widths
     # A sum over all intervals: a search and a gather for each run cost more than a few
     # multiplications for each node.
-    passed = jnp.clip(x - nodes[:-1], 0.0, widths)
+    passed = within(x - nodes[:-1], 0.0, widths)
     if slopes.size > slopes.shape[0]:
         return values[0] + jnp.sum(slopes * passed, axis=0)
     # As a product of matrices where all runs share the table: the compiler vectorises that,
@@ -87,7 +114,7 @@ class AbstractTable(eqx.Module):
         lengths = times[1:] - times[:-1]
         # A sum over all intervals: a search and a gather for each run cost more than a few
         # multiplications for each node.
-        return lengths, jnp.clip(t - times[:-1], 0.0, lengths), with_rank(self.values, rank)
+        return lengths, within(t - times[:-1], 0.0, lengths), with_rank(self.values, rank)
 
 
 @final

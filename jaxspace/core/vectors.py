@@ -26,7 +26,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .barrier import barrier
-from .safe import safe_sqrt
+from .safe import safe_divide
 from .shapes import check_components, with_rank
 from .types import Matrix, Scalar, Vector
 
@@ -44,9 +44,9 @@ def dot(a: Vector, b: Vector) -> Scalar:
     **Raises** `InputError` where the first axis does not hold three components."""
     check_components("dot: a", a, 3)
     check_components("dot: b", b, 3)
-    a0, a1, a2 = components(a)
-    b0, b1, b2 = components(b)
-    return a0 * b0 + a1 * b1 + a2 * b2
+    rank = max(a.ndim, b.ndim) - 1
+    x, y, z = components(with_rank(a, rank) * with_rank(b, rank))
+    return x + y + z
 
 
 @functools.partial(dot.defjvp, symbolic_zeros=True)
@@ -152,14 +152,25 @@ def components(a: Array) -> list[Scalar]:
     return [jnp.squeeze(x, 0) for x in jax.lax.split(a, (1,) * a.shape[0])]
 
 
+@jax.custom_jvp
 def norm(a: Vector) -> Scalar:
     """Length |a|; at a = 0 the derivative is zero, the mean of the one-sided ones, and never NaN.
 
     Raises `InputError` where the first axis does not hold three components."""
     check_components("norm: a", a, 3)
-    return safe_sqrt(dot(a, a))
+    return jnp.sqrt(dot(a, a))
 
 
+@norm.defjvp
+def _norm_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Scalar, Scalar]:
+    # In one rule, and as a sum over the axis, as in `inverse_norm`.
+    (a,) = primals
+    (da,) = tangents
+    length = norm(a)
+    return length, safe_divide(1.0, length) * jnp.sum(a * da, axis=0)
+
+
+@jax.custom_jvp
 def unit(a: Vector) -> Vector:
     """Direction a / |a|; the zero vector stays zero.
 
@@ -167,10 +178,16 @@ def unit(a: Vector) -> Vector:
 
     Raises `InputError` where the first axis does not hold three components."""
     check_components("unit: a", a, 3)
-    length = norm(a)
-    # The inner `where` keeps 0/0 out of the branch that is not taken, and NaN out of its
-    # derivative.
-    return jnp.where(length > 0.0, a / jnp.where(length > 0.0, length, 1.0), 0.0)
+    return safe_divide(a, norm(a))
+
+
+@unit.defjvp
+def _unit_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Vector, Vector]:
+    # In one rule, as in `inverse_norm`: the part of the change across the direction.
+    (a,) = primals
+    (da,) = tangents
+    u = unit(a)
+    return u, safe_divide(1.0, norm(a)) * (da - jnp.sum(u * da, axis=0) * u)
 
 
 def matvec(m: Matrix, a: Vector) -> Vector:

@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import Primitive
+from jax.extend.core import Primitive, jaxpr_as_fun  # pyright: ignore
 from jax.interpreters import ad
 from jaxtyping import Array, ArrayLike
 
@@ -93,22 +93,25 @@ def _record_jvp(
     primals: Leaves, tangents: Tangents, *, problem: Problem
 ) -> tuple[Leaves, Tangents]:
     # Second-order rule: the recorded states move as well, and JAX differentiates through them.
-    outs, d_outs = _jvp_in_floats(problem.record, primals, tangents)
+    outs, d_outs = _jvp_in_floats(jaxpr_as_fun(problem.record_jaxpr), primals, tangents)
     return outs, [
         d if jnp.issubdtype(x.dtype, jnp.floating) else zero
         for x, d, zero in zip(outs, d_outs, _zeros(outs), strict=True)
     ]
 
 
-def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[Leaves, Leaves]]:
+def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[Leaves, Tangents]]:
     """The JVP rule of a primitive that is linear in its last arguments."""
 
-    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> tuple[Leaves, Leaves]:
+    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> tuple[Leaves, Tangents]:
         args, record, last = params["problem"].split(primals)
         d_args, d_record, d_last = params["problem"].split(tangents)
         outs = primitive.bind(*primals, **params)
-        d_last = [ad.instantiate_zeros(t) for t in d_last]
-        d_outs = primitive.bind(*args, *record, *d_last, **params)
+        d_outs: Tangents = _zeros(outs)
+        # Not for the fixed cotangents of a Hessian: it would be a program that computes zeros.
+        if not all(isinstance(t, ad.Zero) for t in d_last):
+            whole = [ad.instantiate_zeros(t) for t in d_last]
+            d_outs = primitive.bind(*args, *record, *whole, **params)
         # A derivative of the derivative, by the arguments in which the primitive is not linear.
         moves = _moving([*d_args, *d_record])
         if moves:
@@ -118,8 +121,9 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[L
                 fixed, given = values[: len(primals)], values[len(primals) :]
                 return _jvp_in(lambda *x: program(*x, **params), fixed, moves, given)[1]
 
-            more = derivative_p.bind(*primals, *given, function=change)
-            d_outs = [a + b for a, b in zip(d_outs, more, strict=True)]
+            shapes = tuple(map(jax.typeof, outs))
+            more = derivative_p.bind(*primals, *given, function=change, shapes=shapes)
+            d_outs = [ad.add_tangents(a, b) for a, b in zip(d_outs, more, strict=True)]
         return outs, d_outs
 
     return rule
@@ -146,8 +150,9 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed
 
 
 def _derivative_jvp(
-    primals: Leaves, tangents: Tangents, *, function: Program
+    primals: Leaves, tangents: Tangents, *, function: Program, shapes: Avals
 ) -> tuple[Leaves, Leaves]:
+    del shapes
     return _jvp_in_floats(function, primals, tangents)
 
 

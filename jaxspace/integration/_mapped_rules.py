@@ -13,7 +13,7 @@ from jax.interpreters import batching
 from jaxtyping import Array
 
 from ._primitives import Program, along, along_p, back, back_p, derivative_p, record_p, solve_p
-from ._problem import Leaves, Moving, Parts, Problem, arguments_of
+from ._problem import Avals, Leaves, Moving, Parts, Problem, arguments_of
 from .mapping import add_run_axis, over_blocks
 
 # The mapped axis of each argument; `None` for one that is not mapped.
@@ -107,7 +107,8 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
     return rule
 
 
-def _derivative_batch(values: Leaves, dims: Dims, *, function: Program) -> Batched:
+def _derivative_batch(values: Leaves, dims: Dims, *, function: Program, shapes: Avals) -> Batched:
+    del shapes
     return _by_jax(function, values, dims)
 
 

@@ -46,7 +46,8 @@ def back(*values: Array, problem: Problem, moving: Moving, columns: int) -> list
     return function(cotangents)
 
 
-def _derivative(*values: Array, function: Program) -> list[Array]:
+def _derivative(*values: Array, function: Program, shapes: Avals) -> list[Array]:
+    del shapes
     return function(*values)
 
 
@@ -77,8 +78,10 @@ def back_avals(*values: ShapedArray, problem: Problem, moving: Moving, columns: 
     return _with_columns([args[k] for k in moving], cotangents, columns)
 
 
-def _derivative_avals(*values: ShapedArray, function: Program) -> Avals:
-    return _with_columns(jax.eval_shape(function, *values), values, 0)
+def _derivative_avals(*values: ShapedArray, function: Program, shapes: Avals) -> Avals:
+    # Those of the program that is differentiated: traced for them, it would be traced twice.
+    del function
+    return _with_columns(shapes, values, 0)
 
 
 solve_p = _primitive("integrate", _solve, lambda *a, problem: problem.solve_jaxpr.out_avals)

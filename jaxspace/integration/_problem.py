@@ -46,8 +46,9 @@ RECORD_ARRAYS = 3
 # the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
 # many runs up to 1.7 times. For many runs without derivatives speed matters most: from `VERY_LARGE`
 # on they lose about a tenth. From `MEDIUM` on, a differentiated single run takes the small program
-# in both directions, and its replay holds a step once; below, this would save little and slow both.
-MEDIUM, LARGE, VERY_LARGE = 100, 200, 800
+# in both directions, and its replay holds a step once, as that of many runs from `LARGE` on; below,
+# this would save little and slow both.
+MEDIUM, LARGE, VERY_LARGE = 70, 160, 600
 
 
 def arguments_of(parts: PyTree) -> list[Array]:
@@ -92,6 +93,9 @@ class Problem:
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
         if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
+        if self.field_operations >= LARGE:
+            # The estimate of the first step is another copy of the field.
+            settings = dataclasses.replace(settings, estimated=False)
         packing = self._packing(field, y0, settings)
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)
@@ -195,7 +199,8 @@ class Problem:
         if own:
             return OwnReplay(settings, fixed, steps, False, False), tree(part), y0
         small = self._is_small(settings, derivative=True)
-        return Replay(settings, fixed, steps, small, self._is_single(settings)), tree(part), y0
+        once = self._is_single(settings) or self.field_operations >= LARGE
+        return Replay(settings, fixed, steps, small, once), tree(part), y0
 
     def forward(
         self,

@@ -45,7 +45,7 @@ class LoopSettings(eqx.Module):
     - `restarts`: whether a block that runs out of steps is repeated without its slow runs.
     - `sought`: the events that end the runs.
     - `estimated`: whether the length of the first step is estimated, by two evaluations of the
-      vector field, or taken as it is."""
+      vector field, or found by trial."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance

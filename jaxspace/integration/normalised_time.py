@@ -206,8 +206,11 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
         return self.segments.duration(s, ds)
 
     def __call__(self, s: Scalar, y: State) -> State:
-        dt_ds = self.duration(s, 1.0)
-        rate = self.system.vector_field(self.time(s), y)
+        t, dt_ds = self.time(s), self.duration(s, 1.0)
+        if isinstance(self.segments, Segments) and len(self.segments) > 1:
+            # The compiler would look up the segment again in every kernel of the field.
+            t, dt_ds = barrier((t, dt_ds))
+        rate = self.system.vector_field(t, y)
         # A constant of double precision in a user's effect must not change the precision of the
         # run.
         return jax.tree.map(lambda k, x: jnp.asarray(k, x.dtype) * dt_ds, rate, y)

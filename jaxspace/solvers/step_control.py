@@ -68,8 +68,9 @@ class BatchStepController(diffrax.AbstractStepSizeController):
     - `lengths`: the relative lengths of the segments, so that a step keeps its length in time from
       one to the next.
     - `longest`: the longest step that is allowed in each segment, in normalised time.
-    - `estimated`: whether the first step is estimated; otherwise it is `FIRST_STEP`, which costs a
-      few rejections, and saves another copy of the vector field in the program.
+    - `estimated`: whether the first step is estimated; otherwise it is found by trial from
+      `FIRST_STEP` on, which costs a step or two, and saves another copy of the vector field in the
+      program.
     """
 
     tolerance: Tolerance
@@ -128,7 +129,9 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         factor = SAFETY * jnp.clip(worst, 1e-12, 1e12) ** (-1.0 / error_order)
         # A rejected step must become shorter, whatever its error estimate.
         most = jnp.where(accept, GROW, SAFETY)
-        factor = jnp.clip(factor, SHRINK, most).astype(ds.dtype)
+        # A first step, which may be far too long, becomes as short as its error says.
+        least = jnp.where(jnp.any(limiting > 0), SHRINK, 0.0)
+        factor = jnp.clip(factor, least, most).astype(ds.dtype)
         proposal = ds * factor
         # A step that was shortened to land does not reduce the proposed length.
         was_cut = accept & (ds < before)
