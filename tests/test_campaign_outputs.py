@@ -242,7 +242,8 @@ def thrown(samples):
     # Not a number where `one` is zero.
     y0 = {"x": 0.0 * w, "z": 0.0 / samples["one"], "w": w}
     fall = Event(lambda t, y: y["z"], -1, 10.0)
-    return Mission([Phase(Thrown(), fall, name="flight"), Phase(Thrown(), 0.5)]), y0
+    rise = Phase(Thrown(), 0.25, name="rise")
+    return Mission([rise, Phase(Thrown(), fall, name="flight"), Phase(Thrown(), 0.5)]), y0
 
 
 class Way:
@@ -255,7 +256,8 @@ class Way:
 
 
 def test_a_mission_whose_steps_are_searched_needs_no_pilots(monkeypatch):
-    """The phase after the event follows no plan either; the nominal run is still checked."""
+    """The phases before and after the event follow no plan either; the nominal run is still
+    checked."""
     monkeypatch.setattr(_batch_runner, "pilot_plans", None)
     inputs = {"w": Normal(3.0, 0.3), "one": Constant(1.0)}
     outputs = Way()

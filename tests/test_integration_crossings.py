@@ -1,5 +1,7 @@
 """Every crossing of a run: counts, times, states, derivatives, room, dips, and samples too few."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -228,8 +230,86 @@ def test_a_corner_between_samples_is_no_way_past():
     np.testing.assert_allclose(run.ts[-1], 3.299, rtol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("p", "depth"),
+    [
+        pytest.param(1.0, 1e-2, id="corner"),
+        # As the distance in a near collision.
+        pytest.param(2.0 / 3.0, 1e-2, id="cusp"),
+        pytest.param(2.0, 1e-2, id="parabola"),
+        pytest.param(2.0, -1e-2, id="above"),
+    ],
+)
+def test_both_zeros_of_a_dip_are_found_wherever_the_samples_fall(p, depth):
+    """|x|^p = depth, x = (t - 3.3)/0.1, within samples of 0.04 to 0.07 s."""
+    ends = jnp.linspace(5.0, 9.0, 41)
+    start = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 41)), SIDE)
+    dip = Event(lambda t, y: jnp.abs((t - 3.3) / 0.1) ** p - depth, terminal=False, capacity=2)
+    ts = jnp.stack([0.0 * ends, ends])
+    found = simulate_batch(Wheel(1.0), start, ts, events=(dip,), throw=False).crossings[0]
+    # Where a sample is next to the cusp, its rate says that the samples are too few.
+    known = found.status == Status.COMPLETED
+    assert np.mean(known) > 0.9 if p < 1.0 else np.all(known)
+    np.testing.assert_array_equal(found.status[~known], Status.SAMPLES_TOO_FEW)
+    if depth < 0.0:
+        np.testing.assert_array_equal(found.count, 0)
+        return
+    half = 0.1 * depth ** (1.0 / p)
+    np.testing.assert_array_equal(found.count[known], 2)
+    assert not np.any(found.rising[0]) and np.all(found.rising[1, known])
+    # A few roundings of the time.
+    np.testing.assert_allclose(found.ts[0, known], 3.3 - half, rtol=1e-14)
+    np.testing.assert_allclose(found.ts[1, known], 3.3 + half, rtol=1e-14)
+
+
 def test_a_condition_that_adds_up_the_runs_is_refused():
     start = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 4)), SIDE)
     mixed = Event(lambda t, y: jnp.sum(y.position))
     with pytest.raises(InputError, match="may not add up over the runs"):
         simulate_batch(Wheel(1.0), start, jnp.array([0.0, 1.0]), events=(mixed,))
+
+
+class Marked(AbstractClosedForm):
+    def flow(self, duration, y):
+        return BodyState(y.position + jax.lax.tan(duration) * y.velocity, y.velocity)
+
+
+class Marks(Wheel):
+    """A motion that is known in the text of a program by operations that nothing else has."""
+
+    def vector_field(self, t, y):
+        return BodyState(y.velocity, jax.lax.cbrt(y.position))
+
+    def closed_form(self):
+        return Marked()
+
+
+def held(program, operation, name="main"):
+    """How often the text of a program holds an operation, once its functions are written out."""
+    body = re.search(rf"func\.func [a-z ]*@{name}\((.*?)\n  }}\n", program, re.DOTALL)
+    if body is None:
+        return 0
+    called = re.findall(r"call @(\w+)\(", body[1])
+    return body[1].count(operation) + sum(held(program, operation, f) for f in called)
+
+
+@pytest.mark.parametrize(
+    ("method", "motion", "times"),
+    # The motion comes once for the samples and once for the search: by steps, the vector field in
+    # all stages of the one, in the loop of the other, and for the rates of the condition.
+    [("closed_form", "tan", 2), (Tsit5(), "cbrt", 11)],
+    ids=["closed form", "steps"],
+)
+def test_the_program_holds_motion_and_condition_few_times(method, motion, times):
+    """They are what compiles longest."""
+    event = Event(lambda t, y: jax.lax.log1p(y.position[2]), terminal=False, capacity=3)
+
+    @jax.jit
+    def found(y):
+        ts, how = jnp.array([0.0, 1.0]), Accuracy(method=method)
+        return simulate(Marks(1.0), y, ts, events=(event,), accuracy=how).crossings[0].ts
+
+    program = found.lower(SIDE).as_text()
+    # Samples and search.
+    assert held(program, "log_plus_one") == 2
+    assert held(program, f"stablehlo.{motion}") == times

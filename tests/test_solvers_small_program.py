@@ -137,6 +137,21 @@ def test_the_program_holds_the_field_once(method, stages):
     assert fields(small_program(method)) == 1
 
 
+def test_the_dense_output_of_rkn1210_passes_the_stages_of_the_step():
+    """Its two shorter steps are no further copies; each of the three has the rate at its end."""
+
+    def fields(method):
+        def step(y):
+            t0, t1, field = jnp.array(0.3), jnp.array(0.8), Swing()
+            state = method.init(TERM, t0, t1, y, field)
+            return method.step(TERM, t0, t1, y, field, state, jnp.array(False))[:3]
+
+        return evaluations(jax.jit(step).lower(start()).as_text())
+
+    assert fields(RKN1210()) == 17 + 1
+    assert fields(small_program(RKN1210())) == 1 + 1
+
+
 def evaluations(program):
     """How often the text of a program evaluates the vector field: all stages share its tracing."""
     return len(re.findall(r"call @(evaluate|_acceleration)\w*\(", program))

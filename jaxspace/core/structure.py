@@ -93,6 +93,16 @@ def _make_of(tree: PyTree) -> _Make:
     return make
 
 
+def same_structure(first: PyTree, second: PyTree) -> bool:
+    """Whether two trees differ in the numbers of their arrays alone.
+
+    Trees with a leaf or a static field that cannot be hashed are no such trees."""
+    try:
+        return _make_of(first) == _make_of(second)
+    except TypeError:
+        return False
+
+
 def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     """A function of trees that meets the shapes of their arrays in place of the arrays, and runs
     once for each structure and shapes.

@@ -36,7 +36,7 @@ from ._isolation import isolate
 from ._outputs import check_apart, outputs_to_check
 from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
-from ._program import Drawn, draw_inputs, program
+from ._program import Drawn, draw_inputs, drawn_by, program
 from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
@@ -69,8 +69,10 @@ class BatchRunner:
         self.in_flight = in_flight
         # A run of the trial, for names and shapes.
         self.example: RunResults | None = None
-        # The outputs of the nominal run, if it was planned without pilots.
+        # The outputs of the nominal run, if it met the tolerance.
         self.nominal: dict[str, float] | None = None
+        # The results of the first call, if those of the trial are the final ones.
+        self.trial: RunResults | None = None
         self.key = jax.random.key(planned.seed)
 
     @classmethod
@@ -90,7 +92,8 @@ class BatchRunner:
         The exact part of the motion is in closed form where the steps would run out otherwise.
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
-        steps, coupled = expected_steps(campaign, accuracy, samples)
+        size = Blocks.on(devices[:1], call_size(devices)).size
+        steps, coupled = expected_steps(campaign, accuracy, samples, size)
         expected = placeholders(steps)
         planned = PlannedCampaign(campaign, accuracy, seed, (expected,), coupled, samples, "")
         runner = cls(planned, devices)
@@ -100,7 +103,9 @@ class BatchRunner:
             return runner._draw(first, used)
 
         used = np.ones(runner.call, bool)
-        drawn = eqx.filter_eval_shape(draw_inputs, *runner._chosen(first, used, 0))
+        unplanned = all(plan is None for plan in expected)
+        piloted = not unplanned or outputs_to_check(campaign) is not None
+        drawn = eqx.filter_eval_shape(drawn_by, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
         def plans_of_pilots() -> list[np.ndarray | None]:
@@ -108,9 +113,7 @@ class BatchRunner:
             # Traced first, because the program of all runs takes longest to compile. Errors of its
             # functions are raised here, before any mission runs.
             lowered.result()
-            if all(plan is None for plan in expected) and outputs_to_check(campaign) is None:
-                status, runner.nominal = runner._nominal()
-                check_nominal(campaign, accuracy, status)
+            if not piloted:
                 return [None] * len(expected)
             pilots, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # Meanwhile the program of all runs is compiled.
@@ -126,16 +129,26 @@ class BatchRunner:
             result = pool.submit(plans_of_pilots)
         try:
             pilots = result.result()
+            trial = padded(pilots, [TRIAL] * len(pilots))
+            with ThreadPoolExecutor(1) as pool:
+                # One of the pilots, so that their plan is fine enough for it.
+                nominal = pool.submit(runner._nominal, trial)
+                # A whole call, whose program all further ones reuse.
+                results, errors = runner._call(first, trial, runner.blocks)
+            status, outputs = nominal.result()
+            if not piloted:
+                check_nominal(campaign, accuracy, status)
         except StepsForTurns:
             exactly = dataclasses.replace(accuracy, decoupled=True)
             return cls.plan(campaign, exactly, seed, devices, samples)
-        trial = padded(pilots, [TRIAL] * len(pilots))
-        # A whole call, whose program all further ones reuse.
-        results, errors = runner._call(first, trial, runner.blocks)
+        if status != Status.TOLERANCE_MISSED:
+            runner.nominal = outputs
         factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]
         plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
         runner.planned = planned._replace(plans=plans, digest=_digest(results))
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
+        # Runs without a plan take the same steps again.
+        runner.trial = results if unplanned else None
         warn_of_unreached(campaign, samples, results.trajectories)
         return runner
 
@@ -191,9 +204,12 @@ class BatchRunner:
         size, blocks = call or self.call, blocks or self.blocks
         calls = list(numbers.astype(np.uint32).reshape(-1, size))
         every = max(cores(), 2 * len(self.devices))
+        trial = np.arange(self.call)
         width = min(len(calls), every if self.in_flight is None else self.in_flight)
 
         def one(k: int) -> RunResults:
+            if self.trial is not None and size == self.call and np.array_equal(calls[k], trial):
+                return self.trial
             return self._call(calls[k], plans, blocks, k)[0]
 
         # A CPU computes the calls of one thread one after the other, however many are started.
@@ -216,14 +232,14 @@ class BatchRunner:
         """The inputs of call number `k`, on its device."""
         return draw_inputs(*self._chosen(numbers, used, k))
 
-    def _nominal(self) -> tuple[int, dict[str, float]]:
+    def _nominal(self, plans: Plans) -> tuple[int, dict[str, float]]:
         """The status of the nominal run and those of its outputs that are finite, by the program of
         all runs, in a call of copies of it."""
         size = self.call
         drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
         # Those of the runs say that they were not used.
         drawn = drawn._replace(status=jnp.zeros_like(drawn.status))
-        given = self._given(drawn, self.planned.plans[0], self.blocks)
+        given = self._given(drawn, plans, self.blocks)
         results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
         outputs = {name: float(x[0]) for name, x in results.outputs.items()}
         finite = {name: x for name, x in outputs.items() if np.isfinite(x)}

@@ -122,7 +122,11 @@ class Campaign(eqx.Module):
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, (runs,)."""
-        return {name: jnp.full((runs,), d.mean) for name, d in self.inputs.items()}
+        # With its type, as what is drawn: a weak one leads to other traces.
+        return {
+            name: jnp.full((runs,), d.mean, jnp.result_type(d.mean))
+            for name, d in self.inputs.items()
+        }
 
     def samples(
         self, key: Array, numbers: Integer[Array, " runs"]

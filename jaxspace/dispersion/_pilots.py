@@ -79,17 +79,15 @@ def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
 def _planned(
     mission: Mission, configs: Sequence[IntegrationConfig], saved: Sequence[SaveTimes]
 ) -> list[bool]:
-    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, not one
-    whose steps are searched for its end, and none after such a one.
+    """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, and none
+    of a mission with a phase whose steps are searched for its end.
 
-    Those start at a time of each run, in blocks that share adaptive steps anyway; and a mission of
-    which no phase follows a plan needs no pilots."""
-    searched: list[bool] = []
-    for leg, n, config in zip(legs_of(mission)[0], saved, configs, strict=True):
-        before = leg.after is not None and searched[leg.after]
-        searched.append(before or ends_on_the_way(leg.phase, n, config))
-    pairs = zip(configs, searched, strict=True)
-    return [config.method != "closed_form" and not free for config, free in pairs]
+    The runs of a block share adaptive steps in such a phase anyway, and a mission of which no phase
+    follows a plan needs no pilots: their program would be compiled for the rest."""
+    triples = list(zip(legs_of(mission)[0], saved, configs, strict=True))
+    if any(ends_on_the_way(leg.phase, n, config) for leg, n, config in triples):
+        return [False] * len(triples)
+    return [config.method != "closed_form" for config in configs]
 
 
 @eqx.filter_jit(**QUICK)
@@ -116,14 +114,17 @@ def _breaks_differ(system: Any) -> bool:
     return breaks is not None and breaks.ndim > 1
 
 
-def expected_steps(campaign: Campaign, accuracy: Accuracy, kept: Kept) -> tuple[list[Any], bool]:
+def expected_steps(
+    campaign: Campaign, accuracy: Accuracy, kept: Kept, runs: int
+) -> tuple[list[Any], bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
     and whether a phase ends by an event, in whose search the runs of a block share their steps.
 
-    They follow from the methods alone, because tracing the pilot runs takes much longer."""
+    They follow from the methods alone, because tracing the pilot runs takes much longer. `runs`: as
+    many as in a block, whose program then finds its vector fields traced."""
 
     def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool]:
-        mission, y0 = campaign.mission(campaign.nominal())
+        mission, y0 = campaign.mission(campaign.nominal(runs))
         configs = resolve_phases(mission, y0, accuracy, 1)
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
         events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])

@@ -15,6 +15,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
 from ..integration.accuracy import Accuracy
+from ..integration.compiling import QUICK
 from ..integration.status import Status
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
@@ -40,8 +41,7 @@ class Drawn(NamedTuple):
     status: Integer[Array, " runs"]
 
 
-@eqx.filter_jit
-def draw_inputs(
+def drawn_by(
     campaign: Campaign,
     key: Array,
     numbers: Integer[Array, " runs"],
@@ -57,6 +57,10 @@ def draw_inputs(
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
     # Not weakly typed, as the arrays of these shapes are not.
     return jax.tree.map(lambda x: x.astype(x.dtype), drawn)
+
+
+draw_inputs = eqx.filter_jit(drawn_by, **QUICK)
+"""`drawn_by`, compiled."""
 
 
 @functools.cache
@@ -97,7 +101,7 @@ def _block(
     mission, y0 = campaign.mission(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved = saved_of(campaign.along, samples)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
     outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))

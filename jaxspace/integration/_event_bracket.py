@@ -1,7 +1,10 @@
 """The zero of a condition between two samples, by Newton's method within a bracket.
 
 In a dip, where the condition has one sign at both samples, the extremum is sought first, by the
-secant of the slopes. As soon as a point beyond zero is found, the search goes on as elsewhere.
+secant of the slopes. As soon as a point beyond zero is found, the search goes on as elsewhere. It
+ends without a zero where neither tangent at the ends of the bracket reaches zero within it. Of a
+dip that is |x|^p with p >= 1/2, such as a corner or a parabola, one tangent does as long as the
+bracket holds a zero.
 """
 
 from typing import NamedTuple, Protocol, runtime_checkable
@@ -10,7 +13,8 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
-from ..core import Scalar
+from ..core import Scalar, State
+from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from .events import Event
 
@@ -27,20 +31,45 @@ class _Bracket(NamedTuple):
     point is `guess`.
 
     - `dip`: whether the condition has had a single sign so far.
-    - `slopes`: rates at both ends, positive away from zero, infinite where unknown.
+    - `sizes`, `slopes`: distances of the condition from zero at both ends, and their rates along
+      the run.
     - `moving`: whether the guess still changes.
     - `left`: number of further steps that are allowed.
-    - `finite`: whether the condition was finite at every guess."""
+    - `finite`: whether the condition was finite at every guess.
+    - `y`: the state at the guess."""
 
     low: Scalar
     high: Scalar
     guess: Scalar
     sign: Scalar
     dip: Bool[Array, "*#runs"]
+    sizes: tuple[Scalar, Scalar]
     slopes: tuple[Scalar, Scalar]
     moving: Bool[Array, "*#runs"]
     left: Array | int
     finite: Bool[Array, "*#runs"]
+    y: State
+
+
+class Place(NamedTuple):
+    """The function that is zero at the event at one time: its `value` and its rate, the `slope`;
+    the state there and its rate, or `None` where the search is for a time alone."""
+
+    value: Scalar
+    slope: Scalar
+    y: State = None
+    rate: State = None
+
+
+class ClosedIn(NamedTuple):
+    """The end of a search between two samples: the time, the state there, whether it is a zero,
+    whether the search converged, and whether the condition rises there along the run."""
+
+    time: Scalar
+    y: State
+    met: Bool[Array, "*#runs"]
+    sure: Bool[Array, "*#runs"]
+    rising: Bool[Array, "*#runs"]
 
 
 @runtime_checkable
@@ -52,12 +81,12 @@ class WithinSpan(Protocol):
         """The event."""
         ...
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """The function that is zero at the event, and its rate."""
+    def at(self, t: Scalar) -> Place:
+        """The function that is zero at the event, at the time `t`."""
         ...
 
-    def condition(self, t: Scalar) -> Scalar:
-        """The condition itself."""
+    def condition(self, t: Scalar, y: State) -> Scalar:
+        """The condition itself, where the state of `at` is `y`."""
         ...
 
 
@@ -65,20 +94,19 @@ def close_in(
     within: WithinSpan,
     span: tuple[Scalar, Scalar],
     g: tuple[Scalar, Scalar],
+    slopes: tuple[Scalar, Scalar],
     sought: Bool[Array, "*runs"],
     behind: Scalar | None = None,
-) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
+) -> ClosedIn:
     """The zero between two samples.
 
     **Arguments**
 
     - `within`: the condition between them.
-    - `span`: the times of the samples, and `g` the condition there.
+    - `span`: the times of the samples, `g` the condition there, and `slopes` its rates.
     - `sought`: the runs whose zero is sought.
     - `behind`: time after which the zero is sought, by default that of the first sample. If it is
-      given, `g[0]` is the condition just after it.
-
-    **Returns** the time, whether there is a zero, and whether the search converged."""
+      given, `g[0]` is the condition just after it."""
     t, end = span
     first = t if behind is None else behind
     # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
@@ -91,35 +119,42 @@ def close_in(
 
     def step(old: _Bracket) -> _Bracket:
         guess = old.guess
-        value, slope = within.slope(guess)
+        value, slope, y, rate = within.at(guess)
         new = _narrowed(old, value, forwards * old.sign * slope, back)
-        following = _next_guess(new, value, slope)
+        new, following = barrier((new, _next_guess(new, value, slope)))
         change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
         resolved = least * jnp.maximum(jnp.abs(guess), length)
         enough = jnp.where(new.dip, NARROW * length, resolved)
-        new = new._replace(guess=following, moving=old.moving & (change > enough))
+        change = jnp.where(new.dip & ~_reaching(new), 0.0, change)
+        y = jax.tree.map(lambda x, k: x + k * (following - guess), y, rate)
+        new = new._replace(guess=following, moving=old.moving & (change > enough), y=y)
         # A run whose search has ended stays at its zero while the others go on.
         new = jax.tree.map(
             lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
         )
         return new._replace(left=old.left - 1)
 
-    unknown = jnp.full_like(t, jnp.inf)
+    sign = jnp.sign(g[0])
     dip = g[0] * g[1] > 0.0
-    # The zero of the secant, away from both ends, because the start itself may be a zero. A failed
+    away = tuple(forwards * sign * slope for slope in slopes)
+    # The zero by the samples, away from both ends, because the start itself may be a zero. A failed
     # run must not pass a time that is NaN to the other runs of its block.
-    secant = safe_divide(g[0], g[0] - g[1])
-    share = jnp.where(dip | ~jnp.isfinite(secant), 0.5, jnp.clip(secant, 0.02, 0.98))
+    share = jnp.where(dip, safe_divide(away[0], away[0] - away[1]), _share(g, slopes, end - first))
+    share = jnp.where(jnp.isfinite(share), jnp.clip(share, 0.02, 0.98), 0.5)
+    guess = first + share * (end - first)
+    there = jax.eval_shape(lambda t: within.at(t).y, guess)
     start = _Bracket(
         low=first,
         high=end,
-        guess=first + share * (end - first),
-        sign=jnp.sign(g[0]),
+        guess=guess,
+        sign=sign,
         dip=dip,
-        slopes=(-unknown, unknown),
+        sizes=(jnp.abs(g[0]), jnp.abs(g[1])),
+        slopes=away,
         moving=sought,
         left=CLOSING_STEPS,
         finite=jnp.ones(jnp.shape(t), bool),
+        y=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), there),
     )
     result = jax.lax.while_loop(
         lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
@@ -127,8 +162,36 @@ def close_in(
     met = ~result.dip
     touch = within.event.touch
     if touch is not None:
-        met = met & (jnp.abs(within.condition(result.guess)) <= touch)
-    return result.guess, met, ~result.moving & result.finite
+        met = met & (jnp.abs(within.condition(result.guess, result.y)) <= touch)
+    sure = ~result.moving & result.finite
+    return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
+
+
+def _share(g: tuple[Scalar, Scalar], slopes: tuple[Scalar, Scalar], length: Scalar) -> Scalar:
+    """The place of the zero between two samples, as a share of the time between them, `length`:
+    by the cubic in the condition that has its slopes, if it is monotonic, or by the secant."""
+    secant = safe_divide(g[0], g[0] - g[1])
+    first, last = (safe_divide(g[1] - g[0], slope * length) for slope in slopes)
+    rest = 1.0 - secant
+    cubic = secant * (secant * (1.0 + 2.0 * rest - rest * last) + rest * rest * first)
+    # Fritsch and Carlson, SIAM J. Numer. Anal. 17 (1980) 238.
+    monotonic = (first > 0.0) & (first < 3.0) & (last > 0.0) & (last < 3.0)
+    return jnp.where(monotonic, cubic, secant)
+
+
+def _reaching(bracket: _Bracket) -> Bool[Array, "*#runs"]:
+    """Whether a dip might reach zero within the bracket."""
+    length = jnp.abs(bracket.high - bracket.low)
+    sizes, (first, last) = bracket.sizes, bracket.slopes
+    return tangent_reaches(sizes, (-first * length, last * length))
+
+
+def tangent_reaches(
+    sizes: tuple[Array, Array], changes: tuple[Array, Array]
+) -> Bool[Array, "*#runs"]:
+    """Whether a tangent at one of two points reaches zero between them: the condition is `sizes`
+    away from zero there, and would change by `changes` towards it along each tangent."""
+    return (sizes[0] <= changes[0]) | (sizes[1] <= changes[1])
 
 
 def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _Bracket:
@@ -138,7 +201,7 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
 
     - `away`: the rate of the condition away from zero, along the run.
     - `back`: whether only the second zero of a dip counts."""
-    low, high, guess, sign, dip, slopes, *_ = bracket
+    low, high, guess, sign, dip, sizes, slopes, *_ = bracket
     same = value * sign > 0.0
     # In a dip, the first point beyond zero separates two zeros, of which the direction selects one.
     turned = dip & ~same & back
@@ -148,6 +211,10 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
         high=jnp.where(before, high, guess),
         sign=jnp.where(turned, -sign, sign),
         dip=dip & same,
+        sizes=(
+            jnp.where(before, jnp.abs(value), sizes[0]),
+            jnp.where(before, sizes[1], jnp.abs(value)),
+        ),
         slopes=(jnp.where(before, away, slopes[0]), jnp.where(before, slopes[1], away)),
         finite=bracket.finite & jnp.isfinite(value),
     )
@@ -155,16 +222,12 @@ def _narrowed(bracket: _Bracket, value: Scalar, away: Scalar, back: Array) -> _B
 
 def _next_guess(bracket: _Bracket, value: Scalar, slope: Scalar) -> Scalar:
     """Newton's step; in a dip the zero of the secant of the slopes; else the middle."""
-    low, high, guess, _, dip, slopes, *_ = bracket
+    low, high, guess, _, dip, _, slopes, *_ = bracket
     newton = guess - value / jnp.where(slope == 0.0, 1.0, slope)
     # Newton's step is taken only within the bracket. A step from one end exactly to the other is
     # not, because it might lead back where the condition is of the size of rounding at both.
     within = ((newton - low) * (newton - high) < 0.0) | (newton == guess)
     inside = (slope != 0.0) & within & ~dip
-    share = jnp.where(
-        dip & jnp.isfinite(slopes[1] - slopes[0]),
-        safe_divide(slopes[0], slopes[0] - slopes[1]),
-        0.5,
-    )
+    share = jnp.where(dip, safe_divide(slopes[0], slopes[0] - slopes[1]), 0.5)
     # Away from both ends, so that the bracket shrinks by a tenth at least.
     return jnp.where(inside, newton, low + jnp.clip(share, 0.1, 0.9) * (high - low))

@@ -27,6 +27,7 @@ from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..solvers.tolerances import Tolerance
+from ._event_bracket import Place
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
 from .events import Event
 from .normalised_time import OwnStep
@@ -149,7 +150,7 @@ class _AlongStep(NamedTuple):
     step: diffrax.AbstractLocalInterpolation
     runs: tuple[int, ...]
 
-    def condition(self, t: Scalar) -> Scalar:
+    def condition(self, t: Scalar, y: State = None) -> Scalar:
         """The condition at the normalised time `t`."""
         y = self.step.evaluate(t)
         # One time for each run, also where all share it.
@@ -163,10 +164,10 @@ class _AlongStep(NamedTuple):
         rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
         return rate / self.segment.rate.astype(rate.dtype)
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+    def at(self, t: Scalar) -> Place:
         """The `value` and its rate in normalised time."""
         # Many operations read them, with each of which the compiler would evaluate them again.
-        return barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),)))
+        return Place(*barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),))))
 
 
 class SearchedStep(NamedTuple):
@@ -238,6 +239,8 @@ def searched(
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
         here = going & ~search.here & jnp.isfinite(earliest)
+        # What is selected by them would compute them again.
+        here, earliest, which, status = barrier((here, earliest, which, status))
         return _SearchState(
             search.part + 1,
             search.here | here,
@@ -290,9 +293,9 @@ def _first_zero(
     `rounding` and `size` are of the condition, so far; `span` the start and duration of the run,
     s."""
     event, runs = along.event, along.runs
-    g, slopes = jax.vmap(along.slope)(nodes)
-    slopes = slopes[:: nodes.shape[0] - 1]
-    dip = dips(g, (nodes[1] - nodes[0]).astype(g.dtype) * slopes)
+    g, slopes, *_ = jax.vmap(along.at)(nodes)
+    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
+    dip = dips(columns, g, slopes)
     size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
     start, duration = span
     # The rounding of the time, from the rate per second and the largest time of the run.
@@ -303,8 +306,7 @@ def _first_zero(
     at_zero = at_start & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
     ill = ~jnp.isfinite(g)
     g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
-    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
-    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, candidate)
+    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, slopes, candidate)
     if event.at_start:
         now = at_zero & (event.direction * slopes[0] >= 0.0)
         when = jnp.where(now, nodes[0], when)
@@ -339,7 +341,7 @@ def shortened(
     for number, event in enumerate(sought.events):
         along = _AlongStep(event, segment, polynomial, location.which.shape)
         # At both ends of the step, with one copy of the condition in the program.
-        values, slopes = jax.vmap(along.slope)(jnp.stack([jnp.zeros_like(s1), s1]))
+        values, slopes, *_ = jax.vmap(along.at)(jnp.stack([jnp.zeros_like(s1), s1]))
         mine = location.which == number
         value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
         first = jnp.where(mine, values[0], first)
@@ -368,6 +370,7 @@ def shortened(
     more = location.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
     more = more & ~jnp.isinf(location.missed) & (location.repetitions + 1 < REPETITIONS)
     taken = location.again
+    change, within, more = barrier((change, within, more))
     return location._replace(
         y=jax.tree.map(lambda a, b: jnp.where(taken, a, b), y1, location.y),
         length=jnp.where(more, within, length),

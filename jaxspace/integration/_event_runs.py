@@ -10,7 +10,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
-from ._event_bracket import WithinSpan
+from ..core.barrier import barrier
+from ._event_bracket import Place, WithinSpan
+from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
     APART,
@@ -37,24 +39,22 @@ class ConditionOnRun(NamedTuple):
     config: IntegrationConfig
     run_axes: int
 
-    def value(self, t: Scalar, y: State) -> Scalar:
-        """The function that is zero at the event."""
-        return self.event.value(self.system, t, y)
-
     def slope(self, t: Scalar, y: State) -> tuple[Scalar, Scalar]:
         """The `value` and its rate along the motion, 1/s times its unit."""
         return self.event.slope(self.system, t, y)
 
     def state(self, y: State, t: Scalar, end: Scalar) -> State:
         """The state at `end`, s, of the run that has the state `y` at `t`."""
-        # A few short integrations, and one more program of a step: a small one for a single run.
-        config = self.config if self.run_axes else self.config.small_program()
+        # Short integrations, and one more program of a step: a small one.
+        config = self.config.small_program()
         result = integrate(self.system, y, t, end, None, config, self.run_axes, trimmed=True)
         return state_at(result.states, -1, self.run_axes)
 
     def states(self, y: State, t: Scalar, end: Scalar, fractions: Float[Array, " times"]) -> State:
         """The states at these fractions of the time from `t` to `end`, times first."""
-        result = integrate(self.system, y, t, end, fractions, self.config, self.run_axes)
+        result = integrate(
+            self.system, y, t, end, fractions, self.config, self.run_axes, for_search=True
+        )
         return times_first(result.states, self.run_axes)
 
 
@@ -70,32 +70,39 @@ class FromSample(NamedTuple):
         """The event."""
         return self.along.event
 
-    def slope(self, t: Scalar) -> tuple[Scalar, Scalar]:
+    def at(self, t: Scalar) -> Place:
         """The function that is zero at the event, and its rate along the run."""
-        return self.along.slope(t, self.along.state(self.y, self.t, t))
+        system = self.along.system
+        y = barrier(self.along.state(self.y, self.t, t))
+        rate = system.vector_field(t, y)
+        # Many operations read them, with each of which the compiler would evaluate them again.
+        return barrier(Place(*self.event.slope_along(system, t, y, rate), y, rate))
 
-    def condition(self, t: Scalar) -> Scalar:
+    def condition(self, t: Scalar, y: State) -> Scalar:
         """The condition itself."""
-        return self.event.condition(t, self.along.state(self.y, self.t, t))
+        return self.event.condition(t, y)
 
 
 class Samples(NamedTuple):
     """A condition along each run.
 
-    - `times`, `states`, `g`: of the samples, on the first axis; where the start is a zero, `g` has
-      the sign that follows.
+    - `times`, `states`, `g`, `slopes`: of the samples, on the first axis; where the start is a
+      zero, `g` has the sign that follows.
     - `candidate`: the intervals in which there may be a zero.
     - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
-    - `size`: the largest condition.
+    - `size`: the largest condition; `unexplained`: the root mean square of the part of its change
+      that its rates do not explain, relative to its own.
     - `ill`: time after the start, s, at which it is first not finite."""
 
     times: Float[Array, "samples *#runs"]
     states: State
     g: Float[Array, "samples *#runs"]
+    slopes: Float[Array, "samples *#runs"]
     candidate: Bool[Array, "intervals *#runs"]
     at_zero: Bool[Array, "*runs"]
     away: Scalar
     size: Scalar
+    unexplained: Scalar
     ill: Scalar
 
 
@@ -109,7 +116,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     def within(index: Array) -> WithinSpan:
         return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
 
-    result = first_in_intervals(within, samples.times, samples.g, samples.candidate)
+    result = first_in_intervals(within, samples.times, samples.g, samples.slopes, samples.candidate)
     when, hit, unresolved = result
     event = along.event
     at_zero = samples.at_zero
@@ -136,16 +143,25 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     system, event, _, run_axes = along
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
-    g = jnp.broadcast_to(jax.vmap(along.value)(times, states), times.shape)
-    # Slopes at the two ends only, in place of samples beyond the run.
-    ends = jax.tree.map(lambda x: x[:: times.shape[0] - 1], (times, states))
-    slopes = jax.vmap(lambda t, y: along.slope(t, y)[1])(*ends)
-    dip = dips(g, (times[1] - times[0]) * slopes)
+    g, slopes = in_turn(lambda sample: along.slope(*sample), (times, states))
+    g, slopes = jnp.broadcast_to(g, times.shape), jnp.broadcast_to(slopes, times.shape)
+    dip = dips(times, g, slopes)
     size = jnp.max(jnp.abs(g), axis=0)
     span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
     change = rounding_change(event, system, t0, y0, run_axes) + size + jnp.abs(slopes[0]) * span
     at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
     ill = ill_after(g, states, times, run_axes)
     away = jnp.sign(t1 - t0) * slopes[0]
+    unexplained = _change_unexplained(times, g, slopes)
     g, candidate = candidates(g, dip, at_zero, away, event.direction)
-    return Samples(times, states, g, candidate, at_zero, away, size, ill)
+    return Samples(times, states, g, slopes, candidate, at_zero, away, size, unexplained, ill)
+
+
+def _change_unexplained(times: Array, g: Array, slopes: Array) -> Scalar:
+    """Root mean square of the part of the condition's change that its rates do not explain,
+    relative to that of the condition."""
+    steps = jnp.diff(times, axis=0)
+    change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])
+    size = jnp.sqrt(jnp.mean(g * g, axis=0))
+    rms = jnp.sqrt(jnp.mean(change * change, axis=0))
+    return jnp.where(size > 0.0, rms / jnp.where(size > 0.0, size, 1.0), 0.0)

@@ -4,9 +4,8 @@
 
 The condition is sampled along the dense output of the run. Each change of sign, and each dip
 between two samples of the same sign, is bracketed as for the first event (`_event_bracket`); no
-derivative is taken of this search. The run is then integrated again from the sample before the
-zero to the zero. This integration is differentiated, and one Newton step adds the derivatives of
-the time of the zero (`events`).
+derivative is taken of this search. For derivatives, the run is integrated again from the sample
+before the zero to the zero, and one Newton step adds those of the time of the zero (`events`).
 
 Too few samples miss zeros in pairs, which leaves the signs of the samples as they are. The rate of
 the condition reveals it: between samples that are close enough, the condition changes by
@@ -22,6 +21,7 @@ period.
 
 __all__ = ["Crossings"]
 
+import dataclasses
 from typing import NamedTuple, final
 
 import equinox as eqx
@@ -33,8 +33,9 @@ from ..core import AbstractSystem, Scalar, State
 from ._event_bracket import close_in
 from ._event_runs import ConditionOnRun, FromSample, Samples, sampled
 from .config import IntegrationConfig
-from .event_zero import pick
+from .event_zero import next_candidates, pick, put
 from .events import Event, newton_correct
+from .field_trace import field_trace
 from .integrate import integrate
 from .layout import state_at, times_behind_components
 from .methods import HIGH_ORDER
@@ -92,15 +93,14 @@ class Crossings(eqx.Module):
 class _SearchState(NamedTuple):
     """State of the search.
 
-    - `times`, `before`: times of the zeros, s, and the sample before each. There is one row more
-      than the capacity.
-    - `count`: number of zeros.
-    - `following`: the next sample; `again`: whether the interval behind it is searched a second
-      time.
+    - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`.
+    - `count`: number of zeros, up to one more than the capacity.
+    - `following`: the next interval to search; `again`: whether it is searched a second time.
     - `unresolved`: whether the search failed."""
 
     times: Float[Array, "zeros *#runs"]
-    before: Int[Array, "zeros *#runs"]
+    states: State
+    rising: Bool[Array, "zeros *#runs"]
     count: Int[Array, "*runs"]
     following: Int[Array, "*runs"]
     again: Bool[Array, "*runs"]
@@ -125,40 +125,82 @@ def crossings_between(
 
     **Returns** the `Crossings`, differentiable with respect to `system`, `times`, `states` and the
     event."""
-    config = _for_short_ways(config)
-    fixed = jax.tree.map(_fixed, (system, event, times, states))
-    along = ConditionOnRun(fixed[0], fixed[1], config, run_axes)
-    samples = sampled(along, fixed[2], fixed[3])
+    start = times[0], jax.tree.map(lambda x: x[0], states)
+    # A rule for derivatives sees leaves alone.
+    hidden = field_trace(system, *start).closes_over_tracers
+    find = _integrated_to if hidden else _found_with_rule
+    return find(system, event, times, states, _for_short_ways(config), run_axes)
+
+
+def _found(
+    system: AbstractSystem,
+    event: Event,
+    times: Float[Array, "samples *#runs"],
+    states: State,
+    config: IntegrationConfig,
+    run_axes: int,
+) -> Crossings:
+    """`crossings_between`, as the search leaves them, without derivatives."""
+    along = ConditionOnRun(system, event, config, run_axes)
+    samples = sampled(along, times, states)
     search = _search(along, samples)
     stored = jnp.minimum(search.count, event.capacity)
-    used = _numbers(event.capacity, stored) < stored
+    used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
 
-    # Zeros one after the other: those of all runs with the same number share an integration.
-    def one(
-        carry: None, zero: tuple[Array, Array, Array]
-    ) -> tuple[None, tuple[Array, State, Array]]:
-        t, before, used = zero
-        y, start = pick((states, times), before, run_axes)
-        t = jnp.where(used, t, jax.lax.stop_gradient(start))
-        result = integrate(system, y, start, t, None, config.small_program(), run_axes)
-        y = state_at(result.states, -1, run_axes)
-        slope = event.slope(system, t, y)[1]
-        t, y = newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
-        return carry, (t, y, used & (slope * jnp.sign(times[-1] - times[0]) > 0.0))
+    def leaf(x: Array) -> Array:
+        return jnp.where(used, x, jnp.nan)
 
-    rows = (search.times[:-1], search.before[:-1], used)
-    _, (ts, at_zeros, rising) = jax.lax.scan(one, None, rows)
-    at_zeros = times_behind_components(at_zeros, run_axes)
     crossings = Crossings(
-        jnp.where(used, ts, jnp.nan),
-        jax.tree.map(lambda x: jnp.where(used, x, jnp.nan), at_zeros),
-        rising,
+        leaf(search.times),
+        jax.tree.map(leaf, times_behind_components(search.states, run_axes)),
+        search.rising & used,
         stored,
         search.count > event.capacity,
-        _status(along, samples, search),
+        _status(samples, search),
     )
     # The search has covered every interval up to the first sample that is not finite.
     return crossings.until(times[0], samples.ill)
+
+
+def _integrated_to(
+    system: AbstractSystem,
+    event: Event,
+    times: Float[Array, "samples *#runs"],
+    states: State,
+    config: IntegrationConfig,
+    run_axes: int,
+) -> Crossings:
+    """`_found`, with derivatives: by an integration from the sample before each zero to it."""
+    parts = jax.tree.map(_fixed, (system, event, times, states))
+    found = _found(parts[0], parts[1], parts[2], parts[3], config, run_axes)
+    moments = parts[2]
+
+    # Zeros one after the other: those of all runs with the same number share an integration.
+    def one(carry: None, t: Array) -> tuple[None, tuple[Array, State]]:
+        used = jnp.isfinite(t)
+        passed = jnp.sum(jnp.abs(moments - moments[0]) <= jnp.abs(t - moments[0]), axis=0)
+        y, start = pick((states, times), jnp.maximum(passed - 1, 0), run_axes)
+        t = jnp.where(used, t, jax.lax.stop_gradient(start))
+        result = integrate(system, y, start, t, None, config.small_program(), run_axes)
+        y = state_at(result.states, -1, run_axes)
+        return carry, newton_correct(system, (event,), jnp.where(used, 0, -1), t, y)
+
+    _, (ts, at_zeros) = jax.lax.scan(one, None, found.ts)
+    used = jnp.isfinite(found.ts)
+    at_zeros = times_behind_components(at_zeros, run_axes)
+    return dataclasses.replace(
+        found,
+        ts=jnp.where(used, ts, jnp.nan),
+        states=jax.tree.map(lambda x: jnp.where(used, x, jnp.nan), at_zeros),
+    )
+
+
+_found_with_rule = eqx.filter_custom_jvp(_found)
+
+
+@_found_with_rule.def_jvp
+def _found_jvp(primals: tuple, tangents: tuple) -> tuple[Crossings, Crossings]:
+    return eqx.filter_jvp(_integrated_to, primals, tangents)
 
 
 # A system may hold functions among its leaves.
@@ -179,77 +221,67 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     )
 
 
-def _numbers(count: int, runs: Array) -> Array:
-    """0, 1, ... on an axis before those of the runs."""
-    return jnp.arange(count).reshape(-1, *(1,) * runs.ndim)
-
-
 def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
     """All zeros of each run, up to one more than the capacity."""
     event, runs = along.event, samples.times.shape[1:]
-    capacity = event.capacity + 1
     intervals = samples.candidate.shape[0]
-    rows, numbers = _numbers(capacity, samples.at_zero), _numbers(intervals, samples.at_zero)
 
-    def ahead(search: _SearchState) -> Array:
-        open_to = (search.count < capacity) & ~search.unresolved
-        return samples.candidate & (numbers >= search.following) & open_to
+    def sought_in(search: _SearchState) -> Array:
+        """Whether each run has another interval to search."""
+        room = search.count <= event.capacity
+        return (search.following < intervals) & room & ~search.unresolved
 
     def look(search: _SearchState) -> _SearchState:
-        sought = jnp.any(ahead(search), axis=0)
-        index = jnp.argmax(ahead(search), axis=0)
-        y, t, value = pick((samples.states, samples.times, samples.g), index, along.run_axes)
-        end, other = pick((samples.times, samples.g), index + 1, along.run_axes)
+        sought, index = sought_in(search), jnp.minimum(search.following, intervals - 1)
+        knots = samples.times, samples.g, samples.slopes
+        t, value, slope = pick(knots, index, along.run_axes)
+        end, other, last_slope = pick(knots, index + 1, along.run_axes)
         dip = (value * other > 0.0) & ~search.again
         # The second zero of a dip is sought from its first one, where the sign is opposite.
-        last = pick(search.times, jnp.maximum(search.count - 1, 0), along.run_axes)
+        number = jnp.clip(search.count - 1, 0, event.capacity - 1)
+        last = pick(search.times, number, along.run_axes)
         start = jnp.where(search.again, last, t)
         value = jnp.where(search.again, -other, value)
-        there, met, sure = close_in(
-            FromSample(along, y, t), (t, end), (value, other), sought, start
-        )
-        good = sought & met & sure
-        here = (rows == search.count) & good
+        within = FromSample(along, pick(samples.states, index, along.run_axes), t)
+        ends = (t, end), (value, other), (slope, last_slope)
+        zero = close_in(within, *ends, sought, start)
+        good = sought & zero.met & zero.sure
+        row = jnp.where(good, search.count, event.capacity)
+        found = zero.time, zero.y, zero.rising
+        times, states, rising = put(search[:3], row, found, along.run_axes)
         # The second zero of a dip counts only for an event of both directions.
         again = good & dip & (event.direction == 0)
         return _SearchState(
-            jnp.where(here, there, search.times),
-            jnp.where(here, index, search.before),
+            times,
+            states,
+            rising,
             search.count + good.astype(int),
-            jnp.where(sought & ~again, index + 1, jnp.where(sought, index, search.following)),
+            jnp.where(sought & ~again, pick(ahead, index + 1, along.run_axes), search.following),
             again,
-            search.unresolved | (sought & ~sure),
+            search.unresolved | (sought & ~zero.sure),
         )
 
+    def rows_of(x: Array) -> Array:
+        return jnp.broadcast_to(x, (event.capacity, *x.shape))
+
+    ahead = next_candidates(samples.candidate)
     none = jnp.zeros(runs, bool)
     at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
     start = _SearchState(
-        times=jnp.broadcast_to(samples.times[0], (capacity, *runs)),
-        before=jnp.zeros((capacity, *runs), int),
+        times=rows_of(samples.times[0]),
+        states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
+        rising=rows_of(samples.away > 0.0),
         count=at_start.astype(int),
-        following=jnp.zeros(runs, int),
+        following=ahead[0],
         again=none,
         unresolved=none,
     )
-    return jax.lax.while_loop(lambda search: jnp.any(ahead(search)), look, start)
+    return jax.lax.while_loop(lambda search: jnp.any(sought_in(search)), look, start)
 
 
-def _status(along: ConditionOnRun, samples: Samples, search: _SearchState) -> Int[Array, "*runs"]:
+def _status(samples: Samples, search: _SearchState) -> Int[Array, "*runs"]:
     """Status of the search."""
     status = jnp.where(search.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
-    few = _change_unexplained(along, samples) > RESOLVED
-    status = jnp.where(few, Status.SAMPLES_TOO_FEW, status)
+    status = jnp.where(samples.unexplained > RESOLVED, Status.SAMPLES_TOO_FEW, status)
     ill = jnp.isfinite(samples.ill)
     return jnp.where(ill, Status.CONDITION_NOT_FINITE, status).astype(jnp.int32)
-
-
-def _change_unexplained(along: ConditionOnRun, samples: Samples) -> Scalar:
-    """Root mean square of the part of the condition's change that its rates do not explain,
-    relative to that of the condition."""
-    # Computed again and not from `samples.g`, whose first value may be a sign alone.
-    g, slopes = jax.vmap(along.slope)(samples.times, samples.states)
-    steps = jnp.diff(samples.times, axis=0)
-    change = jnp.diff(g, axis=0) - 0.5 * steps * (slopes[1:] + slopes[:-1])
-    size = jnp.sqrt(jnp.mean(g * g, axis=0))
-    rms = jnp.sqrt(jnp.mean(change * change, axis=0))
-    return jnp.where(size > 0.0, rms / jnp.where(size > 0.0, size, 1.0), 0.0)

@@ -6,15 +6,15 @@ from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
-from ._event_bracket import WithinSpan, close_in
+from ..core.barrier import barrier
+from ._event_bracket import WithinSpan, close_in, tangent_reaches
+from ._in_turn import in_turn
 from .events import Event
 
-# Depth of a dip below its lowest sample, in second differences: at most 1/2 at a corner (as in the
-# distance to a point that is passed) and 1/8 for a parabola; a little more for other curves.
-REACH = 0.55
 # Rounding of the condition in a state at the event itself, in units in the last place.
 ROUNDINGS = 64.0
 # Least time between two events that are resolved as two, in roundings of the time.
@@ -52,6 +52,7 @@ def first_in_intervals(
     within: Callable[[Int[Array, "*runs"]], WithinSpan],
     times: Float[Array, "samples *#runs"],
     g: Float[Array, "samples *#runs"],
+    slopes: Float[Array, "samples *#runs"],
     candidate: Bool[Array, "intervals *#runs"],
 ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
     """The first zero of a condition between samples.
@@ -59,7 +60,7 @@ def first_in_intervals(
     **Arguments**
 
     - `within`: the condition in the interval of this number, of each run.
-    - `times`, `g`: of the samples, and the condition there.
+    - `times`, `g`, `slopes`: of the samples, the condition there and its rates.
     - `candidate`: the intervals in which there may be a zero.
 
     **Returns** the time, that of the last sample where there is none; whether there is a zero; and
@@ -72,14 +73,15 @@ def first_in_intervals(
         when, hit, unresolved, first = search
         ahead = candidate & (numbers >= first)
         index = jnp.argmax(ahead, axis=0)
-        t, value = pick((times, g), index, len(runs))
-        end, other = pick((times, g), index + 1, len(runs))
+        samples = times, g, slopes
+        first_end, last_end = (pick(samples, index + k, len(runs)) for k in (0, 1))
+        span, values, rates = zip(first_end, last_end, strict=True)
         sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
-        there, met, sure = close_in(within(index), (t, end), (value, other), sought)
-        good = sought & met & sure
-        unresolved = unresolved | (sought & ~sure)
+        zero = close_in(within(index), span, values, rates, sought)
+        good = sought & zero.met & zero.sure
+        unresolved = unresolved | (sought & ~zero.sure)
         last = good | ~sought | unresolved
-        when = jnp.where(sought & (good | unresolved), there, when)
+        when = jnp.where(sought & (good | unresolved), zero.time, when)
         return when, hit | good, unresolved, jnp.where(last, count, index + 1)
 
     nowhere = jnp.zeros(tuple(runs), bool)
@@ -95,7 +97,21 @@ def first_in_intervals(
     return when, hit, unresolved
 
 
-def pick(tree: State, index: Array, run_axes: int) -> State:
+def next_candidates(candidate: Bool[Array, "intervals *#runs"]) -> Int[Array, "following *#runs"]:
+    """The first candidate from each interval on; behind the last one the number of intervals."""
+    count, *runs = candidate.shape
+    none = jnp.full(tuple(runs), count)
+
+    def before(following: Array, interval: tuple[Array, Array]) -> tuple[Array, Array]:
+        number, here = interval
+        following = jnp.where(here, number, following)
+        return following, following
+
+    _, ahead = jax.lax.scan(before, none, (jnp.arange(count), candidate), reverse=True)
+    return jnp.concatenate([ahead, none[None]])
+
+
+def pick(tree: PyTree, index: Array, run_axes: int) -> PyTree:
     """Select sample number `index` of each run, from blocks with the samples on the first axis."""
 
     def leaf(x):
@@ -105,6 +121,19 @@ def pick(tree: State, index: Array, run_axes: int) -> State:
         return jnp.take_along_axis(x, rows, axis=0, mode="promise_in_bounds")[0]
 
     return jax.tree.map(leaf, tree)
+
+
+def put(tree: PyTree, index: Array, rows: PyTree, run_axes: int) -> PyTree:
+    """The blocks of `pick` with `rows` as sample number `index` of each run; a number behind the
+    last sample changes nothing."""
+
+    # By selection: a scatter takes as long, and the compiler treats the loop around it piece by
+    # piece.
+    def leaf(x, row):
+        here = jnp.arange(x.shape[0]).reshape(-1, *(1,) * run_axes) == index
+        return jnp.where(here.reshape(-1, *(1,) * (x.ndim - 1 - run_axes), *index.shape), row, x)
+
+    return jax.tree.map(leaf, tree, rows)
 
 
 def ill_after(g: Array, states: State, times: Array, run_axes: int) -> Scalar:
@@ -126,36 +155,33 @@ def rounding_change(
 
     Times the rounding unit, it bounds the condition at a rounded zero."""
     leaves, structure = jax.tree.flatten(y)
-    total = jnp.zeros_like(t)
-    for k, leaf in enumerate(leaves):
-        shape = leaf.shape[: leaf.ndim - run_axes]
-        # Component by component, because their absolute values are summed.
-        basis = jnp.eye(math.prod(shape), dtype=leaf.dtype).reshape(-1, *shape, *(1,) * run_axes)
+    shapes = [leaf.shape[: leaf.ndim - run_axes] for leaf in leaves]
+    ends = np.cumsum([math.prod(shape) for shape in shapes])
+    # Component by component, because their absolute values are summed; all of them at once, with
+    # one copy of the condition in the program.
+    parts = np.split(np.eye(ends[-1]), ends[:-1], axis=1)
+    basis = [
+        jnp.asarray(part.reshape(-1, *shape, *(1,) * run_axes), leaf.dtype)
+        for part, shape, leaf in zip(parts, shapes, leaves, strict=True)
+    ]
 
-        def value(x: Array, k: int = k) -> Scalar:
-            return event.value(system, t, structure.unflatten([*leaves[:k], x, *leaves[k + 1 :]]))
+    def change(direction: list[Array]) -> Scalar:
+        # Otherwise the compiler would take the condition itself out of the loop, piece by piece.
+        direction, at, leaves = barrier((direction, t, jax.tree.leaves(y)))
+        tangent = structure.unflatten([d * x for d, x in zip(direction, leaves, strict=True)])
+        y_at = structure.unflatten(leaves)
+        return jax.jvp(lambda y: event.value(system, at, y), (y_at,), (tangent,))[1]
 
-        def change(direction: Array, leaf: Array = leaf, value=value) -> Array:
-            return jax.jvp(value, (leaf,), (direction * leaf,))[1]
-
-        total = total + jnp.sum(jnp.abs(jax.vmap(change)(basis)), axis=0)
-    return total
+    return jnp.sum(jnp.abs(in_turn(change, basis)), axis=0)
 
 
-def dips(g: Array, changes: Array) -> Array:
-    """Whether the condition might dip through zero and back, for each interval.
+def dips(times: Array, g: Array, slopes: Array) -> Array:
+    """Whether the condition might dip through zero and back, for each interval between samples.
 
-    Beyond both ends of the span the condition is extrapolated by its slopes: `changes` in an
-    interval.
-    """
-    last = jnp.concatenate([g[:1] - changes[:1], g[:-1]])
-    following = jnp.concatenate([g[1:], g[-1:] + changes[1:]])
+    It does not unless it approaches zero at the first end and leaves it at the last one, and one of
+    the two tangents reaches zero in between."""
     sign = jnp.sign(g)
-    near = (
-        (sign * g <= sign * last)
-        & (sign * g <= sign * following)
-        & (sign * last > 0.0)
-        & (sign * following > 0.0)
-    )
-    near = near & (sign * g < REACH * sign * (last - 2.0 * g + following))
-    return near[:-1] | near[1:]
+    steps = jnp.diff(times, axis=0).astype(g.dtype)
+    approach, leave = -sign[:-1] * slopes[:-1] * steps, sign[1:] * slopes[1:] * steps
+    turning = (sign[:-1] * sign[1:] > 0.0) & (approach >= 0.0) & (leave >= 0.0)
+    return turning & tangent_reaches((jnp.abs(g[:-1]), jnp.abs(g[1:])), (approach, leave))

@@ -5,6 +5,7 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import cast
 
 import equinox as eqx
@@ -13,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar, State
+from ..core.barrier import barrier
 from ..core.groups import on_group, project
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
@@ -21,6 +23,7 @@ from ..solvers.regularised_step import evaluations_of
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import FoundEvents, Location, SoughtEvents
+from ._in_turn import in_turn
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
@@ -53,6 +56,7 @@ def integrate(
     record_steps: bool = False,
     dense: bool = False,
     trimmed: bool = False,
+    for_search: bool = False,
     until: tuple[Event, ...] = (),
     estimated: bool = True,
 ) -> IntegrationResult:
@@ -71,6 +75,8 @@ def integrate(
     - `trimmed`: whether to leave out segments of no length at both ends. Only for a run whose final
       state alone is saved and which is not differentiated: a break at one of its ends would have
       a derivative.
+    - `for_search`: whether the states at the fractions are samples for a search, for which a small
+      program counts: a closed form computes them `in_turn`, and the first step is not estimated.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
     - `estimated`: whether the first step is estimated, by another copy of the vector field; it is
       not where events are sought.
@@ -83,7 +89,8 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+        rows = in_turn if for_search else _at_once
+        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
     if config.decoupled:
@@ -121,6 +128,9 @@ def integrate(
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought, estimated
     )
+    if for_search:
+        # As in `_settings`, for the same reason.
+        settings = dataclasses.replace(settings, estimated=False)
     if trimmed and settings.plan is None and not traits.own_steps:
         settings = dataclasses.replace(settings, reach=segments.reach())
     field = ScaledVectorField(system, segments)
@@ -140,7 +150,8 @@ def integrate(
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
-        result = result._replace(found=_found(outcome.location, segments, t0, t1))
+        found = _found(outcome.location, segments, t0, t1)
+        result = result._replace(found=barrier(found))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
@@ -186,12 +197,17 @@ def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> Fo
     )
 
 
+def _at_once(function: Callable[[Array], State], rows: Array) -> State:
+    return jax.vmap(function)(rows)
+
+
 def _by_closed_form(
     closed_form: AbstractClosedForm,
     y0: State,
     duration: Array,
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
+    rows: Callable[[Callable[[Array], State], Array], State],
 ) -> IntegrationResult:
     # A single duration is not mapped over, because that would trace everything twice.
     if fractions is None:
@@ -199,7 +215,7 @@ def _by_closed_form(
         states = jax.tree.map(lambda x: x[None], final)
     else:
         durations = of_each(fractions, duration)
-        states = jax.vmap(lambda d: _on_groups(closed_form.flow(d, y0)))(durations)
+        states = rows(lambda d: _on_groups(closed_form.flow(d, y0)), durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))

@@ -96,7 +96,8 @@ class Segments(eqx.Module):
         starts at `s` and has its `length`."""
         duration = self.duration(s, length)
         edge = jnp.zeros_like(duration) + (self._edge() if self.jumps else 0.0)
-        return OwnStep(begin, end - begin, self.time(s), duration / (end - begin), edge)
+        # Every stage and every number of the search reads them.
+        return OwnStep(*barrier((begin, end - begin, self.time(s), duration / (end - begin), edge)))
 
     def _edge(self) -> Scalar:
         """Some roundings of a time, s, in the direction of the run."""

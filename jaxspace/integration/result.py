@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core import Flag, State
+from ..core.barrier import barrier
 from ..core.groups import project
 from ..solvers.protocol import solver_traits
 from ._event_location import FoundEvents
@@ -101,7 +102,8 @@ def result_of(
         "evaluations": taken * traits.evaluations,
         "largest_local_error": error,
     }
-    status = status_from(outcome.out_of_steps, finite, error)
+    # Of many states each would be selected by a status of its own.
+    status = barrier(status_from(outcome.out_of_steps, finite, error))
     dense = None
     if settings.dense:
         dense = _dense_output(outcome, field.segments, y0, run_axes)

@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
+from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings, crossings_between
@@ -65,6 +66,7 @@ def _at_times(
     config: IntegrationConfig,
     run_axes: int,
     dense: bool,
+    for_search: bool = False,
 ) -> IntegrationResult:
     """States at `ts`, (times,) or (times, *runs), the first of which is that of `y0`."""
     if ts.ndim > 1 and ts.shape[0] > 2:
@@ -74,7 +76,10 @@ def _at_times(
         return result._replace(states=with_start(y0, result.states, run_axes))
     # A run of no duration divides zero by zero.
     fractions = safe_divide(ts - ts[0], ts[-1] - ts[0])
-    result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, dense=dense)
+    ends = ts[0], ts[-1]
+    result = integrate(
+        system, y0, *ends, fractions, config, run_axes, dense=dense, for_search=for_search
+    )
     # The state at the first time is exactly the initial one.
     return result._replace(states=replace_state(result.states, 0, y0, run_axes))
 
@@ -106,7 +111,7 @@ def _sampled(
     # Every save time is exactly a sample.
     inner = ts[:-1, None] + shares * jnp.diff(ts)[:, None]
     times = jnp.concatenate([inner.reshape(-1), ts[-1:]])
-    result = _at_times(system, y0, times, config, run_axes, dense)
+    result = _at_times(system, y0, times, config, run_axes, dense, for_search=True)
     states = times_first(result.states, run_axes)
     asked = times_behind_components(jax.tree.map(lambda x: x[::parts], states), run_axes)
     every = jnp.broadcast_to(_with_runs(times, runs), (times.shape[0], *runs))
@@ -258,6 +263,7 @@ def straight_to_event(
         happened = happened_together(
             system, events, found, asked[0], found.time, found.state, run_axes
         )
+    stopped, hit, status = barrier((stopped, hit, status))
     return RunResult(
         jnp.where(stopped, found.time, asked),
         _where_stopped(stopped, found.state, states, run_axes),

@@ -18,10 +18,11 @@ from ..integration.integrate import integrate, locates_events, of_each, searches
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
+from ._alike_phases import alike_legs, run_alike
 from ._mission import Mission, Phase
 from ._runs import straight_to_event
 from .checks import check_events
-from .legs import legs_of
+from .legs import Leg, legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
 from .run_result import RunResult
 from .runnable import AbstractRunnable
@@ -276,6 +277,23 @@ def _run_phase(
     return run, *_left_by(then, run, run_axes)
 
 
+def _groups(
+    legs: Sequence[Leg],
+    num_saved: int | Sequence[SaveTimes],
+    configs: tuple[IntegrationConfig, ...],
+    plans: tuple[Array | None, ...] | None,
+) -> dict[int, list[int]]:
+    """The phases that can share a program, by the first of each group."""
+    saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
+    planned = [False] * len(legs) if plans is None else [plan is not None for plan in plans]
+    plain = [
+        isinstance(n, int) and n == 2 and not follows and searches_steps(config)
+        for n, follows, config in zip(saved, planned, configs, strict=True)
+    ]
+    groups = alike_legs(legs, configs, plain)
+    return {group[0]: group for group in groups if len(group) > 1}
+
+
 def run_mission(
     mission: Mission,
     y0: State,
@@ -286,6 +304,8 @@ def run_mission(
     run_axes: int,
     plans: tuple[Array | None, ...] | None = None,
     record_steps: bool | Sequence[bool] = False,
+    *,
+    rolled: bool = False,
 ) -> MissionResult:
     """All phases of a mission, and of its branches, in the order of `legs_of`.
 
@@ -296,8 +316,14 @@ def run_mission(
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
     - `plans`: fixed steps for each phase, as nodes in normalised time.
-    - `record_steps`: whether to return the ends of the steps, of all phases or of each."""
+    - `record_steps`: whether to return the ends of the steps, of all phases or of each.
+    - `rolled`: whether phases that differ in their numbers alone share a program (`run_alike`),
+      which compiles sooner and takes other steps."""
     legs, branch_names = legs_of(mission)
+    groups: dict[int, list[int]] = {}
+    if rolled:
+        groups = _groups(legs, num_saved, configs, plans)
+    alike: dict[int, RunResult] = {}
     results: list[RunResult] = []
     # Of each phase: time and state after its jump, and the status up to there.
     ends: list[BranchEnd] = []
@@ -315,7 +341,14 @@ def run_mission(
                 t, y = _left_by(leg.start, results[leg.after], run_axes)
         plan = None if plans is None else plans[number]
         saved = num_saved if isinstance(num_saved, int) else num_saved[number]
-        if isinstance(phase.system, AbstractRunnable):
+        if number in groups:
+            members = [legs[k].phase for k in groups[number]]
+            together = run_alike(members, y, t, config, run_axes)
+            alike |= zip(groups[number], together or (), strict=bool(together))
+        if number in alike:
+            result = alike[number]
+            t, y = _left_by(phase.then, result, run_axes)
+        elif isinstance(phase.system, AbstractRunnable):
             assert isinstance(saved, int)
             # A closed loop takes fixed steps between its samples, and no plan.
             result = phase.system.run(phase.until, y, t, saved, config, run_axes)

@@ -19,9 +19,10 @@ from .runnable import AbstractRunnable
 
 # Operations of the vector fields of all phases together from which the steps of many runs are small
 # programs. Stages that are written out are up to 1.7 times as fast, and compile in three times the
-# time: for a kick stage (600 operations) they win that back after 40,000 runs, for a rocket on its
-# way to the ground (4,000) after a million.
-LARGE = 1600
+# time: for a kick stage (500 operations) they win that back after 50,000 runs, for a stage that
+# comes back under a parachute (900) after 90,000, and for a rocket on its way to the ground (3,600)
+# after a million. Campaigns of the first are often that long, and those of the others seldom.
+LARGE = 600
 
 
 def resolve_phases(

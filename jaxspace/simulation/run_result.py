@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
+from ..core.barrier import barrier
 from ..integration.crossings import Crossings
 from ..integration.result import DenseOutput
 from ..integration.status import Status
@@ -73,7 +74,7 @@ def _among(status: Array, some: tuple[Status, ...]) -> Bool[Array, "..."]:
 def known_crossings(crossings: Crossings, status: Array) -> Crossings:
     """The crossings of runs with this `status`, that of the search included; NaN where it is
     unknown up to which time they are complete."""
-    known = ~_among(status, CROSSINGS_UNKNOWN)
+    known = barrier(~_among(status, CROSSINGS_UNKNOWN))
     crossings = scaled(crossings, nan_unless(known))
     count = jnp.where(known, crossings.count, 0)
     return dataclasses.replace(
@@ -96,5 +97,5 @@ def reached(result: RunResult) -> RunResult:
         components = tuple(range(block.ndim - 1 - run_axes))
         good = good & jnp.all(jnp.isfinite(block), axis=components)
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
-    good = good & (first | ~_among(result.status, WITHOUT_BOUND))
+    good = barrier(good & (first | ~_among(result.status, WITHOUT_BOUND)))
     return result._replace(states=scaled(result.states, nan_unless(good)))

@@ -19,7 +19,7 @@ Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nyst
 Journal of Numerical Analysis 7, 423. The dense output is not from that paper.
 """
 
-from typing import ClassVar, final
+from typing import ClassVar, NamedTuple, final
 
 import diffrax
 import equinox as eqx
@@ -29,7 +29,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import State
 from . import tableaus as tableau
-from ._nystrom import RKN12, NystromStep, nystrom_step
+from ._nystrom import RKN12, nystrom_step
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .runge_kutta import Weights, weighted, weighted_rows
@@ -98,8 +98,8 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
 
     For states of a position and a velocity whose acceleration does not depend on the velocity; a
     run in which it does ends at once with the status of a run that is not finite. A step takes
-    seventeen evaluations, and 37 more if states are saved within it. These states are as accurate
-    as the steps.
+    seventeen evaluations; in a run with save times eighteen, and 36 more if states are saved within
+    it. These states are as accurate as the steps.
 
     **Arguments**
 
@@ -157,56 +157,73 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         carried: Bool[Array, "*runs"],
     ) -> Advance:
         system = second_order(f.terms, t0, t1, y0, f.args, "RKN1210")
-        h = t1 - t0
-        step = nystrom_step(system, RKN12, t0, h, system.r, system.v, self.in_loop)
+        if self.save_ts is not None and self.save_ts.shape[0] == 0:
+            end = self._part(system, t0, t1 - t0, jnp.ones((), system.r.dtype))
+            q = jnp.zeros((COEFFICIENTS, *end.r.shape), end.r.dtype)
+        else:
+            end, q = self._with_dense(system, t0, t1)
         # Where the acceleration depends on the velocity, the method would converge to the motion of
         # another system.
-        y1 = system.state(step.r, jnp.where(carried, jnp.nan, step.v))
-        h = h.astype(step.r.dtype)
-        position_error = h * system.position_rate(h * weighted(POSITION_ERROR, step.ks))
-        error = system.state(position_error, h * weighted(VELOCITY_ERROR, step.ks))
-        dense = dict(y0=y0, q=self._dense(system, t0, t1, step), travel=h * system.dt_ds)
-        return Advance(y1, error, dense, carried)
+        y1 = system.state(end.r, jnp.where(carried, jnp.nan, end.v))
+        h = (t1 - t0).astype(end.r.dtype)
+        error = system.state(
+            h * system.position_rate(h * end.position_error), h * end.velocity_error
+        )
+        return Advance(y1, error, dict(y0=y0, q=q, travel=h * system.dt_ds), carried)
 
-    def _dense(
-        self, system: SecondOrder, t0: Float[Array, ""], t1: Float[Array, ""], step: NystromStep
-    ) -> Float[Array, "coefficients ..."]:
-        """Coefficients of the dense output; zeros in a step within which no state is saved."""
+    def _part(
+        self, system: SecondOrder, t0: Float[Array, ""], h: Float[Array, ""], x: Float[Array, ""]
+    ) -> "_Part":
+        """The step of this fraction of the length `h`."""
+        length = x.astype(h.dtype) * h
+        step = nystrom_step(system, RKN12, t0, length, system.r, system.v, self.in_loop)
+        errors = (weighted(row, step.ks) for row in (POSITION_ERROR, VELOCITY_ERROR))
+        return _Part(step.r, step.v, step.mean_velocity, step.ks[0], *errors)
 
-        def fitted() -> Array:
-            return _hermite_coefficients(system, t0, t1 - t0, step, self.in_loop)
+    def _with_dense(
+        self, system: SecondOrder, t0: Float[Array, ""], t1: Float[Array, ""]
+    ) -> tuple["_Part", Float[Array, "coefficients ..."]]:
+        """The step, and the coefficients q_i, q_i' and q_i'' of its dense output in the order of
+        `_hermite`; zeros in a step within which no state is saved."""
+        h = t1 - t0
+        r0, v0 = system.r, system.v
+        dt = h.astype(r0.dtype)
 
-        def zeros() -> Array:
-            return jnp.zeros((COEFFICIENTS, *step.r.shape), step.r.dtype)
+        def reached(x: Array) -> tuple[_Part, Array]:
+            part = self._part(system, t0, h, x)
+            a = system.acceleration(t0 + x.astype(h.dtype) * h, part.r)
+            return part, jnp.stack([x * (part.mean_velocity - v0), part.v - v0, dt * a])
 
-        if self.save_ts is None:
-            return fitted()
-        if self.save_ts.shape[0] == 0:
-            return zeros()
-        # A conditional, because the compiler cannot see that nothing reads the dense output.
-        return jax.lax.cond(jnp.any((self.save_ts >= t0) & (self.save_ts <= t1)), fitted, zeros)
+        def skipped(x: Array) -> tuple[_Part, Array]:
+            shapes = jax.eval_shape(reached, x)
+            return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
+
+        def place(_: None, node: tuple[Array, Array]) -> tuple[None, tuple[_Part, Array]]:
+            x, asked = node
+            if self.save_ts is None:
+                return None, reached(x)
+            # A conditional, because the compiler cannot see that nothing reads the dense output.
+            return None, jax.lax.cond(asked, reached, skipped, x)
+
+        saving = jnp.array(True)
+        if self.save_ts is not None:
+            saving = jnp.any((self.save_ts >= t0) & (self.save_ts <= t1))
+        asked = jnp.stack([saving, saving, jnp.array(True)])
+        # A loop, so that the program holds the stages once for all places, the end included.
+        nodes = jnp.asarray(NODES[1:], r0.dtype), asked
+        _, (parts, places) = jax.lax.scan(place, None, nodes)
+        end = jax.tree.map(lambda x: x[-1], parts)
+        q = jnp.concatenate([dt * end.first_rate[None], *places])
+        return end, q
 
 
-def _hermite_coefficients(
-    system: SecondOrder,
-    t0: Float[Array, ""],
-    h: Float[Array, ""],
-    step: NystromStep,
-    in_loop: bool,
-) -> Float[Array, "coefficients ..."]:
-    """q_i, q_i' and q_i'' in the order of `_hermite`."""
-    r0 = system.r
-    v0 = system.v
-    dt = h.astype(r0.dtype)
+class _Part(NamedTuple):
+    """A step from the start of another to a place within it, or to its end: position, velocity, the
+    mean velocity along it, the acceleration at its start, and the errors for a length of one."""
 
-    def within(_: None, x: Array) -> tuple[None, Array]:
-        part = x.astype(h.dtype) * h
-        inner = nystrom_step(system, RKN12, t0, part, r0, v0, in_loop)
-        a = system.acceleration(t0 + part, inner.r)
-        return None, jnp.stack([x * (inner.mean_velocity - v0), inner.v - v0, dt * a])
-
-    # A loop, so that the seventeen stages are compiled once for both places.
-    _, places = jax.lax.scan(within, None, jnp.asarray(NODES[1:3], r0.dtype))
-    a1 = system.acceleration(t0 + h, step.r)
-    end = jnp.stack([step.mean_velocity - v0, step.v - v0, dt * a1])
-    return jnp.concatenate([dt * step.ks[0][None], *places, end])
+    r: Vectors
+    v: Vectors
+    mean_velocity: Vectors
+    first_rate: Vectors
+    position_error: Vectors
+    velocity_error: Vectors

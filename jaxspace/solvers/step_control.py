@@ -20,6 +20,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
+from ..core.barrier import barrier
 from .tolerances import Tolerance
 
 SAFETY = 0.8
@@ -146,7 +147,10 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
         end = self._end_of_step(start, proposal)
         state = StepControl(proposal, limiting)
-        return accept, start, end, landed, state, diffrax.RESULTS.successful
+        decision = accept, start, end, landed, state
+        # All that a step of many runs leaves is selected by them.
+        decision = barrier(decision) if self.tolerance.run_axes else decision
+        return *decision, diffrax.RESULTS.successful
 
     def _end_of_step(self, s: Float[Array, ""], ds: Float[Array, ""]) -> Float[Array, ""]:
         """The end of a step of about `ds` from `s`, at most at the next whole number."""

@@ -20,6 +20,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import Scalar, State
+from ..core.barrier import barrier
 
 
 @final
@@ -95,10 +96,13 @@ class Tolerance(eqx.Module):
         - `error`: the estimate of the error of `y1`.
         """
         e = self.largest(error, jax.tree.map(self._larger, y0, y1))
-        return jnp.where(jnp.isfinite(e), e, jnp.inf)
+        e = jnp.where(jnp.isfinite(e), e, jnp.inf)
+        # Many operations read it, with each of which the compiler would compute it again.
+        return barrier(e) if self.run_axes else e
 
     def alive(self, y: State) -> Bool[Array, "*runs"]:
         """Whether all numbers in the state of each run are finite."""
         leaves = jax.tree.leaves(y)
         flags = [self._reduce(jnp.all, jnp.logical_and, jnp.isfinite(b)) for b in leaves]
-        return functools.reduce(jnp.logical_and, flags)
+        result = functools.reduce(jnp.logical_and, flags)
+        return barrier(result) if self.run_axes else result

@@ -28,6 +28,7 @@ import numpy as np
 from jaxtyping import Array, Float, Int
 
 from ..core import Scalar
+from ..core.barrier import barrier
 from ..core.checks import is_concrete
 from ..core.shapes import with_rank
 
@@ -78,8 +79,11 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
     held = jnp.where(x < nodes[0], nodes[0], jnp.where(x > nodes[-1], nodes[-1], x))
     inner = nodes[1:-1]
     if nodes.ndim == 1:
-        return jnp.searchsorted(inner, held, side="right"), held
-    return jnp.sum(inner <= held, axis=0), held
+        index = jnp.searchsorted(inner, held, side="right")
+    else:
+        index = jnp.sum(inner <= held, axis=0)
+    # Of many runs the compiler would search again with every number that is read there.
+    return barrier(index) if jnp.ndim(held) else index, held
 
 
 def of_all_runs(nodes: Float[Array, "nodes *#runs"]) -> Array:

@@ -85,6 +85,8 @@ class LaunchSite(AbstractParameters):
         """The air over the site: its atmosphere, wind and gusts."""
         return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
+    # Outside of `jit` each of some hundred operations would be compiled by itself.
+    @eqx.filter_jit
     def winds(self, top: Scalar, count: int = 100) -> tuple[Scalar, Scalar]:
         """The wind to the east and to the north, m/s, each (count, *runs), at heights that are
         evenly spaced from the ground to `top`, m."""

@@ -1,0 +1,145 @@
+"""Phases that follow each other and differ in their numbers alone, by one program in a loop.
+
+A program holds the vector field, the step and the search for its event for each phase. The fall
+under a first parachute, the wait for the second one and the fall under both are of one structure,
+and a loop over them holds these parts once: where most of the wait is compilation, that is what it
+takes. A duration is run as an event that does not happen within it.
+"""
+
+import dataclasses
+from collections.abc import Callable, Sequence
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool
+
+from ..core import AbstractSystem, Scalar, State
+from ..core.structure import same_structure
+from ..integration.config import IntegrationConfig
+from ..integration.events import Event, closures_of_events
+from ..integration.integrate import locates_events
+from ..integration.layout import broadcast_state, runs_of, state_at
+from ..integration.status import Status
+from ._mission import Phase
+from ._runs import straight_to_event
+from .checks import check_events
+from .legs import Leg
+from .run_result import RunResult
+from .runnable import AbstractRunnable
+
+
+@final
+class _Sought(eqx.Module):
+    """A condition that is sought, or one that is never zero."""
+
+    condition: Callable[[Scalar, State], Scalar]
+    sought: Bool[Array, ""]
+
+    def __call__(self, t: Scalar, y: State) -> Scalar:
+        value = self.condition(t, y)
+        return jnp.where(self.sought, value, jnp.ones_like(value))
+
+
+def alike_legs(
+    legs: Sequence[Leg], configs: Sequence[IntegrationConfig], plain: Sequence[bool]
+) -> list[list[int]]:
+    """The legs in their order, of which those of one list can be run in a loop.
+
+    `plain`: of each leg, whether it saves its two ends alone and takes its steps freely."""
+    groups: list[list[int]] = []
+    for number, leg in enumerate(legs):
+        last = groups[-1] if groups else []
+        follows = bool(last) and leg.after == last[-1] and not leg.parted
+        if follows and plain[number] and all(plain[k] for k in last):
+            before = [legs[k].phase for k in last]
+            same = same_structure(configs[last[0]], configs[number])
+            if same and all(_alike(phase, leg.phase) for phase in before):
+                last.append(number)
+                continue
+        groups.append([number])
+    return groups
+
+
+def _alike(first: Phase, then: Phase) -> bool:
+    """Whether two phases, of which one follows the other without a jump, differ in their numbers
+    alone."""
+    if first.then is not None or isinstance(first.system, AbstractRunnable):
+        return False
+    events = [phase.until for phase in (first, then) if isinstance(phase.until, Event)]
+    # The rate of a condition that is not sought is zero, as that of a touch.
+    if any(event.touch is not None or not same_structure(event, events[0]) for event in events):
+        return False
+    return same_structure(first.system, then.system)
+
+
+def run_alike(
+    phases: Sequence[Phase], y0: State, t0: Scalar, config: IntegrationConfig, run_axes: int
+) -> list[RunResult] | None:
+    """The results of these phases up to their jumps, of which the last one alone may have one; and
+    `None` where one of them does not locate its event as its steps are taken.
+
+    `t0`: where the first one starts, s."""
+    events = [phase.until for phase in phases if isinstance(phase.until, Event)]
+    system = phases[0].system
+    assert isinstance(system, AbstractSystem)
+    if len(phases) < 2 or not events:
+        return None
+    y0 = broadcast_state(system, t0, y0)
+    runs = runs_of(y0, run_axes)
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
+    if not locates_events(config, system, y0, t0):
+        return None
+    check_events(tuple(events), system, y0, t0, run_axes, "Phase.until")
+    sought = [isinstance(phase.until, Event) for phase in phases]
+    # A phase without an event takes that of another one, which is not sought.
+    untils = [phase.until if isinstance(phase.until, Event) else events[0] for phase in phases]
+    longest = [p.until.within if isinstance(p.until, Event) else p.until for p in phases]
+    within = [jnp.broadcast_to(jnp.asarray(x, dtype), runs) for x in longest]
+    numbers, parts_of = _stacked(
+        [(phase.system, e) for phase, e in zip(phases, untils, strict=True)]
+    )
+
+    def one(
+        carry: tuple[State, Array], own: tuple[list[Array], Array, Array]
+    ) -> tuple[tuple[State, Array], RunResult]:
+        y, t = carry
+        differing, within, sought = own
+        system, event = parts_of(differing)
+        event = dataclasses.replace(event, condition=_Sought(event.condition, sought))
+        events = closures_of_events((event,), t, y)
+        times = jnp.stack([t, t + within])
+        run = straight_to_event(system, y, times, events, config, run_axes)
+        missed = (run.status == Status.COMPLETED) & sought
+        run = run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
+        return (state_at(run.states, -1, run_axes), run.ts[-1]), run
+
+    own = numbers, jnp.stack(within), jnp.array(sought)
+    _, results = jax.lax.scan(one, (y0, t0), own)
+    every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(phases))]
+    none = jnp.zeros((0, *runs), bool)
+    return [
+        run if event else run._replace(happened=none)
+        for run, event in zip(every, sought, strict=True)
+    ]
+
+
+def _stacked(trees: Sequence[Any]) -> tuple[list[Array], Callable[[list[Array]], Any]]:
+    """The arrays that differ between trees of one structure, one after the other on a new first
+    axis; and the tree with one of each of them."""
+    every = [jax.tree.flatten(eqx.filter(tree, eqx.is_array)) for tree in trees]
+    rest = eqx.filter(trees[0], eqx.is_array, inverse=True)
+    leaves, structure = every[0]
+    columns = list(zip(*(x for x, _ in every), strict=True))
+    # What all of them share stays outside of the loop.
+    differ = [any(x is not column[0] for x in column) for column in columns]
+
+    def tree(own: list[Array]) -> Any:
+        mine = iter(own)
+        chosen = [next(mine) if d else x for d, x in zip(differ, leaves, strict=True)]
+        return eqx.combine(jax.tree.unflatten(structure, chosen), rest)
+
+    own = [jnp.stack(column) for column, d in zip(columns, differ, strict=True) if d]
+    return own, tree
