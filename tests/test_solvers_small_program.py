@@ -212,7 +212,7 @@ def test_runs_of_a_large_field_are_a_small_program(y, additions, looped):
 )
 def test_the_phases_of_a_mission_decide_together(y, phases, looped):
     """By the operations of all fields of many runs; one run is decided phase by phase, later."""
-    mission = Mission([Phase(Swing(additions=700), 1.0, name=str(k)) for k in range(phases)])
+    mission = Mission([Phase(Swing(additions=400), 1.0, name=str(k)) for k in range(phases)])
     configs = resolve_phases(mission, y, Accuracy(1e-6, method=Tsit5()), y.position.ndim - 1)
     assert [config.method.in_loop for config in configs] == [looped] * phases
 
