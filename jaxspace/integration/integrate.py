@@ -58,7 +58,6 @@ def integrate(
     trimmed: bool = False,
     for_search: bool = False,
     until: tuple[Event, ...] = (),
-    estimated: bool = True,
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
 
@@ -78,8 +77,6 @@ def integrate(
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
       program counts: a closed form computes them `in_turn`, and the first step is not estimated.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
-    - `estimated`: whether the first step is estimated, by another copy of the vector field; it is
-      not where events are sought.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -108,7 +105,6 @@ def integrate(
             record_steps=record_steps,
             dense=dense,
             trimmed=trimmed,
-            estimated=estimated,
         )
         return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
     traits = solver_traits(config.solver)
@@ -126,7 +122,7 @@ def integrate(
         roundings = [rounding_change(event, system, t, y0, run_axes) for event in until]
         sought = SoughtEvents(until, jnp.stack(roundings))
     settings = _settings(
-        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought, estimated
+        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )
     if for_search:
         # As in `_settings`, for the same reason.
@@ -280,7 +276,6 @@ def _settings(
     record_steps: bool,
     dense: bool,
     sought: SoughtEvents | None = None,
-    estimated: bool = True,
 ) -> LoopSettings:
     """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
@@ -323,7 +318,7 @@ def _settings(
         config.restarts,
         sought,
         # The estimate would be another copy of the vector field beside that of the search.
-        estimated=estimated and sought is None,
+        estimated=sought is None,
     )
 
 

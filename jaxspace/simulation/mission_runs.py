@@ -131,8 +131,6 @@ def _saved(
         run_axes,
         plan=plan,
         record_steps=record_steps,
-        # One run waits for a program of more operations longer than for a few more steps.
-        estimated=run_axes > 0,
     )
     # Only runs of a system store their steps: `dense` is no argument of a mission.
     return RunResult(

@@ -147,10 +147,10 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
         end = self._end_of_step(start, proposal)
         state = StepControl(proposal, limiting)
-        decision = accept, start, end, landed, state
-        # All that a step of many runs leaves is selected by them.
-        decision = barrier(decision) if self.tolerance.run_axes else decision
-        return *decision, diffrax.RESULTS.successful
+        if self.tolerance.run_axes:
+            # All that a step of many runs leaves is selected by them.
+            accept, start, end, landed, state = barrier((accept, start, end, landed, state))
+        return accept, start, end, landed, state, diffrax.RESULTS.successful
 
     def _end_of_step(self, s: Float[Array, ""], ds: Float[Array, ""]) -> Float[Array, ""]:
         """The end of a step of about `ds` from `s`, at most at the next whole number."""
