@@ -329,5 +329,6 @@ def test_a_large_field_finds_its_first_step_by_trial():
         (_, few, hardly), (found, more, rejected) = (end(frequency, n) for n in (0, 250))
         # A thousand steps add up the allowed error of each.
         np.testing.assert_allclose(found, np.cos(frequency) * y.position, atol=2e-6)
-        assert more <= few + 4
+        # To grow to a good length takes a few; roundings decide on one step in twenty.
+        assert more <= 1.05 * few + 4
         assert rejected <= hardly + 4
