@@ -88,6 +88,21 @@ def test_a_loop_over_phases_of_one_structure():
     assert run(soft, y0).status.tolist() == [Status.EVENT, Status.EVENT_MISSED]
 
 
+def test_touches_and_a_wait_between_them():
+    """The top of a throw from below, of 25 m after 5 s; and with the gravity turned round, after a
+    second of falling, the bottom of 23.75 m a quarter of a second later."""
+    top, bottom = (Event(Above(jnp.array(z)), within=8.0, touch=1e-6) for z in (25.0, 23.75))
+    slow, back = Layer(jnp.array(2.0)), Layer(jnp.array(-8.0))
+    phases = Phase(slow, top, name="a"), Phase(slow, 1.0), Phase(back, bottom, name="b")
+    mission = Mission(phases)
+    y0 = {"z": jnp.zeros(2), "v": 10.0 * jnp.ones(2)}
+    result = run(mission, y0)
+    assert result.status.tolist() == [Status.EVENT] * 2
+    ends = [float(phase.ts[-1, 0]) for phase in result.phases]
+    assert_allclose(ends, [5.0, 6.0, 6.25], rtol=1e-9)
+    assert_allclose(result.final["z"], 23.75, rtol=1e-9)
+
+
 def test_a_loop_holds_a_phase_once():
     """Three phases have one integration, and those of which one jumps are left as they are."""
     mission = falling((jnp.array(2.0), jnp.array(8.0)), (jnp.array(51.0), jnp.array(0.0)), 1.5)

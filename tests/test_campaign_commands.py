@@ -76,7 +76,7 @@ def test_disperse_refuses_a_store_that_is_there(store, tmp_path, capsys):
     assert "holds 1200 of 1200 runs already" in capsys.readouterr().err
     there = open_store(store)
     assert there.runs == 1200
-    # From the runs themselves, and not by a run of its own: 400 mi.
+    # By the program of the runs: 400 mi.
     nominal = there.attributes["nominal"]["periapsis_altitude"]
     assert nominal == pytest.approx(400.0, rel=1e-9)
     assert main([*given, "--overwrite"]) == 0
@@ -90,7 +90,7 @@ def test_a_stop_before_the_first_run_leaves_what_is_there(
     def stop(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(SceneFile, "campaign", stop)
+    monkeypatch.setattr(SceneFile, "nominal_mission", stop)
     path = tmp_path / "coast.toml"
     path.write_text(COAST)
     assert main(["disperse", str(path), "--out", str(tmp_path), *options]) == 130

@@ -132,9 +132,11 @@ def _run_and_report(
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
-    # The nominal run is one of the campaign: a program for it alone would take a third of the wait.
-    with waiting("building the campaign"):
-        campaign = file.campaign(warn=False, runs=runs)
+    # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
+    # take a third of the wait.
+    with waiting("simulating the nominal run"):
+        nominal = None if file.site is not None else file.nominal_mission()
+    campaign = file.campaign(nominal, warn=False, runs=runs)
     with progress("compiling and planning", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
@@ -156,7 +158,7 @@ def _run_and_report(
                 **how,
             )
     with waiting("computing the statistics"):
-        outputs = nominal_outputs(file, result)
+        outputs = nominal_outputs(file, result, nominal)
         tables = dispersion_report(result, outputs)
     print(tables)
     print(_times(result))

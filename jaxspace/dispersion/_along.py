@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..simulation.mission_result import MissionResult
-from ..simulation.mission_runs import OwnTimes, SaveTimes
+from ..simulation.phase_runs import OwnTimes, SaveTimes
 from ..simulation.run_result import RunResult, nan_unless, scaled
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..simulation import Event, Phase
 from ..simulation.legs import legs_of
-from ..simulation.mission_runs import OwnTimes
+from ..simulation.phase_runs import OwnTimes
 from ..simulation.runnable import AbstractRunnable
 from ._along import ChosenTimes, Kept
 from ._campaign import Campaign

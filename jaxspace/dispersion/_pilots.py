@@ -20,7 +20,8 @@ from ..integration.status import SimulationError, Status
 from ..simulation import Mission
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionResult
-from ..simulation.mission_runs import OwnTimes, SaveTimes, ends_on_the_way, run_mission
+from ..simulation.mission_runs import run_mission
+from ..simulation.phase_runs import OwnTimes, SaveTimes, ends_on_the_way
 from ..simulation.phases import resolve_phases
 from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of

@@ -8,38 +8,27 @@ takes. A duration is run as an event that does not happen within it.
 
 import dataclasses
 from collections.abc import Callable, Sequence
-from typing import Any, final
+from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.structure import same_structure
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event, closures_of_events
-from ..integration.integrate import locates_events
+from ..integration.integrate import locates_events, searches_steps
 from ..integration.layout import broadcast_state, runs_of, state_at
 from ..integration.status import Status
 from ._mission import Phase
-from ._runs import straight_to_event
+from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
 from .legs import Leg
+from .phase_runs import SaveTimes
 from .run_result import RunResult
 from .runnable import AbstractRunnable
-
-
-@final
-class _Sought(eqx.Module):
-    """A condition that is sought, or one that is never zero."""
-
-    condition: Callable[[Scalar, State], Scalar]
-    sought: Bool[Array, ""]
-
-    def __call__(self, t: Scalar, y: State) -> Scalar:
-        value = self.condition(t, y)
-        return jnp.where(self.sought, value, jnp.ones_like(value))
 
 
 def alike_legs(
@@ -62,14 +51,32 @@ def alike_legs(
     return groups
 
 
+def alike_groups(
+    legs: Sequence[Leg],
+    num_saved: int | Sequence[SaveTimes],
+    configs: tuple[IntegrationConfig, ...],
+    plans: tuple[Array | None, ...] | None,
+) -> dict[int, list[int]]:
+    """The phases of a mission that can be run in a loop, by the first of each group.
+
+    Arguments as of `run_mission`."""
+    saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
+    planned = [False] * len(legs) if plans is None else [plan is not None for plan in plans]
+    plain = [
+        isinstance(n, int) and n == 2 and not follows and searches_steps(config)
+        for n, follows, config in zip(saved, planned, configs, strict=True)
+    ]
+    groups = alike_legs(legs, configs, plain)
+    return {group[0]: group for group in groups if len(group) > 1}
+
+
 def _alike(first: Phase, then: Phase) -> bool:
     """Whether two phases, of which one follows the other without a jump, differ in their numbers
     alone."""
     if first.then is not None or isinstance(first.system, AbstractRunnable):
         return False
     events = [phase.until for phase in (first, then) if isinstance(phase.until, Event)]
-    # The rate of a condition that is not sought is zero, as that of a touch.
-    if any(event.touch is not None or not same_structure(event, events[0]) for event in events):
+    if not all(same_structure(event, events[0]) for event in events):
         return False
     return same_structure(first.system, then.system)
 
@@ -108,7 +115,7 @@ def run_alike(
         y, t = carry
         differing, within, sought = own
         system, event = parts_of(differing)
-        event = dataclasses.replace(event, condition=_Sought(event.condition, sought))
+        event = dataclasses.replace(event, condition=SoughtCondition(event.condition, sought, t))
         events = closures_of_events((event,), t, y)
         times = jnp.stack([t, t + within])
         run = straight_to_event(system, y, times, events, config, run_axes)

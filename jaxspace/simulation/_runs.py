@@ -4,14 +4,15 @@
 """
 
 import dataclasses
-from typing import Any
+from collections.abc import Callable
+from typing import Any, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Bool
 
-from ..core import AbstractSystem, State
+from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
@@ -223,6 +224,21 @@ def _to_event(
     return RunResult(
         ts, states, status, event, happened, result.stats, result.dense, None, crossings
     )
+
+
+@final
+class SoughtCondition(eqx.Module):
+    """The condition of an event while it is `sought`; otherwise seconds since `start`, and one
+    more, which for a run forwards is never zero, nor at rest as at a touch.
+
+    For a loop whose passes share a program, and of which some seek the event."""
+
+    condition: Callable[[Scalar, State], Scalar]
+    sought: Bool[Array, ""]
+    start: Scalar
+
+    def __call__(self, t: Scalar, y: State) -> Scalar:
+        return jnp.where(self.sought, self.condition(t, y), 1.0 + (t - self.start))
 
 
 @eqx.filter_custom_jvp
