@@ -34,7 +34,8 @@ import time, jax, jax.numpy as jnp
 jax.config.update("jax_enable_x64", True)
 from jaxspace import BodyState, Scene
 from jaxspace.bodies import RigidBody
-from jaxspace.control import ClosedLoop, CommandedTorque, QuaternionFeedback
+from jaxspace.control import ClosedLoop, CommandedTorque
+from jaxspace.control.attitude_laws import QuaternionFeedback
 from jaxspace.rotations import Quaternion
 scene = Scene([CommandedTorque()], RigidBody(inertia=[1.0, 1.5, 2.0]))
 y = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.1, -0.2, 0.3]))
