@@ -4,7 +4,7 @@ import functools
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, State
 from ..core.safe import safe_divide
@@ -12,7 +12,7 @@ from ..integration.config import IntegrationConfig
 from ..integration.layout import broadcast_state
 from ..solvers.tolerances import Tolerance
 from .batch_layout import cut_batch
-from .blocks import Blocks
+from .blocks import Blocks, Order
 
 # Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
 UNIFORM = 1.25
@@ -20,9 +20,8 @@ UNIFORM = 1.25
 
 def order_of(
     batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
-) -> tuple[Array, Bool[Array, ""]] | None:
-    """The order of the runs by their initial rates, and whether these differ enough to sort the
-    runs.
+) -> Order | None:
+    """The order of the runs by their initial rates, if these differ.
 
     Runs of similar rates need similar steps, and the runs of a block share their steps. `None`
     where the steps do not depend on the runs."""
@@ -34,8 +33,17 @@ def order_of(
     rate = _relative_rate(system, y0, ts[0])
     # Negated, so that rates that are NaN count as different.
     differ = ~(jnp.max(rate) <= UNIFORM * jnp.min(rate))
-    order = jax.lax.cond(differ, jnp.argsort, lambda rate: jnp.arange(rate.size), rate)
-    return order, differ
+    return jax.lax.cond(differ, _sorted, _unsorted, rate)
+
+
+def _sorted(rate: Array) -> Order:
+    order = jnp.argsort(rate)
+    return Order(order, jnp.argsort(order))
+
+
+def _unsorted(rate: Array) -> Order:
+    order = jnp.arange(rate.size)
+    return Order(order, order)
 
 
 def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
@@ -47,10 +55,3 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
         lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
     )
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
-
-
-def arranged(tree: PyTree, order: Array, differ: Array) -> PyTree:
-    """The runs in this order, if they differ: to reorder costs as much as a few steps of each."""
-    return jax.lax.cond(
-        differ, lambda tree: jax.tree.map(lambda x: x[..., order], tree), lambda tree: tree, tree
-    )

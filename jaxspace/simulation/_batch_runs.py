@@ -11,7 +11,7 @@ from ..core import AbstractSystem, InputError, State
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
-from ._batch_order import arranged, order_of
+from ._batch_order import order_of
 from ._runs import run_system
 from .batch_layout import cut_batch
 from .blocks import Blocks, jit_wide_vectors
@@ -43,14 +43,7 @@ def run_systems(
 
     # Passed and not closed over, so that every device gets a copy of these arrays.
     given = (shared, config, events)
-    order = order_of(batched, shared, config, blocks)
-    if order is None:
-        return blocks.map(block, batched, given)
-    order, differ = order
-    done = blocks.map(block, arranged(batched, order, differ), given)
-    # The inverse of a permutation is its argsort; the identity is its own inverse.
-    back = jax.lax.cond(differ, jnp.argsort, lambda order: order, order)
-    return arranged(done, back, differ)
+    return blocks.map(block, batched, given, order_of(batched, shared, config, blocks))
 
 
 @jit_wide_vectors

@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.sharding import AxisType, Mesh, PartitionSpec
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Int, PyTree
 
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
@@ -50,6 +50,13 @@ def _mesh_of(devices: Sequence[jax.Device]) -> Mesh | None:
     return jax.make_mesh((len(devices),), ("runs",), (AxisType.Auto,), devices=devices)
 
 
+class Order(NamedTuple):
+    """An order of the runs: their numbers in it, and the `places` of the runs in it."""
+
+    runs: Int[Array, " runs"]
+    places: Int[Array, " runs"]
+
+
 class Blocks(NamedTuple):
     """Division of runs: `size` runs in a block, and the `mesh` of devices that share the blocks."""
 
@@ -69,12 +76,17 @@ class Blocks(NamedTuple):
         return cls(size, _mesh_of(devices))
 
     def map(
-        self, function: Callable[[PyTree, PyTree], PyTree], batched: PyTree, shared: PyTree
+        self,
+        function: Callable[[PyTree, PyTree], PyTree],
+        batched: PyTree,
+        shared: PyTree,
+        order: Order | None = None,
     ) -> PyTree:
         """`function(piece, shared)` of one block at a time, with the runs last everywhere.
 
         Each device takes an equal part of the blocks. The last block is padded with copies of the
-        last run."""
+        last run. `order`: that in which the runs fill the blocks, by default their own; the results
+        are in the order of `batched`."""
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
         count = parts * -(-runs // (self.size * parts))
@@ -84,6 +96,7 @@ class Blocks(NamedTuple):
         arrays, static = eqx.partition(shared, eqx.is_array)
 
         def cut(x: Array) -> Array:
+            x = x if order is None else x[..., order.runs]
             last = jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], filling))
             x = jnp.concatenate([x, last], axis=-1)
             return jnp.moveaxis(x.reshape(*x.shape[:-1], count, self.size), -2, 0)
@@ -106,6 +119,7 @@ class Blocks(NamedTuple):
 
         def join(x: Array) -> Array:
             x = jnp.moveaxis(x, 0, -2)
-            return x.reshape(*x.shape[:-2], count * self.size)[..., :runs]
+            x = x.reshape(*x.shape[:-2], count * self.size)[..., :runs]
+            return x if order is None else x[..., order.places]
 
         return jax.tree.map(join, results)
