@@ -93,11 +93,15 @@ def _record_jvp(
     primals: Leaves, tangents: Tangents, *, problem: Problem
 ) -> tuple[Leaves, Tangents]:
     # Second-order rule: the recorded states move as well, and JAX differentiates through them.
-    outs, d_outs = _jvp_in_floats(jaxpr_as_fun(problem.record_jaxpr), primals, tangents)
-    return outs, [
-        d if jnp.issubdtype(x.dtype, jnp.floating) else zero
-        for x, d, zero in zip(outs, d_outs, _zeros(outs), strict=True)
-    ]
+    values = jaxpr_as_fun(problem.record_jaxpr)(*primals)
+    moving = _moving(tangents)
+    if not moving:
+        return values, _zeros(values)
+    outs, record = problem.split_record(values)
+    given = [tangents[k] for k in moving]
+    *saved, numbers = problem.forward(primals, record, moving, given, recorded=True)
+    rest = _zeros(outs[problem.num_states :])
+    return values, [*saved, *rest, numbers, *_zeros(record[1:])]
 
 
 def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[Leaves, Tangents]]:

@@ -41,29 +41,23 @@ class OwnReplay(Replay):
             jnp.any(done), lambda y: landing_state(form, segment, y, done), lambda y: y, y
         ), None
 
-    def jvp(self, moving: PyTree, y0: State, d_moving: PyTree, d_y0: State) -> State:
-        save_ts = self.settings.save_ts
+    def _saved_at_start(self, rows: int, d_y0: OwnState) -> OwnState:
+        # The first saved state is the initial one.
+        return jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype).at[0].set(x), d_y0)
 
-        def advance(n: Array, carry: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
-            y, dy, saved = carry
-            y, dy = jax.jvp(
-                needed_only(lambda p, y: self.step(p, n, y)[0]), (moving, y), (d_moving, dy)
-            )
-            if save_ts is not None:
-                saved = put_landed(saved, dy, y.segment, self._landed(n))
-            return y, dy, saved
-
-        saved = None
-        if save_ts is not None:
-            rows = save_ts.shape[0]
-            saved = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype).at[0].set(x), d_y0)
-        _, dy, saved = jax.lax.fori_loop(0, self.record.count, advance, (y0, d_y0, saved))
-        return jax.tree.map(lambda x: x[None], dy) if saved is None else saved
+    def _save_tangents(
+        self,
+        n: Array,
+        result: tuple[OwnState, PyTree],
+        tangent: tuple[OwnState, PyTree],
+        saved: OwnState,
+        k: Array,
+    ) -> tuple[OwnState, Array]:
+        return put_landed(saved, tangent[0], result[0].segment, self._landed(n)), k
 
     def vjp(self, moving: PyTree, y0: State, cotangent: State) -> tuple[PyTree, State]:
         of_moving, of_y = super().vjp(moving, y0, cotangent)
         if self.settings.save_ts is not None:
-            # The first saved state is the initial one.
             of_y = jax.tree.map(lambda a, b: a + b[0], of_y, cotangent)
         return of_moving, of_y
 

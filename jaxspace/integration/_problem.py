@@ -208,8 +208,10 @@ class Problem:
         record: Leaves,
         moving: Moving,
         tangents: Leaves,
+        recorded: bool = False,
     ) -> list[Array]:
-        """The tangents of the saved states."""
+        """The tangents of the saved states, and where they are `recorded` those of the numbers of
+        the record."""
         replay, part, y0 = self._replay(args, record, moving)
         given = dict(zip(moving, tangents, strict=True))
         leaves, structure = jax.tree.flatten(part)
@@ -222,6 +224,7 @@ class Problem:
             y0,
             jax.tree.unflatten(structure, d_part),
             jax.tree.unflatten(state_tree, d_state),
+            recorded,
         )
         return jax.tree.leaves(result)
 

@@ -95,31 +95,49 @@ class Replay(eqx.Module):
 
     # Forwards.
 
-    def jvp(self, moving: PyTree, y0: State, d_moving: PyTree, d_y0: State) -> State:
-        """The tangents of the saved states, from those of the field and of the initial state."""
-        save_ts = self.settings.save_ts
+    def jvp(
+        self, moving: PyTree, y0: State, d_moving: PyTree, d_y0: State, recorded: bool
+    ) -> tuple[State, Array | None]:
+        """The tangents of the saved states, from those of the field and of the initial state; where
+        they are `recorded`, also those of the numbers of the record, for a second derivative."""
+        save_ts, layout = self.settings.save_ts, self.record.layout
 
         def advance(n: Array, carry: tuple[PyTree, ...]) -> tuple[PyTree, ...]:
-            y, dy, saved, k = carry
+            y, dy, saved, k, numbers = carry
             (y, dense), (dy, d_dense) = jax.jvp(
                 needed_only(lambda p, y: self.step(p, n, y)), (moving, y), (d_moving, dy)
             )
             if save_ts is not None:
-                saved, k = self._save_tangents(n, dense, d_dense, saved, k)
-            return y, dy, saved, k
+                saved, k = self._save_tangents(n, (y, dense), (dy, d_dense), saved, k)
+            if recorded:
+                # The last of the steps to a recorded state leaves the tangent.
+                numbers = layout.put_state(numbers, n // self.record.stride, dy)
+            return y, dy, saved, k, numbers
 
-        saved = None
+        saved = numbers = None
         if save_ts is not None:
-            rows = save_ts.shape[0]
-            saved = jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), y0)
-        start = (y0, d_y0, saved, jnp.asarray(0))
-        _, dy, saved, _ = jax.lax.fori_loop(0, self.record.count, advance, start)
-        return jax.tree.map(lambda x: x[None], dy) if saved is None else saved
+            saved = self._saved_at_start(save_ts.shape[0], d_y0)
+        if recorded:
+            numbers = jnp.zeros((layout.size,), layout.dtype)
+        start = (y0, d_y0, saved, jnp.asarray(0), numbers)
+        _, dy, saved, _, numbers = jax.lax.fori_loop(0, self.record.count, advance, start)
+        return jax.tree.map(lambda x: x[None], dy) if saved is None else saved, numbers
+
+    def _saved_at_start(self, rows: int, d_y0: State) -> State:
+        """The tangents of the saved states before the first step."""
+        return jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype), d_y0)
 
     def _save_tangents(
-        self, n: Array, dense: PyTree, d_dense: PyTree, saved: State, k: Array
+        self,
+        n: Array,
+        result: tuple[State, PyTree],
+        tangent: tuple[State, PyTree],
+        saved: State,
+        k: Array,
     ) -> tuple[State, Array]:
-        """Append the tangents at the save times within step `n`, from number `k` on."""
+        """Append the tangents at the save times within step `n`, from number `k` on, by the
+        `result` of the step and its `tangent`."""
+        dense, d_dense = result[1], tangent[1]
         save_ts = self.settings.save_ts
         assert save_ts is not None
         size = save_ts.shape[0]
