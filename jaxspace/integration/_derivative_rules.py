@@ -9,7 +9,7 @@ from typing import Any, TypeAlias
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import Primitive, jaxpr_as_fun  # pyright: ignore
+from jax.extend.core import Primitive
 from jax.interpreters import ad
 from jaxtyping import Array, ArrayLike
 
@@ -92,8 +92,9 @@ def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tupl
 def _record_jvp(
     primals: Leaves, tangents: Tangents, *, problem: Problem
 ) -> tuple[Leaves, Tangents]:
-    # Second-order rule: the recorded states move as well, and JAX differentiates through them.
-    values = jaxpr_as_fun(problem.record_jaxpr)(*primals)
+    # Second-order rule: the recorded states move as well. The run is a small part of the work, but
+    # written out most of the program.
+    values = problem.record(*primals, small=True)
     moving = _moving(tangents)
     if not moving:
         return values, _zeros(values)

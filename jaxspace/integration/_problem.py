@@ -80,8 +80,10 @@ class Problem:
 
     # The programs, as functions of flat arguments.
 
-    def solve(self, *args: Array, recorded: bool = False) -> list[Array]:
-        """The arrays of the outcome; of one that is `recorded`, then those of its record."""
+    def solve(self, *args: Array, recorded: bool = False, small: bool = False) -> list[Array]:
+        """The arrays of the outcome; of one that is `recorded`, then those of its record.
+
+        `small`: whether the steps of a single run are a small program, whatever its field."""
         field, y0, settings = self.parts(args)
         assert not (recorded and settings.sought is not None), (
             "events are located outside derivatives"
@@ -91,7 +93,8 @@ class Problem:
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
             recorded_steps = own.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
-        if self._is_small(settings, derivative=False) or recorded and self._is_single(settings):
+        small = self._is_alone(settings) if small else recorded and self._is_single(settings)
+        if small or self._is_small(settings, derivative=False):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
         if self.field_operations >= LARGE:
             # The estimate of the first step is another copy of the field.
@@ -106,9 +109,9 @@ class Problem:
         recorded_steps = loop.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome), *_arrays_of(*recorded_steps)]
 
-    def record(self, *args: Array) -> list[Array]:
+    def record(self, *args: Array, small: bool = False) -> list[Array]:
         """The arrays of the outcome, then those of the record."""
-        return self.solve(*args, recorded=True)
+        return self.solve(*args, recorded=True, small=small)
 
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:
