@@ -146,7 +146,9 @@ def stage_loop(
 
     # Zeros that move with the state: JAX differentiates the body of a loop once more where a tangent
     # that is zero at the start is not so at the end.
-    empty = jax.tree.map(lambda x: jnp.broadcast_to(jnp.where(False, x, 0), (len(c), *x.shape)), like)
+    empty = jax.tree.map(
+        lambda x: jnp.broadcast_to(jnp.where(False, x, 0), (len(c), *x.shape)), like
+    )
     rows = (jnp.arange(len(c)), jnp.asarray(c), jnp.asarray(dense_rows(a, len(c))))
     return jax.lax.scan(stage, empty, rows)[0]
 
