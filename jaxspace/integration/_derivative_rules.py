@@ -99,7 +99,7 @@ def _record_jvp(
     if not moving:
         return values, _zeros(values)
     outs, record = problem.split_record(values)
-    given = [tangents[k] for k in moving]
+    given = [ad.instantiate_zeros(tangents[k]) for k in moving]
     *saved, numbers = problem.forward(primals, record, moving, given, recorded=True)
     rest = _zeros(outs[problem.num_states :])
     return values, [*saved, *rest, numbers, *_zeros(record[1:])]

@@ -144,8 +144,8 @@ def stage_loop(
         put = jax.lax.dynamic_update_index_in_dim
         return jax.tree.map(lambda every, k: put(every, k, i, 0), ks, k), None
 
-    # Zeros that move with the state: JAX differentiates the body of a loop once more where a tangent
-    # that is zero at the start is not so at the end.
+    # Zeros that move with the state: JAX differentiates the body of a loop once more where a
+    # tangent is zero at the start and not at the end.
     empty = jax.tree.map(
         lambda x: jnp.broadcast_to(jnp.where(False, x, 0), (len(c), *x.shape)), like
     )
