@@ -299,6 +299,32 @@ def test_a_hessian_holds_the_backward_pass_of_the_gradient_once():
         assert program.count("cotangent_along_steps[") == 1
 
 
+def test_a_second_derivative_along_several_states_of_a_record(monkeypatch):
+    """Some forty steps with room for six states, of which every second one is dropped when they
+    are full; beside the difference of gradients."""
+    monkeypatch.setattr(_record, "RECORD_BYTES", 0)
+    monkeypatch.setattr(_record, "FEWEST_STATES", 6)
+    accuracy = Accuracy(1e-10, method=DOP853(dense=False))
+    ts = jnp.array([0.0, 5.0])
+
+    def last(y):
+        run = simulate(Swing(), y, ts, accuracy=accuracy)
+        return jnp.sum(run.final.position), run.stats["steps"]
+
+    @jax.jit
+    def gradient(y):
+        along = jax.tree.map(jnp.ones_like, y)
+        return jax.jvp(jax.grad(last, has_aux=True), (y,), (along,), has_aux=True)
+
+    _, change, steps = gradient(start())
+    assert steps > 30
+    h = 1e-5
+    low, high = (gradient(jax.tree.map(lambda x, k=k: x + k * h, start()))[0] for k in (-1.0, 1.0))
+    for a, b, d in zip(*map(jax.tree.leaves, (low, high, change)), strict=True):
+        # The errors of the runs over the length of the difference.
+        np.testing.assert_allclose((b - a) / (2.0 * h), d, rtol=1e-5, atol=1e-5)
+
+
 class Spring(AbstractSystem):
     """r'' = -w^2 r, with operations that change nothing."""
 
