@@ -238,7 +238,8 @@ class BatchRunner:
         size = self.call
         drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
         # Those of the runs say that they were not used.
-        drawn = drawn._replace(status=jnp.zeros_like(drawn.status))
+        zeros = np.zeros(size, drawn.status.dtype)
+        drawn = drawn._replace(status=jax.device_put(zeros, self.devices[0]))
         given = self._given(drawn, plans, self.blocks)
         results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
         outputs = {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
