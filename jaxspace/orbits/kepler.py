@@ -45,6 +45,7 @@ from ..core import Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import check_non_negative, is_concrete
+from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
 from ..core.vectors import cross, dot
@@ -143,7 +144,7 @@ def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Sc
 
 @jax.custom_jvp
 def _anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomaly:
-    return anomaly_after(sigma, beta, tau, p)
+    return in_one_kernel(anomaly_after, sigma, beta, tau, p)
 
 
 @_anomaly.defjvp
