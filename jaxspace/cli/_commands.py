@@ -19,7 +19,6 @@ from ..io.report import mission_report, optimum_report, run_report, sensitivity_
 from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
-from ..verification import run_cases
 from ._folder import make_folder
 from ._waiting import progress, waiting
 
@@ -244,6 +243,9 @@ def show_schema(modules: Sequence[str] = ()) -> int:
 
 def verify(precision: str, device: str | None, path: str | None) -> int:
     """Evaluate the hard cases, print the table, and keep it as JSON; 1 where a case fails."""
+    # Imported here, because no other command needs the cases.
+    from ..verification import run_cases
+
     result = run_cases(precision=precision, device=device)
     print(result)
     if path is not None:
