@@ -139,7 +139,9 @@ def close_in(
     away = tuple(forwards * sign * slope for slope in slopes)
     # The zero by the samples, away from both ends, because the start itself may be a zero. A failed
     # run must not pass a time that is NaN to the other runs of its block.
-    share = jnp.where(dip, safe_divide(away[0], away[0] - away[1]), _share(g, slopes, end - first))
+    share = jnp.where(
+        dip, safe_divide(away[0], away[0] - away[1]), zero_share(g, slopes, end - first)
+    )
     share = jnp.where(jnp.isfinite(share), jnp.clip(share, 0.02, 0.98), 0.5)
     guess = first + share * (end - first)
     there = jax.eval_shape(lambda t: within.at(t).y, guess)
@@ -167,7 +169,7 @@ def close_in(
     return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
 
 
-def _share(g: tuple[Scalar, Scalar], slopes: tuple[Scalar, Scalar], length: Scalar) -> Scalar:
+def zero_share(g: tuple[Scalar, Scalar], slopes: tuple[Scalar, Scalar], length: Scalar) -> Scalar:
     """The place of the zero between two samples, as a share of the time between them, `length`:
     by the cubic in the condition that has its slopes, if it is monotonic, or by the secant."""
     secant = safe_divide(g[0], g[0] - g[1])

@@ -1,7 +1,6 @@
 """The first event of each run, located by the steps of the run itself.
 
-Each accepted step is searched by its dense output: the conditions are sampled, and a change of
-sign, or a dip that might hide two, is bracketed (`_event_bracket`). A run whose event lies in the
+Each accepted step is searched by its dense output (`_step_zero`). A run whose event lies in the
 step waits there. When all runs wait or have ended, the steps that hold the events are repeated with
 a shorter length, until Newton's method has brought the condition at their ends to zero. A state at
 an event is thus the end of a step, and the program holds the vector field once.
@@ -17,7 +16,6 @@ The runs repeat these steps together, and each run takes its part of the common 
 
 from typing import NamedTuple, final
 
-import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -26,15 +24,13 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
+from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.tolerances import Tolerance
-from ._event_bracket import Place
-from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, first_in_intervals
+from ._step_zero import PARTS, AlongStep, Ends, Part
 from .events import Event
 from .normalised_time import OwnStep
 from .status import Status
 
-# Number of parts of a step that are sampled at once.
-PARTS = 16
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
 # is smooth; elsewhere the best result so far is used.
 REPETITIONS = 12
@@ -142,50 +138,24 @@ class FoundEvents(NamedTuple):
         )
 
 
-class _AlongStep(NamedTuple):
-    """The condition of an event within a step, by its polynomial."""
-
-    event: Event
-    segment: OwnStep
-    step: diffrax.AbstractLocalInterpolation
-    runs: tuple[int, ...]
-
-    def condition(self, t: Scalar, y: State = None) -> Scalar:
-        """The condition at the normalised time `t`."""
-        y = self.step.evaluate(t)
-        # One time for each run, also where all share it.
-        time = jnp.broadcast_to(self.segment.time(t), self.runs)
-        return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
-
-    def value(self, t: Scalar) -> Scalar:
-        """The function that is zero at the event: the condition, or its rate for a touch."""
-        if self.event.touch is None:
-            return self.condition(t)
-        rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
-        return rate / self.segment.rate.astype(rate.dtype)
-
-    def at(self, t: Scalar) -> Place:
-        """The `value` and its rate in normalised time."""
-        # Many operations read them, with each of which the compiler would evaluate them again.
-        return Place(*barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),))))
-
-
 class SearchedStep(NamedTuple):
-    """An accepted step: its times, its polynomial, its start and its end in normalised time, the
-    state where it starts, and the part of the run that it passes."""
+    """A step: its times, its polynomial, its start and its end in shared time, the state where it
+    starts and that where it ends, and the part of the run that it passes."""
 
     segment: OwnStep
-    polynomial: diffrax.AbstractLocalInterpolation
+    polynomial: AbstractDenseOutput
     s0: Float[Array, ""]
     s1: Float[Array, ""]
     y0: State
+    y1: State
     width: Float[Array, ""]
 
 
 class _SearchState(NamedTuple):
     """The first event of each run in the parts of a step that were searched, as in `Location`.
 
-    - `part`: the number of the next part to search."""
+    - `part`: the number of the next part to search.
+    - `ends`: of the event at which a run waits."""
 
     part: Int[Array, ""]
     here: Bool[Array, "*runs"]
@@ -193,43 +163,50 @@ class _SearchState(NamedTuple):
     which: Int[Array, "*runs"]
     status: Int[Array, "*runs"]
     sizes: Float[Array, "events *#runs"]
+    ends: Ends
 
 
-def searched(
+def located(
     location: Location,
     sought: SoughtEvents,
     step: SearchedStep,
-    going: Bool[Array, "*runs"],
+    going: Bool[Array, ""],
+    moving: Bool[Array, "*runs"],
     first: Bool[Array, ""],
     span: tuple[Scalar, Scalar],
-    tolerance: Tolerance,
 ) -> Location:
-    """The location after a search of the step for the first event of the runs that are `going`.
+    """The location after a step: of one that is `going` on, after a search for the runs that are
+    `moving`; otherwise after the steps that hold the events were repeated with their `length`.
 
     `first`: whether the run starts with this step; `span`: its start and its duration, s."""
-    runs = going.shape
+    runs = moving.shape
     samples = max(event.samples for event in sought.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
-    shares = jnp.linspace(0.0, 1.0, PARTS + 1, dtype=step.s0.dtype)
+    # One look tells the conditions at both ends of a step that is repeated.
+    count = jnp.where(going, count, 1)
+    looked_at = jnp.where(going, moving, location.again)
 
     def searching(search: _SearchState) -> Array:
-        return (search.part < count) & jnp.any(going & ~search.here)
+        return (search.part < count) & jnp.any(looked_at & ~search.here)
 
     def part(search: _SearchState) -> _SearchState:
         length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
         begin = step.s0 + search.part.astype(length.dtype) * length
         end = jnp.where(search.part + 1 == count, step.s1, begin + length)
-        nodes = begin + shares * (end - begin)
         earliest = jnp.full(runs, jnp.inf)
         which = -jnp.ones(runs, jnp.int32)
         status = jnp.full(runs, Status.COMPLETED, jnp.int32)
         sizes = []
+        ends = search.ends
         at_start = first & (search.part == 0)
         for number, event in enumerate(sought.events):
             size = search.sizes[number]
-            along = _AlongStep(event, step.segment, step.polynomial, runs)
-            zero = _first_zero(along, nodes, at_start, sought.rounding[number], size, span)
+            along = AlongStep(event, step.segment, step.polynomial, runs)
+            part = Part(along, begin, end, at_start, sought.rounding[number], *span)
+            zero, at_ends = part.first_zero(size, looked_at & ~search.here, going)
             sizes.append(zero.size)
+            mine = location.which == number
+            ends = jax.tree.map(lambda a, b, mine=mine: jnp.where(mine, a, b), at_ends, ends)
             sooner = zero.hit & (zero.time < earliest)
             which = jnp.where(sooner, number, which)
             status = jnp.where(sooner, Status.EVENT, status)
@@ -238,7 +215,7 @@ def searched(
             earliest = jnp.where(sooner, zero.time, earliest)
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
-        here = going & ~search.here & jnp.isfinite(earliest)
+        here = going & looked_at & ~search.here & jnp.isfinite(earliest)
         # What is selected by them would compute them again.
         here, earliest, which, status = barrier((here, earliest, which, status))
         return _SearchState(
@@ -247,9 +224,11 @@ def searched(
             jnp.where(here, earliest, search.s),
             jnp.where(here, which, search.which),
             jnp.where(here, status, search.status),
-            jnp.where(going & ~search.here, jnp.stack(sizes), search.sizes),
+            jnp.where(going & looked_at & ~search.here, jnp.stack(sizes), search.sizes),
+            ends,
         )
 
+    none = jnp.zeros(runs, jax.tree.leaves(step.y1)[0].dtype)
     nothing = _SearchState(
         jnp.asarray(0),
         jnp.zeros(runs, bool),
@@ -257,95 +236,50 @@ def searched(
         location.which,
         location.status,
         location.sizes,
+        Ends(none, none, none, none),
     )
     search = jax.lax.while_loop(searching, part, nothing)
     here = search.here
+    change, tried, worse, more = _shorter(location, search.ends)
+    missed = jnp.abs(search.ends.value)
+    taken, tried, worse, more = (~going & x for x in (location.again, tried, worse, more))
+    change, taken, tried, worse, more = barrier((change, taken, tried, worse, more))
+    length = location.length
 
     def updated(new: Array, old: Array) -> Array:
         return jnp.where(here, new, old)
 
-    return location._replace(
+    return Location(
         waiting=location.waiting | here,
         which=updated(search.which, location.which),
         status=updated(search.status, location.status),
         start=updated(step.s0, location.start),
         y0=jax.tree.map(updated, step.y0, location.y0),
-        length=updated(search.s - step.s0, location.length),
-        y=jax.tree.map(updated, step.y0, location.y),
+        length=updated(search.s - step.s0, jnp.where(more, length + change, length)),
         whole=updated(step.s1 - step.s0, location.whole),
-        # The dense output is accurate to a hundredth of the step.
-        change=updated(0.02 * (step.s1 - step.s0), location.change),
-        again=jnp.where(here, search.which >= 0, location.again),
+        y=jax.tree.map(
+            lambda start, end, old: updated(start, jnp.where(taken, end, old)),
+            step.y0,
+            step.y1,
+            location.y,
+        ),
         sizes=search.sizes,
+        # The dense output is accurate to a hundredth of the step.
+        change=updated(
+            0.02 * (step.s1 - step.s0), jnp.where(more, jnp.abs(change), location.change)
+        ),
+        placed=jnp.where(tried, length, location.placed),
+        missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, location.missed)),
+        again=jnp.where(going, updated(search.which >= 0, location.again), more),
+        repetitions=location.repetitions + jnp.where(going, 0, 1),
     )
 
 
-def _first_zero(
-    along: _AlongStep,
-    nodes: Float[Array, " nodes"],
-    at_start: Bool[Array, ""],
-    rounding: Scalar,
-    size: Scalar,
-    span: tuple[Scalar, Scalar],
-) -> Zero:
-    """The first zero of an event between the `nodes` of a step, all in normalised time.
-
-    `rounding` and `size` are of the condition, so far; `span` the start and duration of the run,
-    s."""
-    event, runs = along.event, along.runs
-    g, slopes, *_ = jax.vmap(along.at)(nodes)
-    columns = jnp.broadcast_to(nodes.reshape(-1, *(1,) * len(runs)), g.shape)
-    dip = dips(columns, g, slopes)
-    size = jnp.maximum(size, jnp.max(jnp.abs(g), axis=0))
-    start, duration = span
-    # The rounding of the time, from the rate per second and the largest time of the run.
-    second = along.segment.rate.astype(g.dtype)
-    longest = jnp.maximum(jnp.abs(start), jnp.abs(duration))
-    change = rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
-    eps = float(jnp.finfo(g.dtype).eps)
-    at_zero = at_start & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
-    ill = ~jnp.isfinite(g)
-    g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
-    when, hit, unresolved = first_in_intervals(lambda index: along, columns, g, slopes, candidate)
-    if event.at_start:
-        now = at_zero & (event.direction * slopes[0] >= 0.0)
-        when = jnp.where(now, nodes[0], when)
-        hit = hit | now
-        unresolved = unresolved & ~now
-    time = along.segment.time(when)
-    after = jnp.abs(time - start)
-    resolved = APART * eps * jnp.maximum(jnp.abs(start), jnp.abs(time))
-    piled = at_zero & hit & (after <= resolved) & (not event.at_start)
-    status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
-    failed = jnp.where(piled | unresolved, when, jnp.inf)
-    ill_at = jnp.where(jnp.any(ill, axis=0), nodes[jnp.argmax(ill, axis=0)], jnp.inf)
-    status = jnp.where(ill_at <= failed, Status.CONDITION_NOT_FINITE, status)
-    return Zero(when, hit, size, status.astype(jnp.int32), jnp.minimum(ill_at, failed))
-
-
-def shortened(
-    location: Location,
-    sought: SoughtEvents,
-    segment: OwnStep,
-    polynomial: diffrax.AbstractLocalInterpolation,
-    s1: Float[Array, ""],
-    y1: State,
-) -> Location:
-    """The location after the steps that hold the events were repeated with their `length`, up to
-    `s1` in shared time, where the states are `y1`."""
-    none = jnp.zeros(location.which.shape, jax.tree.leaves(y1)[0].dtype)
-    value = none
-    slope = none
-    first = none
-    first_slope = none
-    for number, event in enumerate(sought.events):
-        along = _AlongStep(event, segment, polynomial, location.which.shape)
-        # At both ends of the step, with one copy of the condition in the program.
-        values, slopes, *_ = jax.vmap(along.at)(jnp.stack([jnp.zeros_like(s1), s1]))
-        mine = location.which == number
-        value, slope = jnp.where(mine, values[1], value), jnp.where(mine, slopes[1], slope)
-        first = jnp.where(mine, values[0], first)
-        first_slope = jnp.where(mine, slopes[0], first_slope)
+def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Array]:
+    """The change of the length of the steps that hold the events, from the conditions at their
+    `ends`; whether another place is tried; whether the one that was tried is worse; and whether the
+    step is repeated with the changed length."""
+    first, first_slope, value, slope = ends
     length = location.length
     # dg/ds of a step that is `length` long in s.
     change = -safe_divide(value, slope).astype(length.dtype) * length
@@ -363,20 +297,9 @@ def shortened(
     worse = ~untried & ~(jnp.abs(value) < location.missed)
     change = jnp.where(tried, place - length, change)
     change = jnp.where(worse, location.placed - length, change)
-    within = jnp.clip(length + change, 0.0, location.whole)
-    change = within - length
+    change = jnp.clip(length + change, 0.0, location.whole) - length
     least = 16.0 * jnp.finfo(length.dtype).eps
     resolved = least * jnp.maximum(jnp.abs(location.start + length), location.whole)
     more = location.again & (~lost | tried | worse) & (jnp.abs(change) > resolved)
     more = more & ~jnp.isinf(location.missed) & (location.repetitions + 1 < REPETITIONS)
-    taken = location.again
-    change, within, more = barrier((change, within, more))
-    return location._replace(
-        y=jax.tree.map(lambda a, b: jnp.where(taken, a, b), y1, location.y),
-        length=jnp.where(more, within, length),
-        change=jnp.where(more, jnp.abs(change), location.change),
-        placed=jnp.where(tried, length, location.placed),
-        missed=jnp.where(tried, jnp.abs(value), jnp.where(worse, jnp.inf, location.missed)),
-        again=more,
-        repetitions=location.repetitions + 1,
-    )
+    return change, tried, worse, more

@@ -3,15 +3,16 @@ ones from the sample before each zero.
 
 For methods whose steps cannot be searched while they are taken (`_event_location`)."""
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
-from ._event_bracket import Place, WithinSpan
+from ._event_bracket import Place, WithinSpan, close_in
 from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
@@ -20,7 +21,6 @@ from .event_zero import (
     Zero,
     candidates,
     dips,
-    first_in_intervals,
     ill_after,
     pick,
     rounding_change,
@@ -116,7 +116,8 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     def within(index: Array) -> WithinSpan:
         return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
 
-    result = first_in_intervals(within, samples.times, samples.g, samples.slopes, samples.candidate)
+    given = samples.times, samples.g, samples.slopes, samples.candidate
+    result = _first_in_intervals(within, *given)
     when, hit, unresolved = result
     event = along.event
     at_zero = samples.at_zero
@@ -136,6 +137,55 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     status = jnp.where(samples.ill <= failed, Status.CONDITION_NOT_FINITE, status)
     failed = jnp.minimum(samples.ill, failed)
     return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
+
+
+def _first_in_intervals(
+    within: Callable[[Int[Array, "*runs"]], WithinSpan],
+    times: Float[Array, "samples *#runs"],
+    g: Float[Array, "samples *#runs"],
+    slopes: Float[Array, "samples *#runs"],
+    candidate: Bool[Array, "intervals *#runs"],
+) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
+    """The first zero of a condition between samples.
+
+    **Arguments**
+
+    - `within`: the condition in the interval of this number, of each run.
+    - `times`, `g`, `slopes`: of the samples, the condition there and its rates.
+    - `candidate`: the intervals in which there may be a zero.
+
+    **Returns** the time, that of the last sample where there is none; whether there is a zero; and
+    whether the search for it did not converge."""
+    count, *runs = candidate.shape
+    numbers = jnp.arange(count).reshape(-1, *(1,) * len(runs))
+
+    # Intervals are searched one by one, because a dip may turn out to hold no zero.
+    def look(search: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
+        when, hit, unresolved, first = search
+        ahead = candidate & (numbers >= first)
+        index = jnp.argmax(ahead, axis=0)
+        samples = times, g, slopes
+        first_end, last_end = (pick(samples, index + k, len(runs)) for k in (0, 1))
+        span, values, rates = zip(first_end, last_end, strict=True)
+        sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
+        zero = close_in(within(index), span, values, rates, sought)
+        good = sought & zero.met & zero.sure
+        unresolved = unresolved | (sought & ~zero.sure)
+        last = good | ~sought | unresolved
+        when = jnp.where(sought & (good | unresolved), zero.time, when)
+        return when, hit | good, unresolved, jnp.where(last, count, index + 1)
+
+    nowhere = jnp.zeros(tuple(runs), bool)
+    start = (
+        jnp.broadcast_to(times[-1], tuple(runs)),
+        nowhere,
+        nowhere,
+        jnp.zeros(tuple(runs), int),
+    )
+    when, hit, unresolved, _ = jax.lax.while_loop(
+        lambda search: jnp.any(candidate & (numbers >= search[3])), look, start
+    )
+    return when, hit, unresolved
 
 
 def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states: State) -> Samples:

@@ -1,17 +1,16 @@
-"""The first zero of a condition between samples, closed in interval by interval."""
+"""What searches for the zeros of a condition share: candidates among samples, and roundings."""
 
 import math
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
-from ._event_bracket import WithinSpan, close_in, tangent_reaches
+from ._event_bracket import tangent_reaches
 from ._in_turn import in_turn
 from .events import Event
 
@@ -46,55 +45,6 @@ def candidates(
     fall = (g[:-1] > 0.0) & (g[1:] <= 0.0)
     crossing = {1: rise, -1: fall, 0: rise | fall}[direction]
     return g, crossing | dip & ~(rise | fall)
-
-
-def first_in_intervals(
-    within: Callable[[Int[Array, "*runs"]], WithinSpan],
-    times: Float[Array, "samples *#runs"],
-    g: Float[Array, "samples *#runs"],
-    slopes: Float[Array, "samples *#runs"],
-    candidate: Bool[Array, "intervals *#runs"],
-) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
-    """The first zero of a condition between samples.
-
-    **Arguments**
-
-    - `within`: the condition in the interval of this number, of each run.
-    - `times`, `g`, `slopes`: of the samples, the condition there and its rates.
-    - `candidate`: the intervals in which there may be a zero.
-
-    **Returns** the time, that of the last sample where there is none; whether there is a zero; and
-    whether the search for it did not converge."""
-    count, *runs = candidate.shape
-    numbers = jnp.arange(count).reshape(-1, *(1,) * len(runs))
-
-    # Intervals are searched one by one, because a dip may turn out to hold no zero.
-    def look(search: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
-        when, hit, unresolved, first = search
-        ahead = candidate & (numbers >= first)
-        index = jnp.argmax(ahead, axis=0)
-        samples = times, g, slopes
-        first_end, last_end = (pick(samples, index + k, len(runs)) for k in (0, 1))
-        span, values, rates = zip(first_end, last_end, strict=True)
-        sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
-        zero = close_in(within(index), span, values, rates, sought)
-        good = sought & zero.met & zero.sure
-        unresolved = unresolved | (sought & ~zero.sure)
-        last = good | ~sought | unresolved
-        when = jnp.where(sought & (good | unresolved), zero.time, when)
-        return when, hit | good, unresolved, jnp.where(last, count, index + 1)
-
-    nowhere = jnp.zeros(tuple(runs), bool)
-    start = (
-        jnp.broadcast_to(times[-1], tuple(runs)),
-        nowhere,
-        nowhere,
-        jnp.zeros(tuple(runs), int),
-    )
-    when, hit, unresolved, _ = jax.lax.while_loop(
-        lambda search: jnp.any(candidate & (numbers >= search[3])), look, start
-    )
-    return when, hit, unresolved
 
 
 def next_candidates(candidate: Bool[Array, "intervals *#runs"]) -> Int[Array, "following *#runs"]:

@@ -13,6 +13,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import Scalar, State
+from ..core.barrier import barrier
+from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.error_tracking import ErrorTrackingSolver
 from ..solvers.step_control import BatchStepController, StepTo
 from ..solvers.tolerances import Tolerance
@@ -22,8 +24,7 @@ from ._event_location import (
     Location,
     SearchedStep,
     SoughtEvents,
-    searched,
-    shortened,
+    located,
 )
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
@@ -240,6 +241,12 @@ def _advance(
     t1 = loop.t_next
     y0 = loop.y
     made_jump = loop.made_jump
+    if settings.tolerance.run_axes == 0:
+        # What follows from the parameters alone would be moved out of the loop, which for a single
+        # run is one kernel, operation by operation: each into a kernel of its own.
+        arrays, static = eqx.partition(field, eqx.is_array)
+        arrays, t0, t1 = barrier((arrays, t0, t1))
+        field = eqx.combine(arrays, static)
     going = None
     location = loop.location
     if location is not None:
@@ -261,7 +268,7 @@ def _advance(
     error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
     order = solver.error_order(TERM)
     accept, t_after, t_next, made_jump, controller_state, _ = controller.adapt_step_size(
-        loop.t, loop.t_next, loop.y, y1, field, error, order, loop.controller_state
+        loop.t, loop.t_next, y0, y1, field, error, order, loop.controller_state
     )
     accept = jnp.asarray(accept)
     interpolation = solver.interpolation_cls(t0=t0, t1=t1, **dense_info)
@@ -320,22 +327,19 @@ def _located(
     """The location after a step to the state `y1`.
 
     An accepted step is searched for the runs that are `going` on; otherwise the steps that hold the
-    events are shortened."""
+    events become shorter."""
     sought, location = settings.sought, loop.location
     assert sought is not None and location is not None
+    assert isinstance(polynomial, AbstractDenseOutput)
     tolerance = settings.tolerance
     width = loop.t_next - loop.t
     if settings.lengths.shape[0] > 1:
         index = jnp.clip(loop.t.astype(int), 0, settings.lengths.shape[0] - 1)
         width = width * settings.lengths[index]
-    step = SearchedStep(segment, polynomial, loop.t, loop.t_next, loop.y, width)
+    step = SearchedStep(segment, polynomial, polynomial.t0, polynomial.t1, loop.y, y1, width)
     moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
     first = loop.t == settings.start
-    return jax.lax.cond(
-        going,
-        lambda: searched(location, sought, step, moving, first, span, tolerance),
-        lambda: shortened(location, sought, segment, polynomial, jnp.ones_like(loop.t), y1),
-    )
+    return located(location, sought, step, going, moving, first, span)
 
 
 def _written(

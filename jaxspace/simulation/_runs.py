@@ -265,10 +265,7 @@ def straight_to_event(
     result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, until=events)
     found = result.found
     assert found is not None
-    if ends_alone:
-        states = with_start(y0, result.states, run_axes)
-    else:
-        states = replace_state(result.states, 0, y0, run_axes)
+    states = result.states if ends_alone else replace_state(result.states, 0, y0, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(ts.dtype)
     stopped = (found.which >= 0) & (sign * asked >= sign * found.time)
     status = combine_status(result.status, found.status)
@@ -280,9 +277,15 @@ def straight_to_event(
             system, events, found, asked[0], found.time, found.state, run_axes
         )
     stopped, hit, status = barrier((stopped, hit, status))
+    if ends_alone:
+        # The state at the start stays, also where the run ends at once.
+        states = _where_stopped(stopped[1:], found.state, states, run_axes)
+        states = with_start(y0, states, run_axes)
+    else:
+        states = _where_stopped(stopped, found.state, states, run_axes)
     return RunResult(
         jnp.where(stopped, found.time, asked),
-        _where_stopped(stopped, found.state, states, run_axes),
+        states,
         jnp.where(hit, Status.EVENT, status),
         found.which,
         happened,

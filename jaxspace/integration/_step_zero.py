@@ -1,0 +1,246 @@
+"""The first zero of the condition of an event within a part of a step, by samples of the dense
+output.
+
+The part is sampled evenly. The first interval in which the condition changes its sign, or dips so
+that it might do so twice, is sampled again: densely about the place where the condition is expected
+to be zero, so that the next interval is about as wide as that place was wrong, or evenly where this
+gains too little. The program holds the condition once.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int
+
+from ..core import Scalar
+from ..core.barrier import barrier
+from ..core.safe import safe_divide
+from ..solvers.dense_output import AbstractDenseOutput
+from ._event_bracket import NARROW, zero_share
+from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, pick
+from .events import Event
+from .normalised_time import OwnStep
+from .status import Status
+
+# Number of parts of a step that are sampled at once.
+PARTS = 16
+# Most samplings of a part. Three are enough for a simple zero.
+LOOKS = 256
+# Places of samples, as shares of the way to the guess of a zero: dense there, so that the next
+# bracket is about as wide as the guess was wrong; or even, for another look at all of the bracket.
+NEAR = np.append(1.0 - 16.0 ** -np.arange(PARTS // 2), 1.0)
+EVEN = np.linspace(0.0, 1.0, PARTS // 2 + 1)
+
+
+class AlongStep(NamedTuple):
+    """The condition of an event within a step, by its polynomial."""
+
+    event: Event
+    segment: OwnStep
+    step: AbstractDenseOutput
+    runs: tuple[int, ...]
+
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition at the normalised time `t`."""
+        y = self.step.evaluate(t)
+        # One time for each run, also where all share it.
+        time = jnp.broadcast_to(self.segment.time(t), self.runs)
+        return self.event.condition(time.astype(jax.tree.leaves(y)[0].dtype), y)
+
+    def value(self, t: Scalar) -> Scalar:
+        """The function that is zero at the event: the condition, or its rate for a touch."""
+        if self.event.touch is None:
+            return self.condition(t)
+        rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
+        return rate / self.segment.rate.astype(rate.dtype)
+
+    def at(self, t: Scalar) -> tuple[Scalar, Scalar]:
+        """The `value` and its rate in normalised time."""
+        # Many operations read them, with each of which the compiler would evaluate them again.
+        return barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),)))
+
+
+class Ends(NamedTuple):
+    """The conditions at the start and at the end of what was sampled, and their slopes."""
+
+    first: Scalar
+    first_slope: Scalar
+    value: Scalar
+    slope: Scalar
+
+
+class _Look(NamedTuple):
+    """Where the first zero of an event is looked for in a part of a step, by each run.
+
+    - `low`, `high`: between them the next samples are taken, densely about the `guess`, or `even`.
+    - `inside`: whether they are in one interval of the samples of the whole part, and the first of
+      those that are still to be examined; `dip`: whether the condition has a single sign so far.
+    - `hit`, `at_zero`: whether the zero is found, at the `guess`; whether the run starts at one.
+    - `ill`: the first sample where the condition was not finite; infinite without one.
+    - `active`, `left`: whether the search goes on; how many more samplings are allowed.
+    - `size`, `ends`: the largest value of the condition; what it was at the ends of the part."""
+
+    low: Scalar
+    high: Scalar
+    guess: Scalar
+    even: Bool[Array, "*runs"]
+    inside: Bool[Array, "*runs"]
+    first: Int[Array, "*runs"]
+    dip: Bool[Array, "*runs"]
+    hit: Bool[Array, "*runs"]
+    at_zero: Bool[Array, "*runs"]
+    ill: Scalar
+    active: Bool[Array, "*runs"]
+    left: Int[Array, ""]
+    size: Scalar
+    ends: Ends
+
+    def nodes(self) -> Float[Array, "nodes *#runs"]:
+        """The places of the next samples."""
+        missing = (1,) * self.even.ndim
+        near, even = (jnp.asarray(x, self.low.dtype).reshape(-1, *missing) for x in (NEAR, EVEN))
+        shares = jnp.where(self.even, even, near)
+        before = self.low + (self.guess - self.low) * shares
+        behind = self.high - (self.high - self.guess) * shares
+        return jnp.concatenate([before, behind[-2::-1]])
+
+
+class Part(NamedTuple):
+    """A part of a step, from `begin` to `end` in normalised time, that is searched for an event.
+
+    `at_start`: whether the run starts with it; `rounding`: of the condition; `start`, `duration`:
+    of the run, s."""
+
+    along: AlongStep
+    begin: Float[Array, ""]
+    end: Float[Array, ""]
+    at_start: Bool[Array, ""]
+    rounding: Scalar
+    start: Scalar
+    duration: Scalar
+
+    def first_zero(
+        self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, ""]
+    ) -> tuple[Zero, Ends]:
+        """The first zero for the runs that have one `sought`, and the condition at both ends of the
+        part. If the step is not `going` on, a single look tells these.
+
+        `size`: of the condition so far."""
+        event, runs = self.along.event, self.along.runs
+        no = jnp.zeros(runs, bool)
+        zero = jnp.zeros(runs, self.begin.dtype)
+        none = jnp.zeros(runs, size.dtype)
+        search = _Look(
+            low=zero + self.begin,
+            high=zero + self.end,
+            guess=zero + 0.5 * (self.begin + self.end),
+            even=~no,
+            inside=no,
+            first=jnp.zeros(runs, int),
+            dip=no,
+            hit=no,
+            at_zero=no,
+            ill=zero + jnp.inf,
+            active=sought,
+            left=jnp.asarray(LOOKS),
+            size=none + size,
+            ends=Ends(none, none, none, none),
+        )
+        search = jax.lax.while_loop(
+            lambda search: (search.left > 0) & jnp.any(search.active),
+            lambda search: self._look(search, going),
+            search,
+        )
+        when, hit = search.guess, search.hit
+        time = self.along.segment.time(when)
+        after = jnp.abs(time - self.start)
+        eps = float(jnp.finfo(none.dtype).eps)
+        resolved = APART * eps * jnp.maximum(jnp.abs(self.start), jnp.abs(time))
+        piled = search.at_zero & hit & (after <= resolved) & (not event.at_start)
+        status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
+        failed = jnp.where(piled | search.active, when, jnp.inf)
+        status = jnp.where(search.ill <= failed, Status.CONDITION_NOT_FINITE, status)
+        failed = jnp.minimum(search.ill, failed)
+        return Zero(when, hit, search.size, status.astype(jnp.int32), failed), search.ends
+
+    def _look(self, search: _Look, going: Bool[Array, ""]) -> _Look:
+        """The search after one more sampling of the condition."""
+        event, runs = self.along.event, self.along.runs
+        nodes = search.nodes()
+        g, slopes = jax.vmap(self.along.at)(nodes)
+        size = jnp.maximum(search.size, jnp.max(jnp.abs(g), axis=0))
+        # The rounding of the time, from the rate per second and the largest time of the run.
+        second = self.along.segment.rate.astype(g.dtype)
+        longest = jnp.maximum(jnp.abs(self.start), jnp.abs(self.duration))
+        change = self.rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
+        eps = float(jnp.finfo(g.dtype).eps)
+        at_zero = self.at_start & (nodes[0] == self.begin)
+        at_zero = at_zero & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
+        ends = Ends(g[0], slopes[0], g[-1], slopes[-1])
+        ill = ~jnp.isfinite(g)
+        ill_at = jnp.min(jnp.where(ill, nodes, jnp.inf), axis=0)
+        dip = dips(nodes, g, slopes)
+        # A change of sign is not examined for dips again.
+        dip = dip & (~search.inside | search.dip)
+        g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
+        numbers = jnp.arange(PARTS).reshape(-1, *(1,) * len(runs))
+        candidate = candidate & (search.inside | (numbers >= search.first))
+        found = jnp.any(candidate, axis=0)
+        index = jnp.argmax(candidate, axis=0)
+        (a, ga, sa), (b, gb, sb) = barrier(_interval((nodes, g, slopes), index, len(runs)))
+        dip = ga * gb > 0.0
+        share = jnp.where(dip, safe_divide(sa, sa - sb), zero_share((ga, gb), (sa, sb), b - a))
+        share = jnp.where((share >= 0.0) & (share <= 1.0), share, 0.5)
+        guess = a + share.astype(a.dtype) * (b - a)
+        resolved = 16.0 * float(jnp.finfo(a.dtype).eps)
+        resolved = resolved * jnp.maximum(jnp.abs(guess), self.end - self.begin)
+        close = b - a <= jnp.where(dip, NARROW / PARTS * (self.end - self.begin), resolved)
+        hit = found & ~dip & close
+        if event.touch is not None:
+            hit = hit & (jnp.abs(self.along.condition(guess)) <= event.touch)
+        # Whether the search goes on inside the interval, or behind the one that it was in.
+        inside = found & ~close
+        active = inside | found | search.inside
+        first = jnp.where(search.inside, search.first, jnp.where(found, index, PARTS))
+        first = jnp.where(inside, first, first + 1)
+        if event.at_start:
+            now = at_zero & (event.direction * slopes[0] >= 0.0)
+            guess = jnp.where(now, self.begin, guess)
+            hit = hit | now
+        active = active & ~hit & going
+        even = ~inside | search.inside & (b - a > (search.high - search.low) / PARTS)
+        low = jnp.where(inside, a, self.begin)
+        high = jnp.where(inside, b, self.end)
+        guess = jnp.where(even & active, 0.5 * (low + high), guess)
+        looked = search.active
+        new = _Look(
+            low,
+            high,
+            guess,
+            even,
+            inside,
+            first,
+            dip,
+            hit,
+            search.at_zero | at_zero,
+            jnp.minimum(search.ill, ill_at),
+            active,
+            search.left,
+            size,
+            ends,
+        )
+        if runs:
+            # A run whose search has ended stays there while the others go on.
+            looked, new = barrier((looked, new))
+            new = jax.tree.map(lambda a, b: jnp.where(looked, a, b), new, search)
+        return new._replace(left=search.left - 1)
+
+
+def _interval(samples: tuple[Array, ...], index: Array, run_axes: int) -> list[tuple[Array, ...]]:
+    """The samples at both ends of interval number `index` of each run."""
+    if run_axes:
+        return [pick(samples, index + k, run_axes) for k in (0, 1)]
+    rows = jax.lax.dynamic_slice_in_dim(jnp.stack(samples, 1), index, 2)
+    return [tuple(row) for row in rows]
