@@ -2,11 +2,16 @@
 
 import jax
 import jax.numpy as jnp
+import mpmath
 import numpy as np
 import pytest
 
 from jaxspace.bodies import StandardAtmosphere
+from jaxspace.bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from jaxspace.bodies.standard_atmosphere import (
+    LAYERS,
+    PRESSURE,
+    RADIUS,
     geometric_height,
     geopotential_height,
     standard_atmosphere,
@@ -117,6 +122,31 @@ def test_every_joint_is_continuous_and_has_a_slope():
     out = np.stack(air(jnp.array([-6.4e6, -1e5, 1e6, 1.2e6, 3e6, 4e8])))
     assert np.all(np.isfinite(out)) and np.all(np.diff(out[2, 1:]) < 0.0)
     np.testing.assert_array_equal(out[:, 0], out[:, 1])
+
+
+def test_the_layers_agree_with_high_precision():
+    """Pressures layer by layer, with forty digits. A rounding of the height, up to 80 km, is 16
+    times as much of the density, whose scale is 5 km: 4e-15."""
+    z = np.linspace(-400.0, 79e3, 120)
+    found = air(jnp.array(z))
+    with mpmath.workdps(40):
+        per_kelvin = mpmath.mpf(GRAVITY) * mpmath.mpf(MOLAR_MASS) / mpmath.mpf(GAS_CONSTANT)
+        for k, height in enumerate(z):
+            level = mpmath.mpf(RADIUS) * height / (RADIUS + height)
+            pressure = mpmath.mpf(PRESSURE)
+            tops = [base for base, *_ in LAYERS[1:]] + [mpmath.inf]
+            for (base, lapse, at_base), top in zip(LAYERS, tops, strict=True):
+                climb = min(level, top) - base
+                temperature = at_base + mpmath.mpf(lapse) * climb
+                if lapse:
+                    pressure *= (at_base / temperature) ** (per_kelvin / lapse)
+                else:
+                    pressure *= mpmath.exp(-per_kelvin * climb / at_base)
+                if level < top:
+                    break
+            density = pressure * MOLAR_MASS / (GAS_CONSTANT * temperature)
+            assert float(found.density[k]) == pytest.approx(float(density), rel=1e-14)
+            assert float(found.temperature[k]) == pytest.approx(float(temperature), rel=1e-15)
 
 
 def test_slopes_agree_with_differences():

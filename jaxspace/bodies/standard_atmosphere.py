@@ -24,7 +24,8 @@ standard gives no speed of sound above 86 km: c is continued. Above 1000 km ln r
 its last slope and M is constant; below the ground the first layer continues to a depth of 100 km.
 
 Every value is continuous. Slopes jump at the bases of the layers (11, 20, 32, 47, 51, 71 km of H),
-that of the density by up to a fifth, and at 86 km; there the derivative is the mean of both sides.
+that of the density by up to a fifth, where the derivative is that of the layer above, and at 86 km,
+where it is the mean of both sides.
 Adaptive steps shorten where a run passes such a height; across it, fixed steps are of second order.
 """
 
@@ -42,7 +43,7 @@ from jaxtyping import PyTree
 
 from ..core import Choice, NumberField, Scalar, constructor, quantity
 from ..core.tables import within
-from ._upper_air import molar_mass_ratio, summed, upper_changes
+from ._upper_air import molar_mass_ratio, upper_changes
 from .atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 
 RADIUS = 6356766.0  # m, r_0
@@ -136,32 +137,33 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     level = geopotential_height(within(height, BOTTOM, TOP))
     dtype = jnp.result_type(level, float)
     level = jnp.asarray(level, dtype)
-    base, low, thick, rate = _COLUMNS.astype(dtype).reshape(4, len(LAYERS), *(1,) * level.ndim)
-    # Every layer adds the change of height within it, so that no run of a batch needs a branch.
-    climbed = within(level - base, low, thick)
-    terms = jnp.concatenate([jnp.log1p(rate * climbed), climbed])
-    loss, warming = (summed(row, terms) for row in _SUMS)
-    temperature = LAYERS[0][2] + warming
-    logarithm = math.log(PRESSURE) - loss + jnp.log(MOLAR_MASS / GAS_CONSTANT / temperature)
-    return logarithm, temperature
+    table = _CONSTANTS.astype(dtype)
+    number = jnp.sum(level >= table[0, 1:].reshape(-1, *(1,) * level.ndim), axis=0)
+    # A logarithm is most of the work: one of the layer of each run, and not one of every layer.
+    of_runs = jnp.asarray(table).at[:, number].get(mode="promise_in_bounds")
+    base, at_base, warming, logarithm, power, decay = of_runs
+    climbed = level - base
+    warmed = warming * climbed
+    return logarithm + power * jnp.log1p(warmed) + decay * climbed, at_base * (1.0 + warmed)
 
 
-def _of_layers() -> tuple[np.ndarray, np.ndarray]:
-    """Constants of each layer, (4, layers): base, least and greatest climb, m; lapse over base
-    temperature, 1/m. And the factors of the logarithm, 1, and the climb, 1/m and K/m, in what ln p
-    loses and in what T_M gains."""
+def _of_layers() -> np.ndarray:
+    """Constants of each layer, (6, layers): H_k, m; T_k, K; L_k / T_k, 1/m; ln rho at its base; and
+    the factors, there, of ln(T_M / T_k), 1, and of the climb, 1/m."""
     base, lapse, at_base = np.array(LAYERS).T
-    low = np.where(base == 0.0, -np.inf, 0.0)
-    thick = np.append(base[1:], np.inf) - base
     per_kelvin = GRAVITY * MOLAR_MASS / GAS_CONSTANT
     warms = lapse != 0.0
-    exponent = np.where(warms, per_kelvin / np.where(warms, lapse, 1.0), 0.0)
-    decay = np.where(warms, 0.0, per_kelvin / at_base)
-    sums = np.block([[exponent, decay], [0.0 * lapse, lapse]])
-    return np.stack([base, low, thick, lapse / at_base]), sums
+    warming = lapse / at_base
+    power = np.where(warms, -1.0 - per_kelvin / np.where(warms, lapse, 1.0), 0.0)
+    decay = np.where(warms, 0.0, -per_kelvin / at_base)
+    climbed = np.diff(base)
+    rises = power[:-1] * np.log1p(warming[:-1] * climbed) + decay[:-1] * climbed
+    ground = math.log(PRESSURE * MOLAR_MASS / GAS_CONSTANT / at_base[0])
+    logarithm = ground + np.append(0.0, np.cumsum(rises))
+    return np.stack([base, at_base, warming, logarithm, power, decay])
 
 
-_COLUMNS, _SUMS = _of_layers()
+_CONSTANTS = _of_layers()
 
 
 def _upper_temperature(above: Scalar) -> Scalar:

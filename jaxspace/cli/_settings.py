@@ -22,11 +22,11 @@ def settle(*, once: bool = False) -> None:
     with contextlib.suppress(RuntimeError):
         jax.config.update("jax_num_cpu_devices", cores())
     keep_programs()
+    # What a trace leaves behind is little beside what it keeps: the search for it, as often as
+    # Python does it by default, takes a thirtieth of the command.
+    gc.set_threshold(100_000, 20, 100)
     if once:
         jax.config.update("jax_disable_most_optimizations", True)
-        # What a trace leaves behind is little beside what it keeps: the search for it, as often as
-        # Python does it by default, takes a thirtieth of the command.
-        gc.set_threshold(100_000, 20, 100)
 
 
 def cores() -> int:

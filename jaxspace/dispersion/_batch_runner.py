@@ -238,12 +238,13 @@ class BatchRunner:
         size = self.call
         drawn = self._draw(np.arange(size, dtype=np.uint32), np.zeros(size, bool))
         # Those of the runs say that they were not used.
-        drawn = drawn._replace(status=jnp.zeros_like(drawn.status))
+        zeros = np.zeros(size, drawn.status.dtype)
+        drawn = drawn._replace(status=jax.device_put(zeros, self.devices[0]))
         given = self._given(drawn, plans, self.blocks)
         results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
-        outputs = {name: float(x[0]) for name, x in results.outputs.items()}
+        outputs = {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
         finite = {name: x for name, x in outputs.items() if np.isfinite(x)}
-        return int(results.status[0]), finite
+        return int(np.asarray(results.status)[0]), finite
 
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
@@ -251,7 +252,8 @@ class BatchRunner:
         `lowered` is done when nothing but the compiler is left to wait for, or has what was raised
         before."""
         try:
-            zeros = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), drawn)
+            # By NumPy, as what is read of a result: each shape would be a program of JAX.
+            zeros = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), drawn)
             # On a device, as what is drawn: elsewhere the program would be another one.
             drawn = jax.device_put(zeros, self.devices[0])
             given = self._given(drawn, self.planned.plans[0], self.blocks)
