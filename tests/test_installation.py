@@ -232,7 +232,10 @@ LIBRARIES = [
 def test_a_base_installation_names_the_extra(tmp_path):
     """At every entry point, with all that the extras bring hidden from the import."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
-    scene = str(ROOT / "examples" / "scenes" / "top.toml")
+    # A unit that is not common.
+    top = (ROOT / "examples" / "scenes" / "top.toml").read_text()
+    scene = str(tmp_path / "top.toml")
+    Path(scene).write_text(top.replace('"30 deg"', '"0.1 turn"'))
     code = CALLS % (project["dependencies"], scene, str(tmp_path))
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -1,6 +1,8 @@
 """States that are integrated as one vector: the same steps, errors, events and derivatives as block
 by block."""
 
+from collections.abc import Callable
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -11,6 +13,7 @@ from jaxspace import BodyState, simulate
 from jaxspace.core import AbstractSystem
 from jaxspace.integration import _problem
 from jaxspace.integration._packed import Packing
+from jaxspace.integration.field_trace import evaluate_field
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Event, Status
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas
@@ -127,3 +130,43 @@ def test_a_block_that_is_not_finite_fails_its_run_alone():
     y = jnp.ones((14, 2)).at[3, 1].set(jnp.inf)
     error = Tolerance(1e-3, 1e-4, 1, (3, 3, 4, 3, 1)).error(jnp.ones((14, 2)), y, y)
     assert np.isfinite(error[0]) and np.isinf(error[1])
+
+
+class Count:
+    """How many times something was done."""
+
+    times = 0
+
+
+class Pulled(AbstractSystem):
+    """A point under a pull, a function of its distance, which may close over anything."""
+
+    pull: Callable
+    traced: Count = eqx.field(static=True)
+
+    def vector_field(self, t, y):
+        self.traced.times += 1
+        return {"x": y["v"], "v": -self.pull(y["x"])}
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_a_field_is_evaluated_by_its_trace():
+    y = {"x": jnp.array(0.5), "v": jnp.array(2.0)}
+    system = Pulled(jnp.sin, Count())
+
+    def rate(x):
+        once, again = (evaluate_field(system, jnp.zeros(()), {**y, "x": x}) for _ in range(2))
+        return 0.5 * (once["v"] + again["v"])
+
+    value, slope = jax.jit(lambda x: jax.value_and_grad(rate)(x))(0.5)
+    assert system.traced.times == 1
+    np.testing.assert_allclose((value, slope), (-np.sin(0.5), -np.cos(0.5)), rtol=1e-15)
+
+    def of_factor(k):
+        # The pull holds a tracer, which the next trace must not meet.
+        return evaluate_field(Pulled(lambda x: k * x, Count()), jnp.zeros(()), y)["v"]
+
+    for k in (2.0, 3.0):
+        assert jax.value_and_grad(of_factor)(k) == (-0.5 * k, -0.5)

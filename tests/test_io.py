@@ -13,6 +13,8 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import jaxspace
 from jaxspace import load
@@ -21,7 +23,8 @@ from jaxspace.core import AbstractSystem, Scalar, argument, event, output, quant
 from jaxspace.core.vectors import axis
 from jaxspace.dispersion import AbstractDistribution
 from jaxspace.io import SceneError
-from jaxspace.io.units import expected, in_unit, read_number
+from jaxspace.io._common_units import factor_to
+from jaxspace.io.units import expected, in_unit, read_number, units
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 KICK = (SCENES / "kick_stage.toml").read_text()
@@ -71,6 +74,34 @@ SHARE = argument("", low=0.0, high=1.0, doc="a share")
 )
 def test_values_with_units(quantity, value, si):
     assert read_number(value, quantity)[0] == pytest.approx(si, rel=1e-12)  # rounding of a product
+
+
+@pytest.mark.parametrize(
+    "si, text",
+    [
+        *(("m", x) for x in ("km", "cm", "mm", "mi")),
+        *(("s", x) for x in ("ms", "min", "h", "d", "day")),
+        *(("kg", x) for x in ("g", "t")),
+        *(("N", x) for x in ("kN", "MN", "kg m/s^2")),
+        *(("rad", x) for x in ("deg", "arcmin", "arcsec")),
+        *(("rad/s", x) for x in ("rpm", "deg/s", "deg/day")),
+        *(("m/s", x) for x in ("km/s", "km/h")),
+        *(("", x) for x in ("%", "1")),
+        ("Pa", "kPa"), ("N m", "kN m"), ("N s", "MN s"), ("m^3/s^2", "km^3/s^2"), ("1/s", "1/h"),
+        ("kg m^2", "g cm^2"), ("kg/m^3", "g/cm^3"), ("m^2", "mm^2"), ("N/m", "kN/m"),
+    ],
+)  # fmt: skip
+@given(number=st.floats(-1e9, 1e9, allow_subnormal=False))
+def test_common_units_are_those_of_the_library(si, text, number):
+    unit = units().parse_units(text)
+    expected = units().Quantity(number, unit).to(si or "dimensionless").magnitude
+    # The factors themselves are rounded, those of quotients twice.
+    assert number * factor_to(si, text) == pytest.approx(expected, rel=5e-16, abs=0.0)
+
+
+@pytest.mark.parametrize("si, text", [("m", "ft"), ("m", "s"), ("rad", "%"), ("m/s", "m/s/s")])
+def test_other_units_are_left_to_the_library(si, text):
+    assert factor_to(si, text) is None
 
 
 def test_units_go_out_as_they_come_in():

@@ -23,7 +23,7 @@ from forms.form import Form
 from mpmath import mp, mpf
 from systems import SAMPLES
 
-from jaxspace.cli import _commands, main
+from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.core.vectors import unit
 from jaxspace.orbits import TwoBody
@@ -105,7 +105,7 @@ def few(monkeypatch, tmp_path, settings_stay):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
     def use(cases):
-        monkeypatch.setattr(_commands, "run_cases", functools.partial(run_cases, cases))
+        monkeypatch.setattr("jaxspace.verification.run_cases", functools.partial(run_cases, cases))
 
     return use
 

@@ -12,13 +12,13 @@ from jax.typing import ArrayLike
 from ..bodies import BodyState
 from ..control import LoopRun
 from ..core import InputError, argument
+from ..core.by_numpy import by_numpy
 from ..core.quantities import quantities
 from ..io import Optimum, SceneFile, listing, load, schema
 from ..io.report import mission_report, optimum_report, run_report, sensitivity_report
 from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
-from ..verification import run_cases
 from ._folder import make_folder
 from ._waiting import progress, waiting
 
@@ -35,7 +35,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
-        with waiting("simulating the mission, and once more for its error"):
+        with waiting("simulating the mission, and once more for its error"), by_numpy():
             result = file.nominal_mission(samples=PICTURED)
             # A mission has no error estimate of its own: the finer run gives one.
             finer = file.nominal_mission(samples=PICTURED, factor=0.01)
@@ -44,7 +44,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
         for name, phase in result.items():
             draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
     else:
-        with waiting("simulating the run, and once more for its error"):
+        with waiting("simulating the run, and once more for its error"), by_numpy():
             result = file.simulate(ts=_pictured_times(file), throw=False)
             assert isinstance(result, Trajectory | LoopRun)
             report = run_report(file, result)
@@ -243,6 +243,9 @@ def show_schema(modules: Sequence[str] = ()) -> int:
 
 def verify(precision: str, device: str | None, path: str | None) -> int:
     """Evaluate the hard cases, print the table, and keep it as JSON; 1 where a case fails."""
+    # Imported here, because no other command needs the cases.
+    from ..verification import run_cases
+
     result = run_cases(precision=precision, device=device)
     print(result)
     if path is not None:

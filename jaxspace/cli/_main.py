@@ -1,8 +1,10 @@
 """The commands: examples, new, run, disperse, resume, replay, failures, report, explain, cost,
 budget, optimize, list, schema, verify."""
 
+import argparse
+import gc
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from ._parser import parser
 from ._stopping import STOPPED, clear_interruption
@@ -14,9 +16,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(arguments)
     try:
         # Imports JAX, for which `--help` and a wrong option must not wait.
-        from ._carry_out import carry_out
+        carry_out = _imported()
     except KeyboardInterrupt:
         clear_interruption()
         print("jaxspace: stopped.", file=sys.stderr)
         return STOPPED
     return carry_out(given)
+
+
+def _imported() -> Callable[[argparse.Namespace], int]:
+    """`carry_out`."""
+    collects = gc.isenabled()
+    gc.disable()
+    try:
+        from ._carry_out import carry_out
+    finally:
+        # What is imported stays: to search it for what may go takes a twelfth of the imports.
+        if not gc.get_freeze_count():
+            gc.freeze()
+        if collects:
+            gc.enable()
+    return carry_out

@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, Flag, Scalar, State
 from ..core.groups import project
 from .events import Event
+from .field_trace import evaluate_field
 from .loop import LoopSettings
 from .normalised_time import ScaledVectorField
 
@@ -80,7 +81,7 @@ class PackedSystem(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: State) -> State:
         state = self.packing.state(y)
-        rate = self.system.vector_field(t, state)
+        rate = evaluate_field(self.system, t, state)
         # A constant of double precision in a user's effect must not change the precision of the
         # run.
         return self.packing.vector(

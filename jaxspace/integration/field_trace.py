@@ -1,14 +1,16 @@
 """Properties of a vector field read from its trace, once per structure of system and state."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
-from jax.core import Tracer
+import numpy as np
+from jax.core import Tracer, eval_jaxpr
 from jax.extend.core import Jaxpr
-from jaxtyping import PyTree
+from jaxtyping import ArrayLike, PyTree
 
-from ..core import AbstractSystem
+from ..core import AbstractSystem, Scalar, State
 from ..core.structure import once_per_structure
 from ..core.tracing import count_operations
 
@@ -18,12 +20,14 @@ class FieldTrace(NamedTuple):
 
     - `rate`: the shapes of the derivative of a state.
     - `jaxpr`: its program, with the arrays of the system, the time and the state as arguments.
+    - `constants`: the known arrays that it holds.
     - `operations`: their number.
     - `closes_over_tracers`: whether a function inside the system, such as a user's, closes over
       traced arrays."""
 
     rate: PyTree
     jaxpr: Jaxpr
+    constants: Sequence[ArrayLike]
     operations: int
     closes_over_tracers: bool
 
@@ -39,4 +43,18 @@ def field_trace(system: AbstractSystem, t: PyTree, y: PyTree) -> FieldTrace:
 
     closed, shapes = jax.make_jaxpr(rate, return_shape=True)(arrays)
     hidden = any(isinstance(constant, Tracer) for constant in closed.consts)
-    return FieldTrace(shapes, closed.jaxpr, count_operations(closed.jaxpr), hidden)
+    # A tracer must not outlive its function.
+    constants = () if hidden else tuple(closed.consts)
+    return FieldTrace(shapes, closed.jaxpr, constants, count_operations(closed.jaxpr), hidden)
+
+
+def evaluate_field(system: AbstractSystem, t: Scalar, y: State) -> State:
+    """The vector field of a system in a function that is traced: by the trace that is there
+    already, where it holds all that the field depends on."""
+    trace = field_trace(system, t, y)
+    if trace.closes_over_tracers:
+        return system.vector_field(t, y)
+    leaves = jax.tree.leaves((system, t, y))
+    arrays = [x for x in leaves if isinstance(x, jax.Array | np.ndarray)]
+    results = eval_jaxpr(trace.jaxpr, trace.constants, *arrays)
+    return jax.tree.unflatten(jax.tree.structure(trace.rate), results)

@@ -36,7 +36,7 @@ from ..core.quantities import quantities
 from ..dispersion import AbstractDistribution
 from ._kinds import Entry, Maker
 from ._modules import defined_in, read_modules
-from ._objects import entry_of, foreign_fields, function_way, object_kind, snake_case
+from ._objects import entry_of, foreign_fields, function_way, members, object_kind, snake_case
 from ._table_kinds import Object
 
 PACKAGES = (
@@ -153,9 +153,8 @@ class Catalog(NamedTuple):
 
 def output_methods(cls: type) -> dict[str, OutputFunction]:
     """The methods of a class that are declared as outputs, by name."""
-    # Static, because binding a descriptor would run code of the class.
-    every = {name: inspect.getattr_static(cls, name) for name in dir(cls)}
-    return {name: m for name, m in every.items() if isinstance(m, OutputFunction)}
+    every = members(cls).items()
+    return {name: m for name, m in every if isinstance(m, OutputFunction)}
 
 
 def catalog(also: Iterable[object] = (), modules: Iterable[str | os.PathLike[str]] = ()) -> Catalog:
@@ -241,7 +240,8 @@ def _add(
 
     `new`: its source, if it is not of the library."""
     for group, base in BASES.items():
-        if not (isinstance(thing, type) and issubclass(thing, base)):
+        # `issubclass` of an abstract class asks all of its subclasses.
+        if not (isinstance(thing, type) and base in thing.__mro__):
             continue
         if getattr(thing, "__final__", False):
             kind = object_kind(thing)

@@ -5,6 +5,7 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+from ..core.by_numpy import by_numpy
 from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
@@ -29,6 +30,7 @@ LONGEST_NUMBER = 1023
 """Bits of a whole number that any float can hold."""
 
 
+@by_numpy()
 def load(
     path: str | os.PathLike[str],
     also: Iterable[object] = (),

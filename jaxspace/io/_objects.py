@@ -108,9 +108,7 @@ def foreign_fields(cls: type) -> list[str]:
 
 def _named_ways(cls: type) -> Iterable[Maker]:
     """The named constructors of the class."""
-    for name in dir(cls):
-        # Static, because binding a descriptor would run code of the class.
-        function = inspect.getattr_static(cls, name)
+    for name, function in members(cls).items():
         if not isinstance(function, classmethod):
             continue
         declared = getattr(function.__func__, "constructor", None)
@@ -129,6 +127,13 @@ def _named_ways(cls: type) -> Iterable[Maker]:
             fields,
             references(cls),
         )
+
+
+def members(cls: type) -> dict[str, object]:
+    """The attributes of a class and of its bases by name, in the order of the alphabet; static,
+    because binding a descriptor would run code of the class."""
+    every = {name: x for base in reversed(cls.__mro__) for name, x in vars(base).items()}
+    return dict(sorted(every.items()))
 
 
 def _field_entries(cls: type) -> dict[str, Entry | None]:
@@ -156,12 +161,13 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
 def _nested(annotation: object) -> Object | None:
     """The ways to give a field that is itself an object with quantities."""
     for one in (annotation, *typing.get_args(annotation)):
-        if not (isinstance(one, type) and issubclass(one, AbstractParameters)):
+        # By their ancestors, because `issubclass` of an abstract class asks all of its subclasses.
+        if not isinstance(one, type) or AbstractParameters not in one.__mro__:
             continue
         # These have tables of their own at the top of a file, and are not nested, but for a system
         # that is named: a part of another one.
-        part = issubclass(one, AbstractSystem) and getattr(one, "__final__", False)
-        if part or not issubclass(one, TOP_LEVEL):
+        part = AbstractSystem in one.__mro__ and getattr(one, "__final__", False)
+        if part or not set(TOP_LEVEL) & set(one.__mro__):
             return object_kind(one)
     return None
 

@@ -41,6 +41,16 @@ Curves: TypeAlias = Mapping[int, Curve]
 """The curves along phases by their numbers."""
 
 
+class _Given(NamedTuple):
+    """What outputs are computed from besides a state: as of `Outputs.numbers`, the number of
+    `runs`, and the `effects` of which some are methods, by name."""
+
+    samples: dict[str, Array]
+    runs: int
+    began: dict[int, State]
+    effects: Mapping[str, Any]
+
+
 class OutputSpec(NamedTuple):
     """One output: its `name`, the phase at whose end it is taken (`at`), its `unit`, and the
     `factor` from SI to this unit. The end of the mission is at -1, those of its branches, in their
@@ -137,32 +147,27 @@ class Outputs(eqx.Module):
         - `curves`: all states of the phases along which extremes are taken.
         - `began`: the states at the starts of the phases, for outputs that compare with them."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
+        # Made once, because several outputs may be methods of one effect.
+        names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
+        effects = {name: self.file.effect(name, self.values, samples, runs) for name in names}
+        given = _Given(samples, runs, began or {}, effects)
         result = {}
         for spec in self.specs:
             if spec.take:
-                value = self._extreme(spec, curves or {}, samples, runs, began or {})
+                value = self._extreme(spec, curves or {}, given)
             else:
-                end = ends[spec.at]
-                y = states[spec.at]
-                value = self._value(spec, spec.at, y, end, samples, runs, began or {})
+                value = self._value(spec, spec.at, states[spec.at], ends[spec.at], given)
             # An output of shared numbers alone has no axis of runs, which the store needs.
             result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return result
 
-    def _extreme(
-        self,
-        spec: OutputSpec,
-        curves: Curves,
-        samples: dict[str, Array],
-        runs: int,
-        began: dict[int, State],
-    ) -> Array:
+    def _extreme(self, spec: OutputSpec, curves: Curves, given: _Given) -> Array:
         times, values, slopes = [], [], []
         for k in spec.phases:
 
             def one(t: Scalar, y: State, k: int = k) -> Array:
-                value = self._value(spec, k, y, t, samples, runs, began)
-                return jnp.broadcast_to(value, (runs,))
+                value = self._value(spec, k, y, t, given)
+                return jnp.broadcast_to(value, (given.runs,))
 
             def moving(t: Scalar, y: State, rate: State, one: Any = one) -> tuple[Array, Array]:
                 return jax.jvp(one, (t, y), (jnp.ones_like(t), rate))
@@ -180,27 +185,19 @@ class Outputs(eqx.Module):
         result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
 
-    def _value(
-        self,
-        spec: OutputSpec,
-        place: int,
-        y: State,
-        t: Scalar,
-        samples: dict[str, Array],
-        runs: int,
-        began: dict[int, State],
-    ) -> Array:
+    def _value(self, spec: OutputSpec, place: int, y: State, t: Scalar, given: _Given) -> Array:
         """The output of the state `y` at the time `t`, at a place: the number of a phase, or that
         of an end as `OutputSpec.at`."""
         if spec.function is None:
             return at_path(y, spec.path)
+        samples, runs = given.samples, given.runs
         arguments = {}
         shared = dict(spec.shared)
         for name in spec.arguments():
             if name in shared:
                 arguments[name] = at(self.file.replaced(self.values, samples), shared[name])
             elif name == "self":
-                arguments[name] = self.file.effect(spec.effect, self.values, samples, runs)
+                arguments[name] = given.effects[spec.effect]
             elif name == "y":
                 arguments[name] = y
             elif name == "t":
@@ -212,7 +209,7 @@ class Outputs(eqx.Module):
             elif name == "initial":
                 arguments[name] = self.file.intended(self.values)
             elif name == BEGAN:
-                arguments[name] = began[spec.at]
+                arguments[name] = given.began[spec.at]
             elif name == NOMINAL:
                 # Without a reference only the shapes are used, and these are the same.
                 arguments[name] = y if self.reference is None else self.reference[spec.at]

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
+from ..core.by_numpy import by_numpy
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
 from ..scene import Scene
@@ -49,8 +50,7 @@ from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
-# One program, because outside of `jit` each small operation would be compiled; for all files of one
-# content.
+# Traced once for all files of one content.
 _build_as_one = eqx.filter_jit(build_mission)
 
 
@@ -159,7 +159,8 @@ class SceneFile:
 
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
-        return _build_as_one(self.parsed, self._numbers({}), Runs())
+        with by_numpy():
+            return _build_as_one(self.parsed, self._numbers({}), Runs())
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""

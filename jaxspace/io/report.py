@@ -12,6 +12,7 @@ from jaxtyping import PyTree
 
 from ..control import LoopRun
 from ..core import InputError, State
+from ..core.by_numpy import by_numpy
 from ..core.quantities import quantities
 from ..core.text import aligned
 from ..dispersion import Dispersion
@@ -104,6 +105,7 @@ def output_rows(outputs: Mapping[str, tuple[float, str]]) -> list[tuple[str, str
     return [(_label(name, unit), number(value)) for name, (value, unit) in outputs.items()]
 
 
+@by_numpy()
 def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     """How a run of a system or a scene ended: time, state, outputs, drifts, errors, status."""
     error = run.error()
@@ -115,6 +117,7 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     return "\n".join([file.title, aligned(rows), aligned(checks), status_line(run.status)])
 
 
+@by_numpy()
 def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
     """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
     errors follow."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from ..core import InputError
 from ..core.extras import extra
 from ..core.quantities import Quantity
+from ._common_units import factor_to
 
 if TYPE_CHECKING:
     import pint
@@ -122,6 +123,9 @@ def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
     number, unit = split(text, what)
     if not unit:
         return read_number(number, quantity)
+    factor = factor_to(quantity.unit, unit)
+    if factor is not None:
+        return number * factor, unit
     result = parse_unit(unit, what)
     si = quantity.unit or "dimensionless"
     # Cycles per second have the dimension of radians per second, and differ by 2 pi.
@@ -190,6 +194,9 @@ def in_unit(si: str, unit: str) -> float:
     # Exactly 1, without the rounding of a conversion.
     if unit == si:
         return 1.0
+    factor = factor_to(si, unit)
+    if factor is not None:
+        return 1.0 / factor
     what = f"a unit of {dimension(si).name}"
     result = parse_unit(unit, what)
     if not result.is_compatible_with(si or "dimensionless"):
