@@ -66,7 +66,8 @@ def _apply(equation, args):
     if root is not None:
         # A root with a rule for its derivatives: its iteration comes first.
         return _run(root.jaxpr, root.consts, args[: len(root.jaxpr.invars)])
-    inner = params.get("call_jaxpr") or params.get("jaxpr") or params.get("fun_jaxpr")
+    names = "call_jaxpr", "jaxpr", "fun_jaxpr", "call"
+    inner = next((params[key] for key in names if params.get(key) is not None), None)
     if inner is not None:
         closed = hasattr(inner, "consts")
         return _run(inner.jaxpr if closed else inner, inner.consts if closed else (), args)

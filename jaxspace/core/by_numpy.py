@@ -20,6 +20,8 @@ from jax.typing import ArrayLike
 
 Params: TypeAlias = dict[str, Any]
 Rule: TypeAlias = Callable[..., Any]
+# Whole numbers of Python or of NumPy.
+Indices: TypeAlias = Sequence[Any]
 # An array of NumPy, or one of its numbers, which it makes of an array without axes: both have the
 # methods that are used here, with other types.
 Known: TypeAlias = Any
@@ -168,16 +170,14 @@ def _convert(x: Known, *, new_dtype: Any, **params: Any) -> Known:
     return x.astype(new_dtype)
 
 
-def _broadcast(
-    x: Known, *, shape: Sequence[int], broadcast_dimensions: Sequence[int], **params: Any
-) -> Known:
+def _broadcast(x: Known, *, shape: Indices, broadcast_dimensions: Indices, **params: Any) -> Known:
     whole = [1] * len(shape)
     for size, axis in zip(x.shape, broadcast_dimensions, strict=True):
         whole[axis] = size
     return np.broadcast_to(x.reshape(whole), shape)
 
 
-def _iota(*, dtype: Any, shape: Sequence[int], dimension: int, **params: Any) -> Known:
+def _iota(*, dtype: Any, shape: Indices, dimension: int, **params: Any) -> Known:
     row = np.arange(shape[dimension], dtype=dtype)
     return _broadcast(row, shape=shape, broadcast_dimensions=(dimension,))
 
@@ -185,29 +185,29 @@ def _iota(*, dtype: Any, shape: Sequence[int], dimension: int, **params: Any) ->
 def _slice(
     x: Known,
     *,
-    start_indices: Sequence[int],
-    limit_indices: Sequence[int],
-    strides: Sequence[int] | None,
+    start_indices: Indices,
+    limit_indices: Indices,
+    strides: Indices | None,
     **params: Any,
 ) -> Known:
     return x[tuple(map(slice, start_indices, limit_indices, strides or (1,) * x.ndim))]
 
 
-def _dynamic_slice(x: Known, *starts: Any, slice_sizes: Sequence[int], **params: Any) -> Any:
+def _dynamic_slice(x: Known, *starts: Any, slice_sizes: Indices, **params: Any) -> Any:
     # A start too far out is moved inwards.
     firsts = map(np.clip, starts, [0] * x.ndim, np.subtract(x.shape, slice_sizes))
     return x[tuple(slice(k, k + size) for k, size in zip(firsts, slice_sizes, strict=True))]
 
 
 def _reduction(function: Callable[..., Any]) -> Rule:
-    def rule(x: Known, *, axes: Sequence[int], **params: Any) -> Known:
+    def rule(x: Known, *, axes: Indices, **params: Any) -> Known:
         return function(x, axis=tuple(axes)).astype(x.dtype)
 
     return rule
 
 
 def _argument(function: Callable[..., Any]) -> Rule:
-    def rule(x: Known, *, axes: Sequence[int], index_dtype: Any, **params: Any) -> Any:
+    def rule(x: Known, *, axes: Indices, index_dtype: Any, **params: Any) -> Any:
         return function(x, axis=axes[0]).astype(index_dtype)
 
     return rule
