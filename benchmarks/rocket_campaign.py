@@ -34,9 +34,7 @@ OUTPUTS = ("apogee", "east", "north")
 RATE = "runs per processor second"
 # Deviations of the rail, deg.
 SCATTER = {"inclination": 1.0, "heading": 10.0}
-# The apogees of 64 runs differ by at most 3 mm from those at 1e-10, and the landings by 8 mm: by a
-# thirtieth of the least sampling error.
-ACCURACY = Accuracy(rtol=1e-4, method=Tsit5())
+ACCURACY = Accuracy(rtol=1e-5, method=Tsit5())
 
 
 def calisto() -> dict:
