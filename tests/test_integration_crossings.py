@@ -297,7 +297,7 @@ def held(program, operation, name="main"):
     ("method", "motion", "times"),
     # The motion comes once for the samples and once for the search: by steps, the vector field in
     # all stages of the one, in the loop of the other, and for the rates of the condition.
-    [("closed_form", "tan", 2), (Tsit5(), "cbrt", 11)],
+    [("closed_form", "tan", 2), (Tsit5(), "cbrt", 10)],
     ids=["closed form", "steps"],
 )
 def test_the_program_holds_motion_and_condition_few_times(method, motion, times):

@@ -21,6 +21,7 @@ from ..core import State
 from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
+from ..solvers.step_control import FIRST_STEP
 from ._outcome import outcome_of, own_outcome_of
 from ._own_buffers import record_of_pass
 from ._own_replay import OwnReplay
@@ -98,7 +99,7 @@ class Problem:
             settings = dataclasses.replace(settings, method=small_program(settings.method))
         if self.field_operations >= LARGE:
             # The estimate of the first step is another copy of the field.
-            settings = dataclasses.replace(settings, estimated=False)
+            settings = dataclasses.replace(settings, first_step=settings.first_step or FIRST_STEP)
         packing = self._packing(field, y0, settings)
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)

@@ -20,6 +20,7 @@ from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.protocol import bind, field_of_step, solver_traits
 from ..solvers.regularised_step import evaluations_of
+from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import FoundEvents, Location, SoughtEvents
@@ -71,9 +72,9 @@ def integrate(
     - `run_axes`: how many trailing axes carry runs.
     - `plan`: steps that are fixed beforehand, as nodes in normalised time.
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
-    - `trimmed`: whether to leave out segments of no length at both ends. Only for a run whose final
-      state alone is saved and which is not differentiated: a break at one of its ends would have
-      a derivative.
+    - `trimmed`: of a short run: whether to try a first step of its whole length, and to leave out
+      segments of no length at both ends. Only where the final state alone is saved and nothing is
+      differentiated: a break at one of its ends would have a derivative.
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
       program counts: a closed form computes them `in_turn`, and the first step is not estimated.
     - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
@@ -126,9 +127,10 @@ def integrate(
     )
     if for_search:
         # As in `_settings`, for the same reason.
-        settings = dataclasses.replace(settings, estimated=False)
+        settings = dataclasses.replace(settings, first_step=FIRST_STEP)
     if trimmed and settings.plan is None and not traits.own_steps:
-        settings = dataclasses.replace(settings, reach=segments.reach())
+        # A short run, for which a single step is mostly short enough.
+        settings = dataclasses.replace(settings, reach=segments.reach(), first_step=1.0)
     field = ScaledVectorField(system, segments)
     form = None
     if traits.own_steps:
@@ -318,7 +320,7 @@ def _settings(
         config.restarts,
         sought,
         # The estimate would be another copy of the vector field beside that of the search.
-        estimated=sought is None,
+        first_step=None if sought is None else FIRST_STEP,
     )
 
 

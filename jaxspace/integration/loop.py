@@ -45,8 +45,7 @@ class LoopSettings(eqx.Module):
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
     - `restarts`: whether a block that runs out of steps is repeated without its slow runs.
     - `sought`: the events that end the runs.
-    - `estimated`: whether the length of the first step is estimated, by two evaluations of the
-      vector field, or found by trial."""
+    - `first_step`: as in `BatchStepController`."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -60,7 +59,7 @@ class LoopSettings(eqx.Module):
     dense: bool = eqx.field(static=True)
     restarts: bool = eqx.field(static=True)
     sought: SoughtEvents | None = None
-    estimated: bool = eqx.field(static=True, default=True)
+    first_step: float | None = eqx.field(static=True, default=None)
 
     @property
     def start(self) -> Float[Array, ""]:
@@ -82,7 +81,7 @@ class LoopSettings(eqx.Module):
         """Adaptive steps, or those of the plan."""
         if self.plan is None:
             return BatchStepController(
-                self.tolerance, self.lengths, self.longest_steps, self.estimated
+                self.tolerance, self.lengths, self.longest_steps, self.first_step
             )
         return StepTo(self.plan.astype(self.lengths.dtype))
 

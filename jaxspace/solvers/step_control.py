@@ -68,15 +68,15 @@ class BatchStepController(diffrax.AbstractStepSizeController):
     - `lengths`: the relative lengths of the segments, so that a step keeps its length in time from
       one to the next.
     - `longest`: the longest step that is allowed in each segment, in normalised time.
-    - `estimated`: whether the first step is estimated; otherwise it is found by trial from
-      `FIRST_STEP` on, which costs a step or two, and saves another copy of the vector field in the
-      program.
+    - `first_step`: the length from which the first step is found by trial, in normalised time, such
+      as `FIRST_STEP`. This costs a step or two, and saves another copy of the vector field in the
+      program; by default the first step is estimated.
     """
 
     tolerance: Tolerance
     lengths: Float[Array, " segments"]
     longest: Float[Array, " segments"] | None = None
-    estimated: bool = True
+    first_step: float | None = None
 
     def wrap(self, direction: Int[Array, ""] | int) -> "BatchStepController":
         del direction
@@ -98,9 +98,10 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         def f(s: Array, y: State) -> State:
             return func(terms, s, y, args)
 
-        ds = jnp.full_like(t0, FIRST_STEP)
-        if self.estimated:
+        if self.first_step is None:
             ds = self._starting_step(f, t0, y0, error_order)
+        else:
+            ds = jnp.full_like(t0, self.first_step)
         limiting = jnp.zeros(self.tolerance.alive(y0).shape, jnp.int32)
         return self._end_of_step(t0, ds), StepControl(ds, limiting)
 
