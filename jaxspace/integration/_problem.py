@@ -54,7 +54,9 @@ MEDIUM, LARGE, VERY_LARGE = 70, 160, 600
 
 def arguments_of(parts: PyTree) -> list[Array]:
     """The arrays of field, initial state and settings: the arguments of the primitives."""
-    return jax.tree.leaves(eqx.filter(parts, eqx.is_array))
+    leaves = jax.tree.leaves(eqx.filter(parts, eqx.is_array))
+    # A function may close over an array of NumPy, as traces hold their constants.
+    return [x if isinstance(x, jax.Array) else jnp.asarray(x) for x in leaves]
 
 
 @final
