@@ -204,7 +204,7 @@ def test_a_condition_that_is_not_finite_has_a_status():
 
 
 def test_a_search_that_does_not_converge_is_no_event(monkeypatch):
-    monkeypatch.setattr("jaxspace.integration._step_zero.LOOKS", 1)
+    monkeypatch.setattr("jaxspace.integration._step_zero.SAMPLINGS", 1)
     event = Event(lambda t, y: y.position[2] ** 3, within=2.0)
     run = simulate(FALL, ball(), jnp.array([0.0, 2.0]), events=(event,), throw=False)
     assert run.status == Status.EVENT_UNRESOLVED and np.all(np.isnan(run.final.position))

@@ -182,12 +182,12 @@ def located(
     runs = moving.shape
     samples = max(event.samples for event in sought.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
-    # One look tells the conditions at both ends of a step that is repeated.
+    # One sampling tells the conditions at both ends of a step that is repeated.
     count = jnp.where(going, count, 1)
-    looked_at = jnp.where(going, moving, location.again)
+    searched = jnp.where(going, moving, location.again)
 
     def searching(search: _SearchState) -> Array:
-        return (search.part < count) & jnp.any(looked_at & ~search.here)
+        return (search.part < count) & jnp.any(searched & ~search.here)
 
     def part(search: _SearchState) -> _SearchState:
         length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
@@ -203,7 +203,7 @@ def located(
             size = search.sizes[number]
             along = AlongStep(event, step.segment, step.polynomial, runs)
             part = Part(along, begin, end, at_start, sought.rounding[number], *span)
-            zero, at_ends = part.first_zero(size, looked_at & ~search.here, going)
+            zero, at_ends = part.first_zero(size, searched & ~search.here, going)
             sizes.append(zero.size)
             mine = location.which == number
             ends = jax.tree.map(lambda a, b, mine=mine: jnp.where(mine, a, b), at_ends, ends)
@@ -215,7 +215,7 @@ def located(
             earliest = jnp.where(sooner, zero.time, earliest)
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
-        here = going & looked_at & ~search.here & jnp.isfinite(earliest)
+        here = going & searched & ~search.here & jnp.isfinite(earliest)
         # What is selected by them would compute them again.
         here, earliest, which, status = barrier((here, earliest, which, status))
         return _SearchState(
@@ -224,7 +224,7 @@ def located(
             jnp.where(here, earliest, search.s),
             jnp.where(here, which, search.which),
             jnp.where(here, status, search.status),
-            jnp.where(going & looked_at & ~search.here, jnp.stack(sizes), search.sizes),
+            jnp.where(going & searched & ~search.here, jnp.stack(sizes), search.sizes),
             ends,
         )
 

@@ -27,9 +27,9 @@ from .status import Status
 # Number of parts of a step that are sampled at once.
 PARTS = 16
 # Most samplings of a part. Three are enough for a simple zero.
-LOOKS = 256
+SAMPLINGS = 256
 # Places of samples, as shares of the way to the guess of a zero: dense there, so that the next
-# bracket is about as wide as the guess was wrong; or even, for another look at all of the bracket.
+# bracket is about as wide as the guess was wrong; or even, over all of the bracket.
 NEAR = np.append(1.0 - 16.0 ** -np.arange(PARTS // 2), 1.0)
 EVEN = np.linspace(0.0, 1.0, PARTS // 2 + 1)
 
@@ -71,8 +71,8 @@ class Ends(NamedTuple):
     slope: Scalar
 
 
-class _Look(NamedTuple):
-    """Where the first zero of an event is looked for in a part of a step, by each run.
+class _Search(NamedTuple):
+    """The search of each run for the first zero of an event in a part of a step.
 
     - `low`, `high`: between them the next samples are taken, densely about the `guess`, or `even`.
     - `inside`: whether they are in one interval of the samples of the whole part, and the first of
@@ -125,14 +125,14 @@ class Part(NamedTuple):
         self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, ""]
     ) -> tuple[Zero, Ends]:
         """The first zero for the runs that have one `sought`, and the condition at both ends of the
-        part. If the step is not `going` on, a single look tells these.
+        part. If the step is not `going` on, one sampling tells these.
 
         `size`: of the condition so far."""
         event, runs = self.along.event, self.along.runs
         no = jnp.zeros(runs, bool)
         zero = jnp.zeros(runs, self.begin.dtype)
         none = jnp.zeros(runs, size.dtype)
-        search = _Look(
+        search = _Search(
             low=zero + self.begin,
             high=zero + self.end,
             guess=zero + 0.5 * (self.begin + self.end),
@@ -144,13 +144,13 @@ class Part(NamedTuple):
             at_zero=no,
             ill=zero + jnp.inf,
             active=sought,
-            left=jnp.asarray(LOOKS),
+            left=jnp.asarray(SAMPLINGS),
             size=none + size,
             ends=Ends(none, none, none, none),
         )
         search = jax.lax.while_loop(
             lambda search: (search.left > 0) & jnp.any(search.active),
-            lambda search: self._look(search, going),
+            lambda search: self._sampled(search, going),
             search,
         )
         when, hit = search.guess, search.hit
@@ -165,7 +165,7 @@ class Part(NamedTuple):
         failed = jnp.minimum(search.ill, failed)
         return Zero(when, hit, search.size, status.astype(jnp.int32), failed), search.ends
 
-    def _look(self, search: _Look, going: Bool[Array, ""]) -> _Look:
+    def _sampled(self, search: _Search, going: Bool[Array, ""]) -> _Search:
         """The search after one more sampling of the condition."""
         event, runs = self.along.event, self.along.runs
         nodes = search.nodes()
@@ -187,7 +187,7 @@ class Part(NamedTuple):
         g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
         numbers = jnp.arange(PARTS).reshape(-1, *(1,) * len(runs))
         candidate = candidate & (search.inside | (numbers >= search.first))
-        found = jnp.any(candidate, axis=0)
+        present = jnp.any(candidate, axis=0)
         index = jnp.argmax(candidate, axis=0)
         (a, ga, sa), (b, gb, sb) = barrier(_interval((nodes, g, slopes), index, len(runs)))
         dip = ga * gb > 0.0
@@ -197,13 +197,13 @@ class Part(NamedTuple):
         resolved = 16.0 * float(jnp.finfo(a.dtype).eps)
         resolved = resolved * jnp.maximum(jnp.abs(guess), self.end - self.begin)
         close = b - a <= jnp.where(dip, NARROW / PARTS * (self.end - self.begin), resolved)
-        hit = found & ~dip & close
+        hit = present & ~dip & close
         if event.touch is not None:
             hit = hit & (jnp.abs(self.along.condition(guess)) <= event.touch)
         # Whether the search goes on inside the interval, or behind the one that it was in.
-        inside = found & ~close
-        active = inside | found | search.inside
-        first = jnp.where(search.inside, search.first, jnp.where(found, index, PARTS))
+        inside = present & ~close
+        active = present | search.inside
+        first = jnp.where(search.inside, search.first, jnp.where(present, index, PARTS))
         first = jnp.where(inside, first, first + 1)
         if event.at_start:
             now = at_zero & (event.direction * slopes[0] >= 0.0)
@@ -214,8 +214,7 @@ class Part(NamedTuple):
         low = jnp.where(inside, a, self.begin)
         high = jnp.where(inside, b, self.end)
         guess = jnp.where(even & active, 0.5 * (low + high), guess)
-        looked = search.active
-        new = _Look(
+        new = _Search(
             low,
             high,
             guess,
@@ -233,8 +232,8 @@ class Part(NamedTuple):
         )
         if runs:
             # A run whose search has ended stays there while the others go on.
-            looked, new = barrier((looked, new))
-            new = jax.tree.map(lambda a, b: jnp.where(looked, a, b), new, search)
+            going_on, new = barrier((search.active, new))
+            new = jax.tree.map(lambda a, b: jnp.where(going_on, a, b), new, search)
         return new._replace(left=search.left - 1)
 
 
