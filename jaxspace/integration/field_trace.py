@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer, eval_jaxpr
 from jax.extend.core import Jaxpr
@@ -56,5 +57,6 @@ def evaluate_field(system: AbstractSystem, t: Scalar, y: State) -> State:
         return system.vector_field(t, y)
     leaves = jax.tree.leaves((system, t, y))
     arrays = [x for x in leaves if isinstance(x, jax.Array | np.ndarray)]
-    results = eval_jaxpr(trace.jaxpr, trace.constants, *arrays)
+    # Parts of the rate that are constant are arrays of NumPy.
+    results = map(jnp.asarray, eval_jaxpr(trace.jaxpr, trace.constants, *arrays))
     return jax.tree.unflatten(jax.tree.structure(trace.rate), results)
