@@ -74,8 +74,9 @@ def test_results_are_those_of_jax(name):
         for a, b in zip(jax.tree.leaves(result), jax.tree.leaves(expected), strict=True):
             assert isinstance(a, jax.Array)
             assert (a.dtype, a.shape, a.weak_type) == (b.dtype, b.shape, b.weak_type)
-            # A few roundings, of which NumPy and XLA have different ones in sines and powers.
-            np.testing.assert_allclose(a, b, rtol=4e-15 if a.dtype == float else 4e-7, atol=1e-15)
+            # A few roundings, of which NumPy and XLA have different ones in sines and powers, and
+            # XLA of JAX 0.10 thirty in an inverse hyperbolic tangent.
+            np.testing.assert_allclose(a, b, rtol=1e-14 if a.dtype == float else 4e-7, atol=1e-15)
 
 
 def test_single_precision_stays():
@@ -99,8 +100,9 @@ def names(jaxpr) -> set[str]:
 
 def test_every_rule_is_compared():
     traced = [names(jax.make_jaxpr(f)(jnp.asarray(X)).jaxpr) for f in FUNCTIONS.values()]
-    # The last one turns numbers of Python into arrays, outside of traced functions alone.
-    assert set(RULES) | ALONE <= set().union(*traced) | {"stage"}
+    # "stage" turns numbers of Python into arrays, outside of traced functions alone; JAX 0.10 has no
+    # "unstack".
+    assert set(RULES) | ALONE <= set().union(*traced) | {"stage", "unstack"}
 
 
 COMPILED = []
