@@ -100,8 +100,8 @@ def names(jaxpr) -> set[str]:
 
 def test_every_rule_is_compared():
     traced = [names(jax.make_jaxpr(f)(jnp.asarray(X)).jaxpr) for f in FUNCTIONS.values()]
-    # "stage" turns numbers of Python into arrays, outside of traced functions alone; JAX 0.10 has no
-    # "unstack".
+    # "stage" turns numbers of Python into arrays, outside of traced functions alone; JAX 0.10 does
+    # not have "unstack".
     assert set(RULES) | ALONE <= set().union(*traced) | {"stage", "unstack"}
 
 
