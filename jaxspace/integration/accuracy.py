@@ -211,7 +211,12 @@ def as_state(y0: PyTree) -> PyTree:
         return y0
     given = {x.dtype for x in leaves if hasattr(x, "dtype") and not is_plain(x)}
     dtype = next(iter(given)) if len(given) == 1 else jnp.result_type(float)
-    return jax.tree.map(lambda x: jnp.asarray(x, dtype) if is_plain(x) else x, y0)
+
+    def converted(x: object) -> jax.Array:
+        # By NumPy where it is known: even this conversion would run two programs.
+        return jax.device_put(np.asarray(x, dtype)) if is_concrete(x) else jnp.asarray(x, dtype)
+
+    return jax.tree.map(lambda x: converted(x) if is_plain(x) else x, y0)
 
 
 def check_initial_state(y0: PyTree) -> None:

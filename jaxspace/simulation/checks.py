@@ -49,7 +49,8 @@ def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
     # Even a conversion that changes nothing would run a program.
     if isinstance(x, jax.Array) and x.dtype == dtype and not x.weak_type:
         return x
-    if not is_traced(x):
+    known = not is_traced(x)
+    if known:
         try:
             kind = jnp.asarray(x).dtype if isinstance(x, list | tuple) else np.asarray(x).dtype
         except (TypeError, ValueError, OverflowError):
@@ -58,6 +59,8 @@ def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
         real = jnp.issubdtype(kind, jnp.floating) or jnp.issubdtype(kind, jnp.integer)
         if not real or isinstance(x, str):
             raise InputError(f"{name} is {reprlib.repr(x)}: it must be {allowed}.")
+    if known and not isinstance(x, list | tuple):
+        return jax.device_put(np.asarray(x, dtype))
     ts = jnp.asarray(x)
     if jnp.issubdtype(ts.dtype, jnp.complexfloating):
         raise InputError(f"{name} is complex: it must be {allowed}.")
