@@ -1,6 +1,7 @@
 """Events that the steps of a run find by themselves: one program, every run of a batch at its own
 event, two zeros in one step, and conditions that no polynomial describes."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -316,3 +317,62 @@ def test_a_run_is_its_single_precision():
     exact = (25.0 + np.sqrt(25.0**2 + 2.0 * G * 10.0)) / G
     assert run.end.dtype == jnp.float32
     np.testing.assert_allclose(run.end, exact, rtol=1e-5)
+
+
+class Drift(AbstractSystem):
+    """A body without forces: its steps are as long as they may be."""
+
+    def vector_field(self, t, y):
+        return BodyState(y.velocity, 0.0 * y.velocity)
+
+    def invariants(self, t, y):
+        return {}
+
+
+class Pair(eqx.Module):
+    """(t - a)(t - b): falls through zero at a, and rises through it at b."""
+
+    a: Float[Array, "*#runs"]
+    b: Float[Array, "*#runs"]
+
+    def __call__(self, t, y):
+        return (t - self.a) * (t - self.b)
+
+
+def pairs(runs):
+    """Places of two zeros, from far apart to a hundred thousandth of the run."""
+    rng = np.random.default_rng(4)
+    a = rng.uniform(0.1, 4.0, runs)
+    return jnp.asarray(a), jnp.asarray(a + 10.0 ** rng.uniform(-5.0, -0.2, runs))
+
+
+@pytest.mark.parametrize("direction", [-1, 0, 1])
+def test_the_first_of_two_zeros_is_found_however_close_they_are(direction):
+    a, b = pairs(300)
+    event = Event(Pair(a, b), direction, within=5.0)
+    still = BodyState(jnp.zeros((3, 300)), jnp.ones((3, 300)))
+    how = Accuracy(method=DOP853())
+    run = simulate_mission_batch(Mission(Phase(Drift(), event)), still, accuracy=how)
+    assert np.all(run.status == Status.EVENT)
+    # Roundings of a time of 5 s.
+    np.testing.assert_allclose(run.end, b if direction == 1 else a, rtol=0.0, atol=1e-14)
+
+
+def test_a_single_run_finds_what_that_of_a_batch_finds():
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    how = Accuracy(method=DOP853())
+    for a, b in zip(*pairs(12), strict=True):
+        run = simulate_mission(
+            Mission(Phase(Drift(), Event(Pair(a, b), within=5.0))), still, accuracy=how
+        )
+        np.testing.assert_allclose(run.end, a, rtol=0.0, atol=1e-14)
+
+
+@pytest.mark.parametrize("level", [0.3, 1.3])
+def test_a_zero_just_ahead_of_what_is_not_finite_is_found(level):
+    """Of sqrt(4 - t) in one part of a step, whose later samples are NaN."""
+    event = Event(lambda t, y: jnp.sqrt(4.0 - t) - level)
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    ts, how = jnp.array([0.0, 5.0]), Accuracy(method=DOP853())
+    run = simulate(Drift(), still, ts, events=(event,), accuracy=how)
+    np.testing.assert_allclose(run.ts[-1], 4.0 - level**2, rtol=1e-14)

@@ -15,11 +15,10 @@ from .tracing import is_traced
 def in_one_kernel(function: Callable[..., PyTree], *args: Any) -> PyTree:
     """`function(*args)`: in a compiled program, on a CPU and for single numbers, as one kernel.
 
-    The compiler for CPUs makes a kernel of every few operations, which it takes 10 ms to compile
-    and each call a third of a microsecond to start; but one of a whole loop that carries little.
-    So the function becomes a loop of one pass. The solution of Kepler's equation then compiles in a
-    quarter of the time, and takes less than half of it. It must not be differentiated: it belongs
-    into the value of a function with a rule for its derivative.
+    The compiler for CPUs makes a kernel of every few operations, which it takes 10 ms to compile,
+    but a single one of a whole loop that carries little. So the function becomes a loop of one
+    pass: a Kepler orbit then compiles in less than half of the time, and takes as long. It must not
+    be differentiated: it belongs into the value of a function with a rule for its derivative.
 
     **Arguments**
 

@@ -179,6 +179,51 @@ def located(
     `moving`; otherwise after the steps that hold the events were repeated with their `length`.
 
     `first`: whether the run starts with this step; `span`: its start and its duration, s."""
+    search = _searched(location, sought, step, going, moving, first, span)
+    here = search.here
+    change, tried, worse, more = _shorter(location, search.ends)
+    missed = jnp.abs(search.ends.value)
+    taken, tried, worse, more = (~going & x for x in (location.again, tried, worse, more))
+    change, taken, tried, worse, more = barrier((change, taken, tried, worse, more))
+    length = location.length
+    whole = step.s1 - step.s0
+
+    def updated(new: Array, old: Array) -> Array:
+        return jnp.where(here, new, old)
+
+    def at_event(start: Array, end: Array, old: Array) -> Array:
+        return updated(start, jnp.where(taken, end, old))
+
+    return Location(
+        waiting=location.waiting | here,
+        which=updated(search.which, location.which),
+        status=updated(search.status, location.status),
+        start=updated(step.s0, location.start),
+        y0=jax.tree.map(updated, step.y0, location.y0),
+        length=updated(search.s - step.s0, jnp.where(more, length + change, length)),
+        whole=updated(whole, location.whole),
+        y=jax.tree.map(at_event, step.y0, step.y1, location.y),
+        sizes=search.sizes,
+        # The dense output is accurate to a hundredth of the step.
+        change=updated(0.02 * whole, jnp.where(more, jnp.abs(change), location.change)),
+        placed=jnp.where(tried, length, location.placed),
+        missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, location.missed)),
+        again=jnp.where(going, updated(search.which >= 0, location.again), more),
+        repetitions=location.repetitions + jnp.where(going, 0, 1),
+    )
+
+
+def _searched(
+    location: Location,
+    sought: SoughtEvents,
+    step: SearchedStep,
+    going: Bool[Array, ""],
+    moving: Bool[Array, "*runs"],
+    first: Bool[Array, ""],
+    span: tuple[Scalar, Scalar],
+) -> _SearchState:
+    """The first event of each run in the parts of a step; of a step that is not `going` on the
+    conditions at its ends. Arguments as of `located`."""
     runs = moving.shape
     samples = max(event.samples for event in sought.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
@@ -238,41 +283,7 @@ def located(
         location.sizes,
         Ends(none, none, none, none),
     )
-    search = jax.lax.while_loop(searching, part, nothing)
-    here = search.here
-    change, tried, worse, more = _shorter(location, search.ends)
-    missed = jnp.abs(search.ends.value)
-    taken, tried, worse, more = (~going & x for x in (location.again, tried, worse, more))
-    change, taken, tried, worse, more = barrier((change, taken, tried, worse, more))
-    length = location.length
-
-    def updated(new: Array, old: Array) -> Array:
-        return jnp.where(here, new, old)
-
-    return Location(
-        waiting=location.waiting | here,
-        which=updated(search.which, location.which),
-        status=updated(search.status, location.status),
-        start=updated(step.s0, location.start),
-        y0=jax.tree.map(updated, step.y0, location.y0),
-        length=updated(search.s - step.s0, jnp.where(more, length + change, length)),
-        whole=updated(step.s1 - step.s0, location.whole),
-        y=jax.tree.map(
-            lambda start, end, old: updated(start, jnp.where(taken, end, old)),
-            step.y0,
-            step.y1,
-            location.y,
-        ),
-        sizes=search.sizes,
-        # The dense output is accurate to a hundredth of the step.
-        change=updated(
-            0.02 * (step.s1 - step.s0), jnp.where(more, jnp.abs(change), location.change)
-        ),
-        placed=jnp.where(tried, length, location.placed),
-        missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, location.missed)),
-        again=jnp.where(going, updated(search.which >= 0, location.again), more),
-        repetitions=location.repetitions + jnp.where(going, 0, 1),
-    )
+    return jax.lax.while_loop(searching, part, nothing)
 
 
 def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Array]:

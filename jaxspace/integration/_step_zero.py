@@ -171,70 +171,82 @@ class Part(NamedTuple):
         nodes = search.nodes()
         g, slopes = jax.vmap(self.along.at)(nodes)
         size = jnp.maximum(search.size, jnp.max(jnp.abs(g), axis=0))
-        # The rounding of the time, from the rate per second and the largest time of the run.
-        second = self.along.segment.rate.astype(g.dtype)
-        longest = jnp.maximum(jnp.abs(self.start), jnp.abs(self.duration))
-        change = self.rounding + size + jnp.abs(safe_divide(slopes[0], second)) * longest
-        eps = float(jnp.finfo(g.dtype).eps)
-        at_zero = self.at_start & (nodes[0] == self.begin)
-        at_zero = at_zero & (jnp.abs(g[0]) <= ROUNDINGS * eps * change)
+        at_zero = self._starts_at_zero(nodes[0], g[0], slopes[0], size)
         ends = Ends(g[0], slopes[0], g[-1], slopes[-1])
-        ill = ~jnp.isfinite(g)
-        ill_at = jnp.min(jnp.where(ill, nodes, jnp.inf), axis=0)
-        dip = dips(nodes, g, slopes)
+        ill = jnp.min(jnp.where(jnp.isfinite(g), jnp.inf, nodes), axis=0)
         # A change of sign is not examined for dips again.
-        dip = dip & (~search.inside | search.dip)
+        dip = dips(nodes, g, slopes) & (~search.inside | search.dip)
         g, candidate = candidates(g, dip, at_zero, slopes[0], event.direction)
         numbers = jnp.arange(PARTS).reshape(-1, *(1,) * len(runs))
         candidate = candidate & (search.inside | (numbers >= search.first))
         present = jnp.any(candidate, axis=0)
         index = jnp.argmax(candidate, axis=0)
-        (a, ga, sa), (b, gb, sb) = barrier(_interval((nodes, g, slopes), index, len(runs)))
-        dip = ga * gb > 0.0
-        share = jnp.where(dip, safe_divide(sa, sa - sb), zero_share((ga, gb), (sa, sb), b - a))
-        share = jnp.where((share >= 0.0) & (share <= 1.0), share, 0.5)
-        guess = a + share.astype(a.dtype) * (b - a)
-        resolved = 16.0 * float(jnp.finfo(a.dtype).eps)
-        resolved = resolved * jnp.maximum(jnp.abs(guess), self.end - self.begin)
-        close = b - a <= jnp.where(dip, NARROW / PARTS * (self.end - self.begin), resolved)
+        interval = barrier(_interval((nodes, g, slopes), index, len(runs)))
+        guess, dip, close = self._expected(*interval)
         hit = present & ~dip & close
         if event.touch is not None:
             hit = hit & (jnp.abs(self.along.condition(guess)) <= event.touch)
         # Whether the search goes on inside the interval, or behind the one that it was in.
         inside = present & ~close
-        active = present | search.inside
         first = jnp.where(search.inside, search.first, jnp.where(present, index, PARTS))
-        first = jnp.where(inside, first, first + 1)
         if event.at_start:
             now = at_zero & (event.direction * slopes[0] >= 0.0)
             guess = jnp.where(now, self.begin, guess)
             hit = hit | now
-        active = active & ~hit & going
+        active = (present | search.inside) & ~hit & going
+        (a, *_), (b, *_) = interval
         even = ~inside | search.inside & (b - a > (search.high - search.low) / PARTS)
-        low = jnp.where(inside, a, self.begin)
-        high = jnp.where(inside, b, self.end)
-        guess = jnp.where(even & active, 0.5 * (low + high), guess)
+        low, high = jnp.where(inside, a, self.begin), jnp.where(inside, b, self.end)
         new = _Search(
             low,
             high,
-            guess,
-            even,
-            inside,
-            first,
-            dip,
-            hit,
-            search.at_zero | at_zero,
-            jnp.minimum(search.ill, ill_at),
-            active,
-            search.left,
-            size,
-            ends,
+            guess=jnp.where(even & active, 0.5 * (low + high), guess),
+            even=even,
+            inside=inside,
+            first=jnp.where(inside, first, first + 1),
+            dip=dip,
+            hit=hit,
+            at_zero=search.at_zero | at_zero,
+            ill=jnp.minimum(search.ill, ill),
+            active=active,
+            left=search.left,
+            size=size,
+            ends=ends,
         )
         if runs:
             # A run whose search has ended stays there while the others go on.
             going_on, new = barrier((search.active, new))
             new = jax.tree.map(lambda a, b: jnp.where(going_on, a, b), new, search)
         return new._replace(left=search.left - 1)
+
+    def _starts_at_zero(
+        self, node: Scalar, g: Scalar, slope: Scalar, size: Scalar
+    ) -> Bool[Array, "*runs"]:
+        """Whether the condition is zero, to rounding, where the run starts, if it does at `node`.
+
+        `g`, `slope`: the condition there; `size`: the largest so far."""
+        # The rounding of the time, from the rate per second and the largest time of the run.
+        second = self.along.segment.rate.astype(g.dtype)
+        longest = jnp.maximum(jnp.abs(self.start), jnp.abs(self.duration))
+        change = self.rounding + size + jnp.abs(safe_divide(slope, second)) * longest
+        small = jnp.abs(g) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
+        return self.at_start & (node == self.begin) & small
+
+    def _expected(
+        self, low: tuple[Scalar, Scalar, Scalar], high: tuple[Scalar, Scalar, Scalar]
+    ) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
+        """Where the condition is expected to be zero between two samples, in a dip where it is
+        nearest to zero; whether it dips; and whether the samples are so close that this is it.
+
+        Of each sample the place, the condition and its slope."""
+        (a, ga, sa), (b, gb, sb) = low, high
+        dip = ga * gb > 0.0
+        share = jnp.where(dip, safe_divide(sa, sa - sb), zero_share((ga, gb), (sa, sb), b - a))
+        share = jnp.where((share >= 0.0) & (share <= 1.0), share, 0.5)
+        guess = a + share.astype(a.dtype) * (b - a)
+        length = self.end - self.begin
+        rounding = 16.0 * float(jnp.finfo(a.dtype).eps) * jnp.maximum(jnp.abs(guess), length)
+        return guess, dip, b - a <= jnp.where(dip, NARROW / PARTS * length, rounding)
 
 
 def _interval(samples: tuple[Array, ...], index: Array, run_axes: int) -> list[tuple[Array, ...]]:

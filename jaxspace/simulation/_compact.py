@@ -242,7 +242,8 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
     zero = jnp.zeros_like(ts[0])
     one = jnp.ones_like(ts[0])
     g = event.condition(ts[0], unravel(v0))
-    start = _Search(*(ts[0], v0, g, jnp.asarray(0), jnp.asarray(False), zero, g, one, one, zero))
+    none = jnp.asarray(0), jnp.asarray(False)
+    start = _Search(ts[0], v0, g, *none, zero, g, one, one, zero)
     # The scan has a fixed length: a loop that ends at the event would have no reverse mode.
     last, saved = lax.scan(advance, start, None, length=ts.size - 1 + SEARCH)
     return (last.t, last.v, last.hit), saved
