@@ -24,7 +24,6 @@ from ..core import State
 from ..core.barrier import barrier
 from ..solvers.protocol import field_of_step, small_program
 from ._buffers import empty_buffer, get_row, put_row
-from ._checkpointed_field import CheckpointedField
 from ._needed import needed_only
 from ._record import Record
 from .loop import TERM, LoopSettings
@@ -32,6 +31,13 @@ from .loop import TERM, LoopSettings
 CHUNK = 32
 """Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
 of them short runs take more steps twice."""
+
+# The vector field of which reverse mode stores the arguments alone. Its intermediate values take
+# longer to write and to read back than to compute, because a step holds all of its stages at once;
+# and the program that stores none of them compiles sooner.
+CHECKPOINTED: diffrax.ODETerm = diffrax.ODETerm(
+    eqx.filter_jit(lambda t, y, field: eqx.filter_checkpoint(field)(t, y))
+)
 
 # Maps the cotangents of the results of a step to those of the field and of the state before it.
 Pullback: TypeAlias = Callable[[PyTree], tuple[PyTree, ...]]
@@ -78,14 +84,12 @@ class Replay(eqx.Module):
         needed.
 
         `backwards`: whether the step is for reverse mode."""
-        field = eqx.combine(moving, self.fixed)
         # The stages of a small program are checkpoints already.
-        if backwards and not self.small:
-            field = CheckpointedField(field)
+        term = CHECKPOINTED if backwards and not self.small else TERM
         t0, t1 = self.step_bounds(n)
-        field = field_of_step(self.method, field, t0, t1)
-        state = self.method.init(TERM, t0, t1, y, field)
-        y1, _, dense_info, _, _ = self.method.step(TERM, t0, t1, y, field, state, jnp.array(False))
+        field = field_of_step(self.method, eqx.combine(moving, self.fixed), t0, t1)
+        state = self.method.init(term, t0, t1, y, field)
+        y1, _, dense_info, _, _ = self.method.step(term, t0, t1, y, field, state, jnp.array(False))
         return y1, None if self.settings.save_ts is None else dense_info
 
     def interpolate(self, n: Array, dense_info: PyTree, t: Array) -> State:
