@@ -2,8 +2,8 @@
 
 import html
 from collections import Counter
-from collections.abc import Iterable, Sequence
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from collections.abc import Sequence
+from typing import Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
@@ -23,43 +23,9 @@ Row = tuple[str, ...]
 MOST_COMPONENTS = 4
 
 
-# Protocols in place of the printed classes, because these import this file. Checked where
-# annotations are.
-@runtime_checkable
-class Run(Protocol):
-    """The attributes of a run that are printed, with the names of a `Trajectory`."""
-
-    ts: Array
-    states: State
-    status: Array
-    stats: dict[str, Array]
-    system: Any
-    config: IntegrationConfig
-    run_axes: int
-    control: dict[str, Any] | None
-
-
-@runtime_checkable
-class Phases(Protocol):
-    """The attributes of a mission that are printed, with the names of a `MissionTrajectory`."""
-
-    final: State
-    end: Array
-    status: Array
-
-    @property
-    def phases(self) -> Sequence[Run]:
-        """The runs of the phases."""
-        ...
-
-    def items(self) -> Iterable[tuple[str, Run]]:
-        """The runs with the names of their phases."""
-        ...
-
-    @property
-    def evaluations(self) -> Array:
-        """Number of evaluations of the vector fields."""
-        ...
+# A `Trajectory` and a `MissionTrajectory`, whose modules import this one.
+Run: TypeAlias = Any
+Phases: TypeAlias = Any
 
 
 class Summary(NamedTuple):
