@@ -8,7 +8,7 @@ import pytest
 
 from jaxspace import BodyState
 from jaxspace.core import InputError
-from jaxspace.integration import _memory, _record
+from jaxspace.integration import _record
 from jaxspace.integration._record import Record, Recording, RecordLayout
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import Accuracy, simulate
@@ -86,7 +86,7 @@ def end(mu, max_steps, dense=False):
 def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch):
     sentence = "Accuracy.max_steps is {}: .* would take {} GB of memory; .* at most {}"
     # Half of the memory for the ends of the steps, of 8 bytes each, or for seven numbers of each.
-    monkeypatch.setattr(_memory, "memory", lambda: 16e9)
+    monkeypatch.setattr(_record, "memory", lambda: 16e9)
     with pytest.raises(InputError, match=sentence.format(10**12, 8000, 10**9)):
         jax.jacfwd(end)(1.0, 10**12)
     with pytest.raises(InputError, match=sentence.format(10**12, 8000, 10**9)):
@@ -95,7 +95,7 @@ def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch):
         end(1.0, 2 * 10**9, dense=True)
     # What is asked for is the memory of this machine.
     monkeypatch.undo()
-    assert 2**28 < _memory.memory() < 2**60
+    assert 2**28 < _record.memory() < 2**60
     with pytest.raises(InputError, match="would take 8000000 GB"):
         jax.eval_shape(jax.grad(lambda mu: end(mu, 10**15).position[1]), 1.0)
     # The value keeps no record.

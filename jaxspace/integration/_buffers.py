@@ -1,4 +1,4 @@
-"""Buffers that the loop of an integration fills: rows of states."""
+"""Buffers that the loop of an integration fills: rows of states, and the record of its steps."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ._memory import check_memory
+from ._record import Recording, RecordLayout
 
 
 def empty_buffer(count: int, y: State) -> State:
@@ -31,17 +31,6 @@ def get_row(rows: PyTree, index: Int[Array, ""]) -> PyTree:
 def put_row(rows: PyTree, index: Int[Array, ""], row: PyTree) -> PyTree:
     """A tree of rows with one of them replaced."""
     return jax.tree.map(lambda x, a: x.at[index].set(a), rows, row)
-
-
-def empty_steps(
-    limit: int, clock: Array, y: State, dense: bool
-) -> tuple[Float[Array, " steps"], State | None]:
-    """Memory for the ends of `limit` steps, like the times of the `clock`, (*runs,), and, for a
-    `dense` output, the states at them. Raises `InputError` where the memory does not suffice."""
-    recorded = (clock, *jax.tree.leaves(y)) if dense else (clock,)
-    check_memory("the steps of the run", limit, sum(x.size * x.dtype.itemsize for x in recorded))
-    ends = jnp.zeros((limit, *clock.shape), clock.dtype)
-    return ends, empty_buffer(limit, y) if dense else None
 
 
 class SavedStates(NamedTuple):
@@ -69,3 +58,51 @@ class SavedStates(NamedTuple):
             return SavedStates(put_row(saved.states, saved.count, y), saved.count + 1)
 
         return jax.lax.while_loop(due, append, self)
+
+
+class Buffers(NamedTuple):
+    """What a loop fills as it goes on, each where it is requested.
+
+    - `saved`: the states at the save times.
+    - `step_ends`, `step_states`: ends of the accepted steps, and the states there.
+    - `recording`: the steps, for derivatives."""
+
+    saved: SavedStates | None
+    step_ends: Float[Array, " steps *runs"] | None
+    step_states: State | None
+    recording: Recording | None
+
+    def add(
+        self,
+        n: Int[Array, ""],
+        end: Array | None,
+        y: State,
+        step: Array,
+        taken: Bool[Array, ""],
+        limit: int,
+    ) -> "Buffers":
+        """The buffers with step number `n` of at most `limit`: its `end`, the state `y` there, and
+        what is recorded of the `step`.
+
+        A step that was not `taken` writes to the row that the next one overwrites."""
+        _, ends, states, recording = self
+        if ends is not None:
+            ends = ends.at[n].set(end)
+        if states is not None:
+            states = put_row(states, n, y)
+        if recording is not None:
+            recording = recording.add(RecordLayout.of(y, step, limit), n, step, y, taken)
+        return self._replace(step_ends=ends, step_states=states, recording=recording)
+
+    def again(self, empty: "Buffers") -> "Buffers":
+        """These buffers for the same run once more, with the counts of the `empty` ones: what is in
+        them is overwritten."""
+        return jax.tree.map(lambda new, old: old if old.ndim else new, empty, self)
+
+    def ends_of(self, count: Int[Array, ""]) -> Array | None:
+        """The ends of the `count` accepted steps; infinite beyond them."""
+        ends = self.step_ends
+        if ends is None:
+            return None
+        rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
+        return jnp.where(rows < count, ends, jnp.inf)

@@ -91,9 +91,9 @@ def _chosen_steps(field: PyTree, y0: State, settings: LoopSettings) -> _Chosen:
         settings, save_ts=None, record_steps=True, dense=False, restarts=False
     )
     loop = integrate_loop(bare, field, y0)
-    assert loop.step_ends is not None
-    taken = jnp.arange(settings.max_steps) < loop.num_accepted
-    nodes = jnp.where(taken, loop.step_ends, settings.end)
+    ends = loop.buffers.ends_of(loop.num_accepted)
+    assert ends is not None
+    nodes = jnp.where(jnp.isfinite(ends), ends, settings.end)
     return _Chosen(
         jnp.concatenate([settings.start[None], nodes]),
         loop.num_accepted,

@@ -51,25 +51,20 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     if location is not None:
         # Neither a run that waits at its event nor one that failed needs more steps.
         short = short & ~location.waiting & settings.tolerance.alive(loop.y)
-    if loop.saved is None:
+    if loop.buffers.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
         y = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan), loop.y)
         states = jax.tree.map(lambda x: x[None], y if location is None else location.ended(y))
     else:
-        states = loop.saved.states
-    asked = settings.record_steps or settings.dense
-    ends = loop.step_ends if asked else None
-    if ends is not None:
-        # Beyond the last accepted step the buffer holds nothing.
-        ends = jnp.where(jnp.arange(ends.shape[0]) < loop.num_accepted, ends, jnp.inf)
+        states = loop.buffers.saved.states
     return Outcome(
         states,
         loop.solver_state[1],
         loop.left_out | short,
         loop.num_accepted,
         loop.num_rejected,
-        ends,
-        loop.step_states,
+        loop.buffers.ends_of(loop.num_accepted),
+        loop.buffers.step_states,
         location,
     )
 
@@ -77,13 +72,10 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
 def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
     """The outcome of runs that each take their own steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
-    states = loop.saved
-    if states is None:
+    if loop.buffers.saved is None:
         states = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan)[None], loop.y)
-    ends = loop.ends
-    if ends is not None:
-        rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
-        ends = jnp.where(rows < loop.count, ends, jnp.inf)
+    else:
+        states = loop.buffers.saved.states
     alive = jnp.isfinite(loop.worst)
     return Outcome(
         states,
@@ -91,6 +83,6 @@ def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
         loop.left_out | (~finished & alive & (loop.passes >= settings.max_steps)),
         loop.accepted,
         loop.rejected,
-        ends,
-        loop.states,
+        loop.buffers.ends_of(loop.count),
+        loop.buffers.step_states,
     )

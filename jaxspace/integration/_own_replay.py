@@ -16,8 +16,7 @@ from ..core import State
 from ..core.barrier import barrier
 from ..solvers.regularised_step import attempt, form_of
 from ._needed import needed_only
-from ._own_buffers import get_landed, put_landed
-from ._own_state import OwnState, Segment, landing_state
+from ._own_state import OwnState, Segment, get_landed, landing_state, put_landed
 from ._replay import Replay
 
 

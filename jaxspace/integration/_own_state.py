@@ -1,17 +1,18 @@
-"""State of a loop in which every run takes its own steps."""
+"""State of a loop in which every run takes its own steps, and the rows that its runs fill."""
 
 import functools
 from typing import NamedTuple, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractRegularised, Scalar, State
 from ..solvers.regularised_step import Regular, landed
 from ..solvers.vector_field import ScaledField
+from ._buffers import Buffers
 from ._own_control import Trend
-from ._record import Recording
 from .loop import LoopSettings
 
 
@@ -34,9 +35,7 @@ class OwnLoop(NamedTuple):
       the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
     - `count`: number of the `passes` in which a run moved.
-    - `recording`: for each of these passes the steps of the runs (zero for a run that does not
-      move), whether they landed, and states.
-    - `ends`, `states`: normalised times and states after each of these passes, if requested.
+    - `buffers`: with a row for each of these passes, but the states at the save times by segment.
     - `left_out`: the runs for which the others would have waited too long."""
 
     y: OwnState
@@ -50,10 +49,7 @@ class OwnLoop(NamedTuple):
     rejected: Int[Array, "*runs"]
     passes: Int[Array, ""]
     count: Int[Array, ""]
-    saved: State | None
-    ends: Float[Array, " passes *runs"] | None
-    states: State | None
-    recording: Recording | None
+    buffers: Buffers
     left_out: Bool[Array, "*runs"]
 
 
@@ -90,3 +86,42 @@ def landing_state(
     z = landed(form, *segment, y.z)
     z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
     return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
+
+
+def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Write the state of each run that is `done` into the row of its segment.
+
+    `rows` is (times, ..., *runs), and `number` holds the segment of each run. Rows of the other
+    runs stay as they are.
+    """
+    runs = number.size
+    row = jnp.where(done, number, jnp.inf).reshape(runs)
+
+    def leaf(x: Array, new: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
+        values = new.reshape(-1, runs).T
+        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
+
+    return jax.tree.map(leaf, rows, y)
+
+
+def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
+    """Read, for each run that is `done`, the row of its segment; zero for the other runs.
+
+    `rows` is (times, ..., *runs), and `number` holds the segment of each run."""
+    runs = number.size
+
+    def leaf(x: Array) -> Array:
+        flat = x.reshape(x.shape[0], -1, runs)
+        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
+        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
+        return jnp.where(done, values, 0.0)
+
+    return jax.tree.map(leaf, rows)
+
+
+def record_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:
+    """The record of one pass: the step of each run, zero for none, and whether it landed,
+    (2, *runs)."""
+    return jnp.stack([h, done.astype(h.dtype)])

@@ -24,11 +24,18 @@ from ..solvers.regularised_step import (
 )
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
-from ._buffers import empty_steps, nan_buffer, put_row
-from ._own_buffers import record_of_pass, written
+from ._buffers import Buffers, put_row
 from ._own_control import Trend, bounded, following, ideal_length
-from ._own_state import OwnLoop, OwnState, Segment, alive, landing_state, unit
-from ._record import Recording, RecordLayout
+from ._own_state import (
+    OwnLoop,
+    OwnState,
+    Segment,
+    alive,
+    landing_state,
+    put_landed,
+    record_of_pass,
+    unit,
+)
 from ._slow_runs import nan_where, without_slow_runs
 from .loop import LoopSettings
 
@@ -57,21 +64,11 @@ def integrate_own_steps(
         moving = (loop.y.segment < settings.end) & alive(loop.y.z) & ~loop.pending
         return moving & (loop.passes >= settings.max_steps)
 
-    def restarted(loop: OwnLoop, left_out: Array) -> OwnLoop:
-        recording = loop.recording
-        if recording is not None:
-            assert start.recording is not None
-            recording = start.recording._replace(numbers=recording.numbers)
-        return start._replace(
-            y=OwnState(nan_where(left_out, start.y.z), start.y.segment),
-            saved=loop.saved,
-            ends=loop.ends,
-            states=loop.states,
-            recording=recording,
-        )
+    def nan_in(left_out: Array, y: OwnState) -> OwnState:
+        # The number of a segment looks up its times.
+        return OwnState(nan_where(left_out, y.z), y.segment)
 
-    loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
-    return loop._replace(left_out=left_out)
+    return without_slow_runs(start, run, slow, nan_in)
 
 
 def _start(
@@ -89,17 +86,13 @@ def _start(
     landing = jnp.abs(to_end) <= free
     zero = jnp.asarray(0)
     none = jnp.zeros(y0.segment.shape, int)
-    limit, dtype = settings.max_steps, y0.z.dtype
-    runs = y0.segment.shape
-    saved = ends = states = recording = None
-    if settings.save_ts is not None:
-        saved = put_row(nan_buffer(settings.save_ts.shape[0], y0), zero, y0)
-    if recorded:
-        step = record_of_pass(free, landing)
-        recording = Recording.empty(RecordLayout.of(y0, step, limit))
-    if settings.record_steps or settings.dense:
-        clock = jnp.broadcast_to(settings.end, runs)
-        ends, states = empty_steps(limit, clock, y0, settings.dense)
+    clock = jnp.broadcast_to(settings.end, y0.segment.shape)
+    step = record_of_pass(free, landing) if recorded else None
+    buffers = settings.buffers(y0, clock, step)
+    if buffers.saved is not None:
+        # The first saved state is the initial one.
+        first = put_row(buffers.saved.states, zero, y0)
+        buffers = buffers._replace(saved=buffers.saved._replace(states=first))
     return OwnLoop(
         y=y0,
         h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),
@@ -107,15 +100,12 @@ def _start(
         trend=Trend.before(free),
         landing=landing,
         pending=jnp.zeros_like(landing),
-        worst=jnp.where(alive(y0.z), 0.0, jnp.inf).astype(dtype),
+        worst=jnp.where(alive(y0.z), 0.0, jnp.inf).astype(y0.z.dtype),
         accepted=none,
         rejected=none,
         passes=zero,
         count=zero,
-        saved=saved,
-        ends=ends,
-        states=states,
-        recording=recording,
+        buffers=buffers,
         left_out=jnp.zeros_like(landing),
     )
 
@@ -163,8 +153,15 @@ def _advance(
         lambda: (*state, jnp.zeros_like(past)),
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
-    taken = jnp.where(accept, loop.h, 0.0)
-    return written(settings, field, loop, accept | done, taken, done, y1)._replace(
+    moved = jnp.any(accept | done)
+    step = record_of_pass(jnp.where(accept, loop.h, 0.0), done)
+    ends = None
+    if loop.buffers.step_ends is not None:
+        duration = Segment.of(field, settings, y1.segment).duration
+        part = y1.z[-1] / jnp.where(duration == 0.0, 1.0, duration)
+        ends = (y1.segment + part).astype(settings.end.dtype)
+    buffers = _with_landed(loop.buffers, y1, done)
+    return loop._replace(
         y=y1,
         h=h1,
         free=free,
@@ -175,7 +172,22 @@ def _advance(
         accepted=loop.accepted + accept.astype(int),
         rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
+        count=loop.count + moved.astype(int),
+        buffers=buffers.add(loop.count, ends, y1, step, moved, settings.max_steps),
     )
+
+
+def _with_landed(buffers: Buffers, y: OwnState, done: Bool[Array, "*runs"]) -> Buffers:
+    """The buffers with the states of the runs that have landed on the end of a segment."""
+    if buffers.saved is None:
+        return buffers
+    # A loop of at most one pass, because a conditional would copy the whole buffer.
+    states, _ = jax.lax.while_loop(
+        lambda carry: carry[1],
+        lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
+        (buffers.saved.states, jnp.any(done)),
+    )
+    return buffers._replace(saved=buffers.saved._replace(states=states))
 
 
 class _PassState(NamedTuple):

@@ -23,9 +23,8 @@ from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ..solvers.step_control import FIRST_STEP
 from ._outcome import outcome_of, own_outcome_of
-from ._own_buffers import record_of_pass
 from ._own_replay import OwnReplay
-from ._own_state import OwnState
+from ._own_state import OwnState, record_of_pass
 from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
 from ._record import Record, Recording, RecordLayout
@@ -94,7 +93,7 @@ class Problem:
         # The type of the state decides which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
-            recorded_steps = own.recording, own.count
+            recorded_steps = own.buffers.recording, own.count
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
         small = self._is_alone(settings) if small else recorded and self._is_single(settings)
         if small or self._is_small(settings, derivative=False):
@@ -109,7 +108,7 @@ class Problem:
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
-        recorded_steps = loop.recording, loop.num_accepted
+        recorded_steps = loop.buffers.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome), *_arrays_of(*recorded_steps)]
 
     def record(self, *args: Array, small: bool = False) -> list[Array]:

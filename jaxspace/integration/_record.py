@@ -11,6 +11,7 @@ its time on filling and copying it.
 """
 
 import math
+import os
 from typing import NamedTuple, final
 
 import equinox as eqx
@@ -19,8 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import State
-from ._memory import check_memory
+from ..core import InputError, State
 
 RECORD_BYTES = 3 * 2**16
 """Size of a record, unless the steps alone need more. A larger one takes longer to fill and to move
@@ -28,6 +28,11 @@ than the steps between two states take to be computed again."""
 
 FEWEST_STATES = 4
 """Number of states for which the record has space beside all steps."""
+
+SHARE = 0.5
+"""Share of the memory for recorded steps: a derivative holds the record and its source at once."""
+SMALL = 2**28
+"""Bytes that any machine has: below this the memory is not checked."""
 
 
 class RecordLayout(NamedTuple):
@@ -174,3 +179,36 @@ class Record(eqx.Module):
         first = self.layout.step_start(n)
         flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, self.layout.step_size)
         return flat.reshape(self.layout.step)
+
+
+def check_memory(what: str, steps: int, per_step: int) -> None:
+    """Raise `InputError` if the records of all steps take more than `SHARE` of the memory.
+
+    **Arguments**
+
+    - `what`: the name of the records.
+    - `steps`: the largest number of steps.
+    - `per_step`: bytes of one step."""
+    size = steps * per_step
+    if size <= SMALL:
+        return
+    available = SHARE * memory()
+    if size > available:
+        raise InputError(
+            f"Accuracy.max_steps is {steps}: with room for all of them {what} would take "
+            f"{size / 1e9:.0f} GB of memory; on this machine it must be at most "
+            f"{int(available) // per_step}."
+        )
+
+
+def memory() -> float:
+    """Memory of the device in use, or of this machine, bytes; infinite if both are unknown."""
+    # None from a CPU.
+    limit = (jax.devices()[0].memory_stats() or {}).get("bytes_limit")
+    if limit is not None:
+        return limit
+    try:
+        return os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    # Not a POSIX system.
+    except (AttributeError, ValueError):
+        return float("inf")

@@ -19,14 +19,14 @@ from ..solvers.error_tracking import ErrorTrackingSolver
 from ..solvers.step_control import BatchStepController, StepTo
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
-from ._buffers import SavedStates, empty_steps, nan_buffer, put_row
+from ._buffers import Buffers, SavedStates, empty_buffer, nan_buffer
 from ._event_location import (
     Location,
     SearchedStep,
     SoughtEvents,
     located,
 )
-from ._record import Recording, RecordLayout
+from ._record import Recording, RecordLayout, check_memory
 from ._slow_runs import nan_where, without_slow_runs
 from .normalised_time import OwnStep, ScaledVectorField, Segments
 
@@ -85,13 +85,29 @@ class LoopSettings(eqx.Module):
             )
         return StepTo(self.plan.astype(self.lengths.dtype))
 
+    def buffers(self, y: State, clock: Array, step: Array | None) -> Buffers:
+        """Empty buffers for states like `y` and times like `clock`, and for a derivative for
+        recorded steps like `step`. Raises `InputError` where the memory does not suffice."""
+        limit = self.max_steps
+        saved = ends = states = recording = None
+        if self.save_ts is not None:
+            saved = SavedStates(nan_buffer(self.save_ts.shape[0], y), jnp.asarray(0))
+        if self.record_steps or self.dense:
+            stored = (clock, *jax.tree.leaves(y)) if self.dense else (clock,)
+            size = sum(x.size * x.dtype.itemsize for x in stored)
+            check_memory("the steps of the run", limit, size)
+            ends = jnp.zeros((limit, *clock.shape), clock.dtype)
+            states = empty_buffer(limit, y) if self.dense else None
+        if step is not None:
+            recording = Recording.empty(RecordLayout.of(y, step, limit))
+        return Buffers(saved, ends, states, recording)
+
 
 class LoopState(NamedTuple):
     """Carry of the loop. Times are normalised.
 
     - `t`, `t_next`: the time reached, and the proposed end of the next step.
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
-    - `step_ends`, `step_states`: ends of the accepted steps and the states there, if requested.
     - `left_out`: runs that used up the shared steps, and without which the others went on.
     - `location`: of the first event of each run, where some are sought.
     """
@@ -104,10 +120,7 @@ class LoopState(NamedTuple):
     made_jump: Bool[Array, ""]
     num_accepted: Int[Array, ""]
     num_rejected: Int[Array, ""]
-    saved: SavedStates | None
-    step_ends: Float[Array, " steps"] | None
-    step_states: State | None
-    recording: Recording | None
+    buffers: Buffers
     left_out: Bool[Array, "*runs"]
     location: Location | None
 
@@ -136,18 +149,15 @@ def integrate_loop(
 
     **Returns** the last `LoopState`. If its `t` is `settings.end`, all runs are complete except
     those `left_out`. Otherwise the steps ran out, which the caller reports in the status."""
-    tools = settings.solver(), settings.controller()
 
     def unfinished(loop: LoopState) -> Bool[Array, ""]:
         going = _going_on(settings, loop)
         return going if loop.location is None else going | jnp.any(loop.location.again)
 
     def run(loop: LoopState) -> LoopState:
-        return jax.lax.while_loop(
-            unfinished, lambda loop: _advance(settings, *tools, field, loop), loop
-        )
+        return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, field, loop), loop)
 
-    start = _start(settings, *tools, field, y0, recorded)
+    start = _start(settings, field, y0, recorded)
     # A single run does not wait for others, and a plan does not run out of steps.
     if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
@@ -156,23 +166,7 @@ def integrate_loop(
         limiting = jnp.where(settings.tolerance.alive(loop.y), loop.controller_state.limiting, 0)
         return (loop.t < settings.end) & (2 * limiting >= jnp.maximum(jnp.max(limiting), 1))
 
-    def restarted(loop: LoopState, left_out: Array) -> LoopState:
-        saved, recording = loop.saved, loop.recording
-        if saved is not None:
-            saved = saved._replace(count=start.num_accepted)
-        if recording is not None:
-            assert start.recording is not None
-            recording = start.recording._replace(numbers=recording.numbers)
-        return start._replace(
-            y=nan_where(left_out, start.y),
-            saved=saved,
-            step_ends=loop.step_ends,
-            step_states=loop.step_states,
-            recording=recording,
-        )
-
-    loop, left_out = without_slow_runs(start, run, slow, restarted, start.left_out)
-    return loop._replace(left_out=left_out)
+    return without_slow_runs(start, run, slow, nan_where)
 
 
 def _going_on(settings: LoopSettings, loop: LoopState) -> Bool[Array, ""]:
@@ -185,30 +179,17 @@ def _going_on(settings: LoopSettings, loop: LoopState) -> Bool[Array, ""]:
     return going
 
 
-def _start(
-    settings: LoopSettings,
-    solver: ErrorTrackingSolver,
-    controller: BatchStepController | StepTo,
-    field: ScaledField,
-    y0: State,
-    recorded: bool,
-) -> LoopState:
+def _start(settings: LoopSettings, field: ScaledField, y0: State, recorded: bool) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
-    limit = settings.max_steps
+    solver, controller = settings.solver(), settings.controller()
     start, end = settings.start, settings.end
     t_next, controller_state = controller.init(
         TERM, start, end, y0, None, field, solver.func, solver.error_order(TERM)
     )
     zero = jnp.asarray(0)
-    saved = step_ends = step_states = recording = location = None
+    location = None
     if settings.sought is not None:
         location = Location.none_yet(settings.sought, start, y0, settings.tolerance)
-    if settings.save_ts is not None:
-        saved = SavedStates(nan_buffer(settings.save_ts.shape[0], y0), zero)
-    if settings.record_steps or settings.dense:
-        step_ends, step_states = empty_steps(limit, end, y0, settings.dense)
-    if recorded:
-        recording = Recording.empty(RecordLayout.of(y0, end, limit))
     return LoopState(
         t=start,
         t_next=t_next,
@@ -218,24 +199,16 @@ def _start(
         made_jump=jnp.array(False),
         num_accepted=zero,
         num_rejected=zero,
-        saved=saved,
-        step_ends=step_ends,
-        step_states=step_states,
-        recording=recording,
+        buffers=settings.buffers(y0, end, end if recorded else None),
         left_out=jnp.zeros_like(settings.tolerance.alive(y0)),
         location=location,
     )
 
 
-def _advance(
-    settings: LoopSettings,
-    solver: ErrorTrackingSolver,
-    controller: BatchStepController | StepTo,
-    field: ScaledField,
-    loop: LoopState,
-) -> LoopState:
+def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> LoopState:
     """The loop after one more step, accepted or rejected; if every run waits at its event, after
     one more repetition of the steps that hold the events."""
+    solver, controller = settings.solver(), settings.controller()
     t0 = loop.t
     t1 = loop.t_next
     y0 = loop.y
@@ -299,7 +272,15 @@ def _advance(
     def select(new: PyTree, old: PyTree) -> PyTree:
         return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
 
-    return _written(settings, loop, accept, y1, interpolation)._replace(
+    buffers = loop.buffers
+    if buffers.saved is not None:
+        assert settings.save_ts is not None
+        # Nothing lies before time -1: a rejected step saves no state.
+        reached = jnp.where(accept, loop.t_next, -1.0)
+        saved = buffers.saved.record(interpolation, settings.save_ts, reached)
+        buffers = buffers._replace(saved=saved)
+    end = loop.t_next
+    return loop._replace(
         t=t_after,
         # The last step must not pass the end, where the vector field may not be defined.
         t_next=jnp.minimum(t_next, settings.end),
@@ -309,6 +290,7 @@ def _advance(
         made_jump=select(made_jump, loop.made_jump),
         num_accepted=jnp.where(accept, loop.num_accepted + 1, loop.num_accepted),
         num_rejected=jnp.where(rejected, loop.num_rejected + 1, loop.num_rejected),
+        buffers=buffers.add(loop.num_accepted, end, y1, end, accept, settings.max_steps),
         location=location,
     )
 
@@ -339,31 +321,3 @@ def _located(
     moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
     first = loop.t == settings.start
     return located(location, sought, step, going, moving, first, span)
-
-
-def _written(
-    settings: LoopSettings,
-    loop: LoopState,
-    accept: Bool[Array, ""],
-    y1: State,
-    interpolation: diffrax.AbstractLocalInterpolation,
-) -> LoopState:
-    """The loop with the buffers after this step: its final state `y1`, and the saved states
-    within."""
-    saved, step_ends, step_states, recording = loop[-6:-2]
-    if saved is not None:
-        assert settings.save_ts is not None
-        # Nothing lies before time -1: a rejected step saves no state.
-        reached = jnp.where(accept, loop.t_next, -1.0)
-        saved = saved.record(interpolation, settings.save_ts, reached)
-    if step_ends is not None:
-        # A rejected step writes to the row that the next accepted one overwrites.
-        step_ends = step_ends.at[loop.num_accepted].set(loop.t_next)
-    if step_states is not None:
-        step_states = put_row(step_states, loop.num_accepted, y1)
-    if recording is not None:
-        layout = RecordLayout.of(y1, loop.t_next, settings.max_steps)
-        recording = recording.add(layout, loop.num_accepted, loop.t_next, y1, accept)
-    return loop._replace(
-        saved=saved, step_ends=step_ends, step_states=step_states, recording=recording
-    )
