@@ -5,6 +5,7 @@ layout of the library (components first, runs last), the same runs are one batch
 times as fast. `add_run_axis` makes this batch, or returns `None` where it cannot.
 """
 
+import dataclasses
 import functools
 from collections.abc import Callable, Sequence
 from typing import TypeAlias
@@ -187,19 +188,14 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
         run_axes=axes,
         searched=sought is not None,
     )
-    return LoopSettings(
-        method,
-        tolerance,
-        lengths,
-        longest,
-        settings.save_ts,
-        settings.plan,
-        reach,
-        settings.max_steps,
-        settings.record_steps,
-        settings.dense,
-        settings.restarts,
-        sought,
+    return dataclasses.replace(
+        settings,
+        method=method,
+        tolerance=tolerance,
+        lengths=lengths,
+        longest_steps=longest,
+        reach=reach,
+        sought=sought,
     )
 
 
@@ -246,23 +242,26 @@ def over_blocks(
     if count == 1:
         return complete(call(parts, more), size)
 
-    def cut(x: Array) -> Array:
-        filled = jnp.concatenate(
-            [x, jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], count * BLOCK - size))], axis=-1
-        )
-        return jnp.moveaxis(filled.reshape(*x.shape[:-1], count, BLOCK), -2, 0)
-
     own, shared = eqx.partition(parts, carried)
-    own, more = jax.tree.map(cut, (own, list(more)))
+    own, more = jax.tree.map(lambda x: cut_runs(x, count, BLOCK), (own, list(more)))
 
     def block(piece: tuple[PyTree, Sequence[Array]]) -> list[Array]:
         own, more = piece
         return complete(call(eqx.combine(own, shared), more), BLOCK)
 
-    results = jax.lax.map(block, (own, more))
+    return [join_runs(x, size) for x in jax.lax.map(block, (own, more))]
 
-    def join(x: Array) -> Array:
-        x = jnp.moveaxis(x, 0, -2)
-        return x.reshape(*x.shape[:-2], count * BLOCK)[..., :size]
 
-    return [join(x) for x in results]
+def cut_runs(x: Array, count: int, size: int) -> Array:
+    """The array in `count` blocks of `size` runs, on a new first axis; copies of the last run fill
+    the last block."""
+    filling = count * size - x.shape[-1]
+    last = jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], filling))
+    x = jnp.concatenate([x, last], axis=-1)
+    return jnp.moveaxis(x.reshape(*x.shape[:-1], count, size), -2, 0)
+
+
+def join_runs(x: Array, runs: int) -> Array:
+    """The array with these `runs` on the last axis, from blocks on the first one."""
+    x = jnp.moveaxis(x, 0, -2)
+    return x.reshape(*x.shape[:-2], x.shape[-2] * x.shape[-1])[..., :runs]

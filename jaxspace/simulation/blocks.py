@@ -6,13 +6,12 @@ from typing import Any, NamedTuple, ParamSpec, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
-import jax.numpy as jnp
 from jax.sharding import AxisType, Mesh, PartitionSpec
 from jaxtyping import Array, Int, PyTree
 
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
-from ..integration.mapping import BLOCK
+from ..integration.mapping import BLOCK, cut_runs, join_runs
 
 # On a processor without such wide vectors the compiler takes the widest it has.
 WIDE_VECTORS: dict[str, Any] = {"compiler_options": {"xla_cpu_prefer_vector_width": "512"}}
@@ -89,17 +88,13 @@ class Blocks(NamedTuple):
         are in the order of `batched`."""
         runs = jax.tree.leaves(batched)[0].shape[-1]
         parts = 1 if self.mesh is None else self.mesh.size
-        count = parts * -(-runs // (self.size * parts))
         # Whole blocks only, so that one program serves all of them.
-        filling = count * self.size - runs
+        count = parts * -(-runs // (self.size * parts))
         # `shard_map` takes arrays alone; other shared leaves are passed around it.
         arrays, static = eqx.partition(shared, eqx.is_array)
 
         def cut(x: Array) -> Array:
-            x = x if order is None else x[..., order.runs]
-            last = jnp.broadcast_to(x[..., -1:], (*x.shape[:-1], filling))
-            x = jnp.concatenate([x, last], axis=-1)
-            return jnp.moveaxis(x.reshape(*x.shape[:-1], count, self.size), -2, 0)
+            return cut_runs(x if order is None else x[..., order.runs], count, self.size)
 
         def every(pieces: PyTree, arrays: PyTree) -> PyTree:
             shared = eqx.combine(arrays, static)
@@ -118,8 +113,7 @@ class Blocks(NamedTuple):
         results = every(jax.tree.map(cut, batched), arrays)
 
         def join(x: Array) -> Array:
-            x = jnp.moveaxis(x, 0, -2)
-            x = x.reshape(*x.shape[:-2], count * self.size)[..., :runs]
+            x = join_runs(x, runs)
             return x if order is None else x[..., order.places]
 
         return jax.tree.map(join, results)
