@@ -31,42 +31,32 @@ from .run_result import RunResult
 from .runnable import AbstractRunnable
 
 
-def alike_legs(
-    legs: Sequence[Leg], configs: Sequence[IntegrationConfig], plain: Sequence[bool]
-) -> list[list[int]]:
-    """The legs in their order, of which those of one list can be run in a loop.
-
-    `plain`: of each leg, whether it saves its two ends alone and takes its steps freely."""
-    groups: list[list[int]] = []
-    for number, leg in enumerate(legs):
-        last = groups[-1] if groups else []
-        follows = bool(last) and leg.after == last[-1] and not leg.parted
-        if follows and plain[number] and all(plain[k] for k in last):
-            before = [legs[k].phase for k in last]
-            same = same_structure(configs[last[0]], configs[number])
-            if same and all(_alike(phase, leg.phase) for phase in before):
-                last.append(number)
-                continue
-        groups.append([number])
-    return groups
-
-
 def alike_groups(
     legs: Sequence[Leg],
     num_saved: int | Sequence[SaveTimes],
     configs: tuple[IntegrationConfig, ...],
     plans: tuple[Array | None, ...] | None,
 ) -> dict[int, list[int]]:
-    """The phases of a mission that can be run in a loop, by the first of each group.
+    """The phases of a mission that can be run in a loop, by the first of each group: each saves its
+    two ends alone and takes its steps freely.
 
     Arguments as of `run_mission`."""
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
-    planned = [False] * len(legs) if plans is None else [plan is not None for plan in plans]
-    plain = [
-        isinstance(n, int) and n == 2 and not follows and searches_steps(config)
-        for n, follows, config in zip(saved, planned, configs, strict=True)
-    ]
-    groups = alike_legs(legs, configs, plain)
+    planned = [None] * len(legs) if plans is None else plans
+    groups: list[list[int]] = [[]]
+    for number, leg in enumerate(legs):
+        last, config = groups[-1], configs[number]
+        ends_alone = isinstance(saved[number], int) and saved[number] == 2
+        if planned[number] is not None or not ends_alone or not searches_steps(config):
+            # Nothing joins an empty group but the first of the next one.
+            groups.append([])
+            continue
+        follows = last and leg.after == last[-1] and not leg.parted
+        same = follows and same_structure(configs[last[0]], config)
+        if same and all(_alike(legs[k].phase, leg.phase) for k in last):
+            last.append(number)
+        else:
+            groups.append([number])
     return {group[0]: group for group in groups if len(group) > 1}
 
 
