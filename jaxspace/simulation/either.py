@@ -1,6 +1,7 @@
 """Run a system or a mission, whichever is given, for one run or many."""
 
 from collections.abc import Sequence
+from typing import Any
 
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
@@ -42,35 +43,18 @@ def run_either(
 
     **Raises** `InputError` as the verb does, and for an argument of the other verb."""
     throw = not batch if throw is None else throw
+    given: dict[str, Any] = {"accuracy": accuracy, "throw": throw}
+    if batch:
+        given["in_axes"] = in_axes
     if isinstance(system, Mission):
         if events or dense:
             raise InputError(
                 f"{'events' if events else 'dense'} is given with a mission: its phases bring "
                 f"their events, and keep no steps."
             )
-        saved = 2 if num_saved is None else num_saved
-        if not batch:
-            return simulate_mission(system, y0, ts, accuracy=accuracy, num_saved=saved, throw=throw)
-        return simulate_mission_batch(
-            system,
-            y0,
-            ts,
-            accuracy=accuracy,
-            num_saved=saved,
-            in_axes=in_axes,
-            throw=throw,
-        )
+        run = simulate_mission_batch if batch else simulate_mission
+        return run(system, y0, ts, num_saved=2 if num_saved is None else num_saved, **given)
     if num_saved is not None:
         raise InputError(f"num_saved is {num_saved}: of a system the states at ts are saved.")
-    if not batch:
-        return simulate(system, y0, ts, accuracy=accuracy, events=events, dense=dense, throw=throw)
-    return simulate_batch(
-        system,
-        y0,
-        ts,
-        accuracy=accuracy,
-        events=events,
-        dense=dense,
-        in_axes=in_axes,
-        throw=throw,
-    )
+    run = simulate_batch if batch else simulate
+    return run(system, y0, ts, events=events, dense=dense, **given)
