@@ -1,17 +1,25 @@
-"""Results of failed runs: NaN in place of numbers, and errors."""
+"""Results of failed runs: NaN in place of numbers, and errors.
 
+A JAX program raises an error through a Python function that it calls. JAX reports the exception of
+this function twice: in its log, with a traceback, and as an error whose message holds the traceback
+of the call and ends with the exception. Here the log is shortened to the sentence of the failure.
+"""
+
+import contextlib
 import dataclasses
+import logging
+from collections.abc import Iterator
 from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, PyTree
+from jax.custom_batching import custom_vmap
+from jaxtyping import Array, Int, PyTree
 
 from ..integration.result import DenseOutput
-from ..integration.status import Status
-from ._loud import raise_where_failed, sentence_alone
+from ..integration.status import SimulationError, Status
 from .mission_result import MissionResult
 from .run_result import RunResult, nan_unless, reached, scaled
 
@@ -58,8 +66,8 @@ def loud(result: T) -> T:
     factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
     # Mapped outside of `jit`, this is a separate program, which has ended when the call returns.
-    with sentence_alone():
-        factor, integers = raise_where_failed((factor, integers), worst)
+    with _sentence_alone():
+        factor, integers = _raise_where_failed((factor, integers), worst)
 
     def leaf(x: Array) -> Array:
         # Numbers that all runs share fail with any of them.
@@ -134,29 +142,14 @@ def _numbers_of(y: PyTree) -> str:
     return ", ".join(parts)
 
 
-NUMBERS = (
-    "ts",
-    "states",
-    "status",
-    "event",
-    "happened",
-    "stats",
-    "dense",
-    "crossings",
-    "final",
-    "end",
-    "branches",
-    "phases",
-)
-
-
 def _numbers(result: Any) -> dict[str, Any]:
-    """The arrays of a trajectory that the run has computed."""
-    fields = {f.name for f in dataclasses.fields(result)}
-    fields_of = {name: getattr(result, name) for name in NUMBERS if name in fields}
-    if "phases" in fields_of:
-        fields_of["phases"] = [_numbers(phase) for phase in fields_of["phases"]]
-    return fields_of
+    """The arrays of a trajectory that the run has computed, and not the arguments of its call."""
+    given = ("system", "accuracy", "config")
+    fields = [f for f in dataclasses.fields(result) if not f.metadata.get("static", False)]
+    numbers = {f.name: getattr(result, f.name) for f in fields if f.name not in given}
+    if "phases" in numbers:
+        numbers["phases"] = [_numbers(phase) for phase in numbers["phases"]]
+    return numbers
 
 
 def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
@@ -166,3 +159,70 @@ def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
         pairs = zip(result.phases, numbers["phases"], strict=True)
         numbers["phases"] = tuple(_with_numbers(phase, changed) for phase, changed in pairs)
     return dataclasses.replace(result, **numbers)
+
+
+@jax.custom_jvp
+def _raise_where_failed(tree: T, status: Int[Array, ""]) -> T:
+    """The arrays of the `tree`, which raise `SimulationError` where they are computed if the
+    `status` is that of a failure; of mapped runs the largest status counts."""
+    shapes = jax.eval_shape(lambda: tree)
+    worst = _largest(status)
+
+    def failed(tree: T, worst: Array) -> PyTree:
+        del tree
+        return jax.pure_callback(_fail, shapes, worst)
+
+    # One branch for all mapped runs, because a mapped branch would evaluate both sides.
+    return jax.lax.cond(worst > Status.EVENT, failed, lambda tree, worst: tree, tree, worst)
+
+
+@_raise_where_failed.defjvp
+def _raise_where_failed_tangent(primals, tangents):
+    # The primal values raise, which is enough for the derivatives as well.
+    return _raise_where_failed(*primals), tangents[0]
+
+
+@custom_vmap
+def _largest(status: Int[Array, "..."]) -> Int[Array, "..."]:
+    return status
+
+
+@_largest.def_vmap
+def _largest_of_mapped(axis_size: int, in_batched: Any, status: Array) -> tuple[Array, bool]:
+    del axis_size, in_batched
+    return _largest(jnp.max(status, axis=0)), False
+
+
+@contextlib.contextmanager
+def _sentence_alone() -> Iterator[None]:
+    """In this context, turn the error of a program with a failed run into a `SimulationError`."""
+    try:
+        yield
+    # Which of the two is raised depends on how JAX calls the program.
+    except (jax.errors.JaxRuntimeError, ValueError) as error:
+        _, name, sentence = str(error).rpartition(f"{SimulationError.__name__}: ")
+        if not name:
+            raise
+        raise SimulationError(sentence.strip()) from None
+
+
+def _fail(worst: Array) -> None:
+    logging.getLogger("jax._src.callback").addFilter(_SHORT)
+    sentence = Status(int(worst)).sentence
+    raise SimulationError(f"{sentence} Run it with throw=False to read the status of each run.")
+
+
+class _SentenceAlone(logging.Filter):
+    """A filter of the log that shortens the entry of a failed run, and leaves the others."""
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        error = record.exc_info[1] if record.exc_info else None
+        if isinstance(error, SimulationError):
+            record.msg = str(error)
+            record.args = None
+            record.exc_info = None
+        return True
+
+
+# One object, which the logger keeps once however often a run fails.
+_SHORT = _SentenceAlone()
