@@ -124,7 +124,7 @@ def restarts_between(
     overflow = (numbers == run.stopped_by) & (capacity > 0)
     return Restarts(
         ts, before, after, which, rising, run.t, run.y, run.stopped_by, run.counts, overflow,
-        run.status, _total(stats),
+        run.status, total_of(stats),
     )  # fmt: skip
 
 
@@ -162,8 +162,8 @@ def states_between(
     start = (y0, ts[0], restarts.status)
     (_, _, status), (states, stats) = jax.lax.scan(one, start, ts[1:])
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)
-    work = {name: jnp.stack([x, restarts.stats[name]]) for name, x in _total(stats).items()}
-    return states, status, _total(work)
+    work = {name: jnp.stack([x, restarts.stats[name]]) for name, x in total_of(stats).items()}
+    return states, status, total_of(work)
 
 
 def collected(
@@ -203,8 +203,8 @@ def _of_event(restarts: Restarts, number: int, capacity: int, run_axes: int) -> 
     )
 
 
-def _total(stats: dict[str, Array]) -> dict[str, Array]:
-    """Statistics over all intervals."""
+def total_of(stats: dict[str, Array]) -> dict[str, Array]:
+    """Statistics over all intervals: their work, and the largest error."""
     return {
         name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
         for name, x in stats.items()

@@ -31,7 +31,7 @@ from ..integration.layout import (
 )
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
-from ._restarts import collected, restarts_between, states_between
+from ._restarts import collected, restarts_between, states_between, total_of
 from .run_result import RunResult, known_crossings, nan_unless, reached, scaled
 
 
@@ -51,13 +51,8 @@ def integrate_through_times(
     start = (y0, jnp.zeros(runs_of(y0, run_axes), jnp.int32))
     # By a scan, so that the integration is traced and compiled once for all intervals.
     (_, status), (states, stats) = jax.lax.scan(interval, start, (times[:-1], times[1:]))
-    # The work of the intervals is summed, and the error of the run is their largest one.
-    total = {
-        name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
-        for name, x in stats.items()
-    }
     states = with_start(y0, times_behind_components(states, run_axes), run_axes)
-    return IntegrationResult(states, status, total, None, None)
+    return IntegrationResult(states, status, total_of(stats), None, None)
 
 
 def _at_times(
