@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractSystem, State
+from .events import whole
 from .normalised_time import Segments
 
 
@@ -31,10 +32,7 @@ def _moved_jvp(primals: PyTree, tangents: PyTree) -> tuple[State, State]:
     of_dt, _, of_y, _ = tangents
     # The function calls itself, so that derivatives of higher order are right, too.
     moved = _moved(dt, t, y, system)
-    leaves, structure = jax.tree.flatten(y)
-    # An array that is not differentiated has no tangent.
-    given = zip(leaves, structure.flatten_up_to(of_y), strict=True)
-    of_y = structure.unflatten([jnp.zeros_like(x) if d is None else d for x, d in given])
+    of_y = whole(of_y, y)
     if of_dt is None:
         return moved, of_y
     rate = system.vector_field(t + dt, moved)

@@ -193,7 +193,7 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     # Zero in value, but not in its derivative.
     delay = te - t
     delta = jax.tree.map(
-        lambda d, k, c: d - k * dt + c * delay, _whole(of_y, y), rate, _whole(change, y)
+        lambda d, k, c: d - k * dt + c * delay, whole(of_y, y), rate, whole(change, y)
     )
     dte = dt
     for number, event in enumerate(events):
@@ -210,8 +210,8 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     return (te, ye), (dte, dye)
 
 
-def _whole(tangent: PyTree, like: State) -> State:
-    """The tangent with zeros where nothing moves."""
+def whole(tangent: PyTree, like: State) -> State:
+    """The tangent with zeros where nothing moves: an array that is not differentiated has none."""
     leaves, structure = jax.tree.flatten(like)
     if tangent is None:
         return structure.unflatten([jnp.zeros_like(x) for x in leaves])

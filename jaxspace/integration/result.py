@@ -147,15 +147,14 @@ def _dense_output(outcome: Outcome, segments: Segments, y0: State, run_axes: int
     taken = jnp.isfinite(ends)
     # For an infinite end the time would be NaN, and so would its derivative.
     times = jax.vmap(segments.time)(jnp.where(taken, ends, 0.0))
-    taken = taken.reshape(*taken.shape, *(1,) * (times.ndim - taken.ndim))
+    every = taken.reshape(*taken.shape, *(1,) * (times.ndim - taken.ndim))
     start = jnp.broadcast_to(segments.t0, times.shape[1:])[None]
-    ts = jnp.concatenate([start, jnp.where(taken, times, jnp.inf)])
-    reached = jnp.isfinite(ends)
+    ts = jnp.concatenate([start, jnp.where(every, times, jnp.inf)])
 
     # Beyond the last step the buffer holds nothing.
     def with_start(first: Array, others: Array) -> Array:
-        missing = (1,) * (others.ndim - reached.ndim)
-        rows = reached.reshape(reached.shape[0], *missing, *reached.shape[1:])
+        missing = (1,) * (others.ndim - taken.ndim)
+        rows = taken.reshape(taken.shape[0], *missing, *taken.shape[1:])
         return jnp.concatenate([first[None], jnp.where(rows, others, jnp.nan)])
 
     states = jax.tree.map(with_start, y0, outcome.step_states)
