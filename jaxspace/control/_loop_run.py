@@ -18,7 +18,6 @@ from ..integration.accuracy import (
     as_accuracy,
     as_state,
     check_initial_state,
-    check_start,
     state_dtype,
 )
 from ..integration.events import Event
@@ -175,4 +174,3 @@ def _check(loop: Loop, y0: State, run_axes: int) -> None:
         state_dtype(y0)
         return
     check_initial_state(y0)
-    check_start(y0)

@@ -220,20 +220,16 @@ def as_state(y0: PyTree) -> PyTree:
 
 
 def check_initial_state(y0: PyTree) -> None:
-    """Raise `InputError` for an initial state that is not finite, or of mixed precision."""
+    """Raise `InputError` for an initial state that is not finite, or of mixed precision, and for
+    one with values with which no run can start: by the `check_start` of every part that has it.
+
+    Traced numbers pass."""
     state_dtype(y0)
     known = [x for x in jax.tree.leaves(y0) if is_concrete(x)]
-    if all(np.isfinite(np.asarray(x)).all() for x in known):
-        return
-    # Only now by name: to build the names takes longer than the check.
-    for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
-        check_finite("y0" + jax.tree_util.keystr(path), leaf)
-
-
-def check_start(y0: PyTree) -> None:
-    """Call `check_start` of every part of an initial state that has it.
-
-    Raises `InputError` for values with which no run can start. Traced numbers pass."""
+    if not all(np.isfinite(np.asarray(x)).all() for x in known):
+        # Only now by name: to build the names takes longer than the check.
+        for path, leaf in jax.tree_util.tree_flatten_with_path(y0)[0]:
+            check_finite("y0" + jax.tree_util.keystr(path), leaf)
 
     def knows(x: object) -> bool:
         # By its class: an object of a user may answer to any name, and the method of an instance is

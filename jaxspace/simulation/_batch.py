@@ -11,19 +11,18 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, state_dtype
+from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.stiffness import InitialConditions
-from ._after_run import warn_after
 from ._batch_repeat import repeat_systems
 from ._batch_runs import run_systems
-from ._switches import warn_of_switches
-from ._verbs import check_system
+from ._mission import check_system
+from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .checks import as_events, check_dense, check_structure, check_times, check_values
-from .finish import raise_failures, trajectory_of
+from .finish import raise_failures, trajectory_of, warn_after
 from .trajectory import Trajectory
 
 # Runs of a batch that are inspected to choose its method.
@@ -73,9 +72,8 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
-    # A state that is not finite fails only its own run: here the precision alone is checked.
+    # A state that is not finite fails only its own run.
     y0s = as_state(y0s)
-    state_dtype(y0s)
     ts = check_times(ts, y0s, axes=2)
     events = as_events(events)
     check_dense(dense, events)

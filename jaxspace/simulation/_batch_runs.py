@@ -1,6 +1,9 @@
-"""The runs of a batch, block by block; every result has the axis of runs."""
+"""The runs of a batch, block by block; every result has the axis of runs.
+
+Runs of similar rates share a block, and its steps."""
 
 import dataclasses
+import functools
 
 import equinox as eqx
 import jax
@@ -8,18 +11,22 @@ import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, State
+from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
-from ._batch_order import order_of
+from ..solvers.tolerances import Tolerance
 from ._runs import run_system
 from .batch_layout import cut_batch
-from .blocks import Blocks, jit_wide_vectors
+from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
 from .failures import nan_where_failed
 from .mission_result import MissionResult
 from .mission_runs import run_mission
 from .run_result import RunResult
+
+# Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
+UNIFORM = 1.25
 
 
 @jit_wide_vectors
@@ -43,7 +50,7 @@ def run_systems(
 
     # Passed and not closed over, so that every device gets a copy of these arrays.
     given = (shared, config, events)
-    return blocks.map(block, batched, given, order_of(batched, shared, config, blocks))
+    return blocks.map(block, batched, given, _order_of(batched, shared, config, blocks))
 
 
 @jit_wide_vectors
@@ -96,3 +103,42 @@ def _every_run(result: RunResult) -> RunResult:
     stats = {name: every(x) for name, x in result.stats.items()}
     # The ends of the steps belong to the block, and not to a single run.
     return result._replace(stats=stats, dense=dense, step_ends=None)
+
+
+def _order_of(
+    batched: PyTree, shared: PyTree, config: IntegrationConfig, blocks: Blocks
+) -> Order | None:
+    """The order of the runs by their initial rates, if these differ.
+
+    Runs of similar rates need similar steps, and the runs of a block share their steps. `None`
+    where the steps do not depend on the runs."""
+    # In a single block, and with fixed steps, the order has no effect.
+    runs = jax.tree.leaves(batched)[0].shape[-1]
+    if runs == blocks.size or config.method == "closed_form" or config.fixed_step:
+        return None
+    system, y0, ts = cut_batch(batched, shared)
+    rate = _relative_rate(system, y0, ts[0])
+    # Negated, so that rates that are NaN count as different.
+    differ = ~(jnp.max(rate) <= UNIFORM * jnp.min(rate))
+    return jax.lax.cond(differ, _sorted, _unsorted, rate)
+
+
+def _sorted(rate: Array) -> Order:
+    order = jnp.argsort(rate)
+    return Order(order, jnp.argsort(order))
+
+
+def _unsorted(rate: Array) -> Order:
+    order = jnp.arange(rate.size)
+    return Order(order, order)
+
+
+def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
+    """max |dy/dt| / |y| over the blocks of each state, 1/s."""
+    # The order changes no result, and therefore no derivative.
+    y = jax.lax.stop_gradient(broadcast_state(system, t, y0))
+    length = Tolerance(0.0, 0.0, 1).length
+    rates = jax.tree.map(
+        lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
+    )
+    return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))

@@ -7,16 +7,14 @@ from jaxtyping import ArrayLike, Float, Real
 from ..core import InputError, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, state_dtype
-from ._after_run import warn_after
+from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ._batch_repeat import repeat_missions
 from ._batch_runs import run_missions
-from ._mission import Mission
+from ._mission import Mission, check_mission
 from ._mission_trajectory import MissionTrajectory
-from ._verbs import check_mission
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .checks import as_times, check_num_saved
-from .finish import mission_trajectory_of, raise_failures
+from .finish import mission_trajectory_of, raise_failures, warn_after
 from .phases import resolve_phases
 
 
@@ -54,7 +52,6 @@ def simulate_mission_batch(
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
     check_mission("missions", missions, "simulate_batch")
     y0s = as_state(y0s)
-    state_dtype(y0s)
     check_num_saved(num_saved)
     t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
     if t0.ndim > 1:

@@ -15,16 +15,14 @@ from ..integration.accuracy import (
     as_accuracy,
     as_state,
     check_initial_state,
-    check_start,
 )
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.stiffness import InitialConditions
-from ._after_run import warn_after
+from ._mission import check_system
 from ._runs import run_system
-from ._switches import warn_of_switches
-from ._verbs import check_system
+from ._warnings import warn_of_switches
 from .checks import (
     as_events,
     check_dense,
@@ -33,7 +31,7 @@ from .checks import (
     check_times,
     check_values,
 )
-from .finish import finish
+from .finish import finish, warn_after
 from .run_result import RunResult
 from .trajectory import Trajectory
 
@@ -79,7 +77,6 @@ def simulate(
     check_system("system", system, "simulate_mission")
     y0 = as_state(y0)
     check_initial_state(y0)
-    check_start(y0)
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     given = as_accuracy(accuracy)

@@ -12,16 +12,13 @@ from ..integration.accuracy import (
     as_accuracy,
     as_state,
     check_initial_state,
-    check_start,
 )
 from ..integration.status import Status
-from ._after_run import warn_after
-from ._mission import Mission
+from ._mission import Mission, check_mission
 from ._mission_trajectory import MissionTrajectory
-from ._verbs import check_mission
 from .checks import as_times, check_num_saved
 from .failures import nan_where_failed, place_of_failure
-from .finish import mission_trajectory_of, raise_failures, with_exact_parts
+from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
 from .mission_runs import run_mission
 from .phases import resolve_phases
 
@@ -62,7 +59,6 @@ def simulate_mission(
     check_mission("mission", mission, "simulate")
     y0 = as_state(y0)
     check_initial_state(y0)
-    check_start(y0)
     t0 = as_times("t0", t0, y0, "one time, s")
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")

@@ -19,7 +19,7 @@ from ..integration.accuracy import state_dtype
 from ..integration.events import Event
 from ..integration.field_trace import field_trace
 from ..integration.layout import broadcast_state
-from ._kinks import warn_of_kinks
+from ._warnings import warn_of_kinks
 
 # A time, s, or its shape.
 Time: TypeAlias = Scalar | jax.ShapeDtypeStruct

@@ -1,7 +1,8 @@
-"""Trajectories from the results of runs: with a repetition where the steps were too few, and errors
-for failed runs."""
+"""Trajectories from the results of runs: with a repetition where the steps were too few, errors for
+failed runs, and the warnings of their systems."""
 
 import dataclasses
+import warnings
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -147,6 +148,20 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
         # Also where the rest is differentiated eagerly: the place of the failure is then unknown.
         raise_on_failure(result.status, None if traced else where)
     return loud(result) if traced else result
+
+
+def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
+    """Issue the warnings of the systems about their run (`AbstractSystem.warning`), if its numbers
+    are known. `stacklevel` is that of the caller."""
+    phases = result.phases if isinstance(result, MissionTrajectory) else (result,)
+    for run in phases:
+        # Those of a traced system are traced, too.
+        if is_traced((run.ts, run.states)):
+            return
+        # By its class: the method of an instance is a module of its own, slow to make.
+        words = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)
+        if words:
+            warnings.warn(words, stacklevel=stacklevel + 1)
 
 
 def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:

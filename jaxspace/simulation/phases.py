@@ -12,7 +12,7 @@ from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.field_trace import field_trace
 from ._mission import Mission, Phase
-from ._switches import warn_of_switches
+from ._warnings import warn_of_switches
 from .checks import check_structure, shapes_after
 from .legs import legs_of
 from .runnable import AbstractRunnable
