@@ -7,17 +7,17 @@ without derivatives, and diffrax takes them as a plan.
 """
 
 import dataclasses
-from typing import Any, NamedTuple
+from typing import Any
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Float, PyTree
 
 from ..core import State
 from ._outcome import Outcome
-from .loop import TERM, LoopSettings, integrate_loop
+from .loop import TERM, LoopSettings, LoopState, integrate_loop
 
 
 def solve_by_diffrax(
@@ -30,8 +30,8 @@ def solve_by_diffrax(
     from step to step."""
     chosen = None
     if settings.plan is None:
-        chosen = _chosen_steps(field, y0, settings)
-        settings = dataclasses.replace(settings, plan=chosen.nodes)
+        chosen, nodes = _chosen_steps(field, y0, settings)
+        settings = dataclasses.replace(settings, plan=nodes)
     saves = [
         diffrax.SubSaveAt(t1=True)
         if settings.save_ts is None
@@ -56,7 +56,7 @@ def solve_by_diffrax(
     out_of_steps = solution.result == diffrax.RESULTS.max_steps_reached
     taken, rejected = (solution.stats[f"num_{how}_steps"] for how in ("accepted", "rejected"))
     if chosen is not None:
-        out_of_steps = out_of_steps | chosen.exhausted
+        out_of_steps = out_of_steps | (chosen.t < settings.end)
         # If the steps ran out, one more step of the plan reaches the end.
         taken, rejected = chosen.num_accepted, chosen.num_rejected
     # As in the loop of `solve`, a state that was not reached is NaN.
@@ -72,18 +72,11 @@ def solve_by_diffrax(
     )
 
 
-class _Chosen(NamedTuple):
-    """The steps that the tolerance requires: their nodes in normalised time, how many there are,
-    how many were rejected, and whether they ran out."""
-
-    nodes: Float[Array, " nodes"]
-    num_accepted: Int[Array, ""]
-    num_rejected: Int[Array, ""]
-    exhausted: Bool[Array, ""]
-
-
-def _chosen_steps(field: PyTree, y0: State, settings: LoopSettings) -> _Chosen:
-    """The steps that the tolerance requires, without derivatives."""
+def _chosen_steps(
+    field: PyTree, y0: State, settings: LoopSettings
+) -> tuple[LoopState, Float[Array, " nodes"]]:
+    """The loop after the steps that the tolerance requires, and their nodes in normalised time;
+    without derivatives."""
     field, y0 = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, (field, y0)
     )
@@ -94,9 +87,4 @@ def _chosen_steps(field: PyTree, y0: State, settings: LoopSettings) -> _Chosen:
     ends = loop.buffers.ends_of(loop.num_accepted)
     assert ends is not None
     nodes = jnp.where(jnp.isfinite(ends), ends, settings.end)
-    return _Chosen(
-        jnp.concatenate([settings.start[None], nodes]),
-        loop.num_accepted,
-        loop.num_rejected,
-        loop.t < settings.end,
-    )
+    return loop, jnp.concatenate([settings.start[None], nodes])

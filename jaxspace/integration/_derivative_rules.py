@@ -67,22 +67,9 @@ def _jvp_in(
     return jax.jvp(of, tuple(values[k] for k in moving), tuple(tangents))
 
 
-def _jvp_in_floats(
-    function: Program, values: Leaves, tangents: Tangents
-) -> tuple[list[Array], list[Array]]:
-    """`function(*values)` and its tangent, by JAX's own rules."""
-    # Counters have no derivative that `jax.jvp` would take.
-    moving = [k for k, x in enumerate(values) if jnp.issubdtype(x.dtype, jnp.floating)]
-    whole = [ad.instantiate_zeros(t) for t in tangents]
-    return _jvp_in(function, values, moving, [whole[k] for k in moving])
-
-
 def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tuple[Leaves, Tangents]:
+    # JAX does not ask for a derivative that is zero.
     moving = _moving(tangents)
-    if not moving:
-        # Nothing is recorded for a derivative that is zero.
-        outs = solve_p.bind(*primals, problem=problem)
-        return outs, _zeros(outs)
     outs, record = problem.split_record(record_p.bind(*primals, problem=problem))
     given = [tangents[k] for k in moving]
     along = along_p.bind(*primals, *record, *given, problem=problem, moving=moving, columns=0)
@@ -96,8 +83,6 @@ def _record_jvp(
     # written out most of the program.
     values = problem.record(*primals, small=True)
     moving = _moving(tangents)
-    if not moving:
-        return values, _zeros(values)
     outs, record = problem.split_record(values)
     given = [ad.instantiate_zeros(tangents[k]) for k in moving]
     *saved, numbers = problem.forward(primals, record, moving, given, recorded=True)
@@ -157,8 +142,12 @@ def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed
 def _derivative_jvp(
     primals: Leaves, tangents: Tangents, *, function: Program, shapes: Avals
 ) -> tuple[Leaves, Leaves]:
+    """By JAX's own rules."""
     del shapes
-    return _jvp_in_floats(function, primals, tangents)
+    # Counters have no derivative that `jax.jvp` would take.
+    moving = [k for k, x in enumerate(primals) if jnp.issubdtype(x.dtype, jnp.floating)]
+    given = [ad.instantiate_zeros(tangents[k]) for k in moving]
+    return _jvp_in(function, primals, moving, given)
 
 
 def _refuse_transpose(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:

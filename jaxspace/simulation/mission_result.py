@@ -106,13 +106,8 @@ class AbstractMissionResult(eqx.Module):
 
 @final
 class MissionResult(AbstractMissionResult):
-    """Result of a mission for the outputs of a campaign; it is indexed as a `MissionTrajectory`.
-
-    - `phases`, `names`: result of each phase, up to and including its end before the jump, and
-      their names.
-    - `final`, `end`: state after the last jump, and its time, s.
-    - `status`: first failure of each run, or else the status of its last phase.
-    - `branches`, `branch_names`: where each branch ends, and their names."""
+    """Result of a mission for the outputs of a campaign, whose `phases` go up to and including
+    their ends before the jump."""
 
     phases: list[RunResult]
     names: tuple[str, ...] = eqx.field(static=True)

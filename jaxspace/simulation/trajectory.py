@@ -13,8 +13,9 @@ from ..core.layout import run_axes_of
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings
+from ..integration.event_zero import pick
 from ..integration.integrate import take_step
-from ..integration.layout import state_at
+from ..integration.layout import state_at, times_first
 from ..integration.result import DenseOutput
 from ..integration.status import Status
 from ._dataset import dataset_of
@@ -160,15 +161,11 @@ class Trajectory(eqx.Module):
         # A time before the start gets the first step, and becomes NaN later.
         index = jnp.clip(passed, 0, steps.shape[0] - 1)
 
-        def pick(x: Array) -> Array:
-            rows = jnp.moveaxis(x, x.ndim - 1 - self.run_axes, 0)
-            where = index.reshape(1, *(1,) * (rows.ndim - 1 - self.run_axes), *index.shape)
-            return jnp.take_along_axis(rows, where, axis=0)[0]
-
-        y = jax.tree.map(pick, self.dense.states)
+        rows = times_first(self.dense.states, self.run_axes), steps
+        y, start = pick(rows, index, self.run_axes)
         decoupled = self.system.decoupled() if self.config.decoupled else None
         system = self.system if decoupled is None else decoupled.rest
-        y = take_step(system, y, pick(steps), t, self.config, self.run_axes)
+        y = take_step(system, y, start, t, self.config, self.run_axes)
         return y if decoupled is None else decoupled.joined(t - self.ts[0], self.initial, y)
 
     def along(self, function: Callable[[AbstractSystem, Scalar, State], PyTree]) -> PyTree:
