@@ -22,6 +22,7 @@ from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events, searches_steps
 from ..integration.layout import broadcast_state, runs_of, state_at
 from ..integration.status import Status
+from ._integrator import Integrator
 from ._mission import Phase
 from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
@@ -108,7 +109,7 @@ def run_alike(
         event = dataclasses.replace(event, condition=SoughtCondition(event.condition, sought, t))
         events = closures_of_events((event,), t, y)
         times = jnp.stack([t, t + within])
-        run = straight_to_event(system, y, times, events, config, run_axes)
+        run = straight_to_event(Integrator(system, config, run_axes), y, times, events)
         missed = (run.status == Status.COMPLETED) & sought
         run = run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
         return (state_at(run.states, -1, run_axes), run.ts[-1]), run

@@ -8,7 +8,7 @@ from ..core import AbstractSystem, State
 from ..integration.config import IntegrationConfig
 from ..integration.layout import broadcast_state, state_at
 from ..integration.status import Status
-from ._runs import integrate_through_times
+from ._integrator import Integrator
 from .batch_layout import cut_batch, local_blocks, split_batch
 from .blocks import Blocks, jit_wide_vectors
 
@@ -24,7 +24,7 @@ def _final_state(
     out."""
     ends = jnp.stack([ts[0], ts[0] + PART * (ts[-1] - ts[0]), ts[-1]])
     y0 = broadcast_state(system, ts[0], y0)
-    result = integrate_through_times(system, y0, ends, config, run_axes)
+    result = Integrator(system, config, run_axes).through(y0, ends)
     final = state_at(result.states, -1, run_axes)
     return jax.tree.map(lambda x: jnp.where(result.status == Status.MAX_STEPS, jnp.nan, x), final)
 

@@ -14,15 +14,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import AbstractSystem, State
-from ..integration.config import IntegrationConfig
+from ..core import State
 from ..integration.crossings import Crossings
-from ..integration.event_search import first_event
 from ..integration.event_zero import pick
 from ..integration.events import Event, newton_correct
-from ..integration.integrate import integrate
-from ..integration.layout import runs_of, state_at, times_behind_components, with_start
+from ..integration.layout import runs_of, times_behind_components, with_start
 from ..integration.status import Status, combine_status
+from ._integrator import Integrator, total_of
 
 
 class Restarts(NamedTuple):
@@ -63,17 +61,12 @@ class _RunState(NamedTuple):
 
 
 def restarts_between(
-    system: AbstractSystem,
-    y0: State,
-    t0: Array,
-    t1: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
+    integrator: Integrator, y0: State, t0: Array, t1: Array, events: tuple[Event, ...]
 ) -> Restarts:
     """All restarts from `t0` to `t1`, s, (*runs,); events without `then` end the run, and so does a
     restart beyond the capacity."""
-    runs = runs_of(y0, run_axes)
+    system = integrator.system
+    runs = runs_of(y0, integrator.run_axes)
     axes = (1,) * len(runs)
     capacities = [0 if event.then is None else event.capacity for event in events]
     capacity = jnp.array(capacities, jnp.int32).reshape(-1, *axes)
@@ -84,10 +77,9 @@ def restarts_between(
         # the loop.
         stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
         last = jnp.where(stopped, run.t, t1)
-        found = first_event(system, run.y, run.t, last, events, config, run_axes)
-        result = integrate(system, run.y, run.t, found.time, None, config, run_axes)
-        y = found.met(state_at(result.states, -1, run_axes))
-        t, y = newton_correct(system, events, found.which, found.time, y)
+        found = integrator.first_event(run.y, run.t, last, events)
+        y, result = integrator.to(run.y, run.t, found.time)
+        t, y = newton_correct(system, events, found.which, found.time, found.met(y))
         status = combine_status(run.status, combine_status(result.status, found.status))
         # The end of an interval that failed is neither a restart nor the end of the run.
         good = status <= Status.EVENT
@@ -129,16 +121,12 @@ def restarts_between(
 
 
 def states_between(
-    system: AbstractSystem,
-    y0: State,
-    ts: Float[Array, "times *#runs"],
-    restarts: Restarts,
-    config: IntegrationConfig,
-    run_axes: int,
+    integrator: Integrator, y0: State, ts: Float[Array, "times *#runs"], restarts: Restarts
 ) -> tuple[State, Int[Array, "*runs"], dict[str, Array]]:
     """The states at the save times `ts`, (times, *runs), status and work.
 
     The times end with the run; at a save time with a restart the state is that after it."""
+    run_axes = integrator.run_axes
     sign = jnp.where(restarts.end < ts[0], -1.0, 1.0).astype(ts.dtype)
     happened = restarts.which >= 0
 
@@ -153,8 +141,7 @@ def states_between(
         jumped = jnp.any(passed, axis=0)
         y = jax.tree.map(lambda a, b: jnp.where(jumped, a, b), restarted, y)
         start = jnp.where(jumped, t_restart, t_before)
-        result = integrate(system, y, start, t, None, config, run_axes)
-        y = state_at(result.states, -1, run_axes)
+        y, result = integrator.to(y, start, t)
         status = combine_status(status, result.status)
         return (y, t, status), (y, result.stats)
 
@@ -201,11 +188,3 @@ def _of_event(restarts: Restarts, number: int, capacity: int, run_axes: int) -> 
         restarts.status,
         jax.tree.map(leaf, after),
     )
-
-
-def total_of(stats: dict[str, Array]) -> dict[str, Array]:
-    """Statistics over all intervals: their work, and the largest error."""
-    return {
-        name: jnp.max(x, axis=0) if name == "largest_local_error" else jnp.sum(x, axis=0)
-        for name, x in stats.items()
-    }

@@ -5,7 +5,7 @@
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -17,101 +17,21 @@ from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings, crossings_between
-from ..integration.event_search import first_event, happened_together
+from ..integration.event_search import happened_together
 from ..integration.events import Event, closures_of_events, newton_correct
-from ..integration.integrate import integrate, locates_events
+from ..integration.integrate import locates_events
 from ..integration.layout import (
     broadcast_state,
     replace_state,
     runs_of,
     state_at,
-    times_behind_components,
-    times_first,
     with_start,
 )
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
-from ._restarts import collected, restarts_between, states_between, total_of
+from ._integrator import Integrator, of_each_run
+from ._restarts import collected, restarts_between, states_between
 from .run_result import RunResult, known_crossings, nan_unless, reached, scaled
-
-
-def integrate_through_times(
-    system: AbstractSystem, y0: State, times: Array, config: IntegrationConfig, run_axes: int
-) -> IntegrationResult:
-    """States at `times`, (times, *runs), which differ between runs: interval by interval."""
-
-    def interval(
-        carry: tuple[State, Array], ends: tuple[Array, Array]
-    ) -> tuple[tuple[State, Array], tuple[State, dict[str, Array]]]:
-        y, status = carry
-        result = integrate(system, y, *ends, None, config, run_axes)
-        y = state_at(result.states, -1, run_axes)
-        return (y, combine_status(status, result.status)), (y, result.stats)
-
-    start = (y0, jnp.zeros(runs_of(y0, run_axes), jnp.int32))
-    # By a scan, so that the integration is traced and compiled once for all intervals.
-    (_, status), (states, stats) = jax.lax.scan(interval, start, (times[:-1], times[1:]))
-    states = with_start(y0, times_behind_components(states, run_axes), run_axes)
-    return IntegrationResult(states, status, total_of(stats), None, None)
-
-
-def _at_times(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    config: IntegrationConfig,
-    run_axes: int,
-    dense: bool,
-    for_search: bool = False,
-) -> IntegrationResult:
-    """States at `ts`, (times,) or (times, *runs), the first of which is that of `y0`."""
-    if ts.ndim > 1 and ts.shape[0] > 2:
-        return integrate_through_times(system, y0, ts, config, run_axes)
-    if ts.shape[0] == 2:
-        result = integrate(system, y0, ts[0], ts[1], None, config, run_axes, dense=dense)
-        return result._replace(states=with_start(y0, result.states, run_axes))
-    # A run of no duration divides zero by zero.
-    fractions = safe_divide(ts - ts[0], ts[-1] - ts[0])
-    ends = ts[0], ts[-1]
-    result = integrate(
-        system, y0, *ends, fractions, config, run_axes, dense=dense, for_search=for_search
-    )
-    # The state at the first time is exactly the initial one.
-    return result._replace(states=replace_state(result.states, 0, y0, run_axes))
-
-
-def _sampled(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    config: IntegrationConfig,
-    run_axes: int,
-    dense: bool,
-    samples: int,
-) -> tuple[IntegrationResult, Array, State]:
-    """`_at_times`, with the times and states of at least `samples` parts of the run, times first.
-
-    One integration, except where the save times differ between runs."""
-    runs = runs_of(y0, run_axes)
-    duration = ts[-1] - ts[0]
-    if ts.ndim > 1:
-        result = _at_times(system, y0, ts, config, run_axes, dense)
-        fractions = jnp.linspace(0.0, 1.0, samples + 1, dtype=ts.dtype)
-        between = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes)
-        times = ts[0] + jnp.multiply.outer(fractions, duration)
-        states = replace_state(between.states, 0, y0, run_axes)
-        return result, times, times_first(states, run_axes)
-    # Rounded up, so that there are at least as many samples.
-    parts = -(-samples // (ts.shape[0] - 1))
-    shares = jnp.linspace(0.0, 1.0, parts, endpoint=False, dtype=ts.dtype)
-    # Every save time is exactly a sample.
-    inner = ts[:-1, None] + shares * jnp.diff(ts)[:, None]
-    times = jnp.concatenate([inner.reshape(-1), ts[-1:]])
-    result = _at_times(system, y0, times, config, run_axes, dense, for_search=True)
-    states = times_first(result.states, run_axes)
-    asked = times_behind_components(jax.tree.map(lambda x: x[::parts], states), run_axes)
-    every = jnp.broadcast_to(_with_runs(times, runs), (times.shape[0], *runs))
-    return result._replace(states=asked), every, states
 
 
 def run_system(
@@ -130,19 +50,20 @@ def run_system(
     if run_axes:
         y0 = broadcast_state(system, ts[0], y0)
     runs = runs_of(y0, run_axes)
-    asked = _of_each_run(ts, runs)
+    asked = of_each_run(ts, runs)
+    integrator = Integrator(system, config, run_axes)
     events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
-        return reached(_with_restarts(system, y0, asked, events, config, run_axes))
+        return reached(_with_restarts(integrator, y0, asked, events))
     if any(event.terminal for event in events):
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
         if straight and locates_events(config, system, y0, asked[0]):
-            return reached(straight_to_event(system, y0, ts, events, config, run_axes))
-        return reached(_to_event(system, y0, asked, events, config, run_axes, dense))
+            return reached(straight_to_event(integrator, y0, ts, events))
+        return reached(_to_event(integrator, y0, asked, events, dense))
     if events:
-        result, crossings = _with_crossings(system, y0, ts, events, config, run_axes, dense)
+        result, crossings = _with_crossings(integrator, y0, ts, events, dense)
     else:
-        result = _at_times(system, y0, ts, config, run_axes, dense)
+        result = integrator.at_times(y0, ts, dense=dense)
         crossings = ()
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((len(events), *runs), bool)
@@ -151,17 +72,12 @@ def run_system(
 
 
 def _with_crossings(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
-    dense: bool,
+    integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...], dense: bool
 ) -> tuple[IntegrationResult, tuple[Crossings, ...]]:
-    """`_at_times`, with every zero of these events."""
+    """`at_times`, with every zero of these events."""
+    system, config, run_axes = integrator
     samples = max(event.samples for event in events)
-    result, times, states = _sampled(system, y0, ts, config, run_axes, dense, samples)
+    result, times, states = integrator.sampled(y0, ts, samples, dense=dense)
     found = []
     status = result.status
     for event in events:
@@ -173,19 +89,14 @@ def _with_crossings(
 
 
 def _to_event(
-    system: AbstractSystem,
-    y0: State,
-    asked: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
-    dense: bool,
+    integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...], dense: bool
 ) -> RunResult:
     """A run to the first of its terminal events, through `asked`, (times, *runs)."""
+    system, _, run_axes = integrator
     passed = tuple(event for event in events if not event.terminal)
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
-    found = first_event(system, y0, asked[0], asked[-1], ending, config, run_axes)
+    found = integrator.first_event(y0, asked[0], asked[-1], ending)
     # Outside of every derivative: `newton_correct` below carries the derivatives of the time.
     when, which = found.time, found.which
     # Each run may stop at another time; times descend in a run backwards.
@@ -193,7 +104,7 @@ def _to_event(
     ts = sign * jnp.minimum(sign * asked, sign * when)
     # Integrated again to the events: each run lands on its event, with the accuracy of its steps.
     if passed:
-        result, crossings = _with_crossings(system, y0, ts, passed, config, run_axes, dense)
+        result, crossings = _with_crossings(integrator, y0, ts, passed, dense)
         # Where the search failed, the run might have ended there.
         crossings = tuple(
             dataclasses.replace(
@@ -202,7 +113,7 @@ def _to_event(
             for each in crossings
         )
     else:
-        result = _at_times(system, y0, ts, config, run_axes, dense)
+        result = integrator.at_times(y0, ts, dense=dense)
         crossings = ()
     last = state_at(result.states, -1, run_axes)
     t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
@@ -238,12 +149,7 @@ class SoughtCondition(eqx.Module):
 
 @eqx.filter_custom_jvp
 def straight_to_event(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
+    integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]
 ) -> RunResult:
     """A run to the first of its events, by one integration that locates it.
 
@@ -253,11 +159,11 @@ def straight_to_event(
     **Arguments**
 
     - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
-    runs = runs_of(y0, run_axes)
-    asked = _of_each_run(ts, runs)
+    system, _, run_axes = integrator
+    asked = of_each_run(ts, runs_of(y0, run_axes))
     ends_alone = ts.shape[0] == 2
     fractions = None if ends_alone else safe_divide(ts - ts[0], ts[-1] - ts[0])
-    result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, until=events)
+    result = integrator.run(y0, ts[0], ts[-1], fractions, until=events)
     found = result.found
     assert found is not None
     states = result.states if ends_alone else replace_state(result.states, 0, y0, run_axes)
@@ -293,28 +199,23 @@ def straight_to_event(
 
 @straight_to_event.def_jvp
 def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def twice(system: AbstractSystem, y0: State, ts: Array, *rest: Any) -> RunResult:
-        events, config, run_axes = rest
-        asked = _of_each_run(ts, runs_of(y0, run_axes))
-        return _to_event(system, y0, asked, events, config, run_axes, False)
+    def twice(integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]) -> RunResult:
+        asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
+        return _to_event(integrator, y0, asked, events, False)
 
     return eqx.filter_jvp(twice, primals, tangents)
 
 
 def _with_restarts(
-    system: AbstractSystem,
-    y0: State,
-    asked: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-    run_axes: int,
+    integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...]
 ) -> RunResult:
     """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
-    result = restarts_between(system, y0, asked[0], asked[-1], events, config, run_axes)
+    run_axes = integrator.run_axes
+    result = restarts_between(integrator, y0, asked[0], asked[-1], events)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
     stopped = (result.stopped_by >= 0) & (sign * asked >= sign * result.end)
     ts = jnp.where(stopped, result.end, asked)
-    states, status, stats = states_between(system, y0, ts, result, config, run_axes)
+    states, status, stats = states_between(integrator, y0, ts, result)
     states = _where_stopped(stopped, result.final, states, run_axes)
     # A run that failed may have had further events after its last restart.
     known = (result.status <= Status.EVENT) | (sign * asked <= sign * result.end)
@@ -336,14 +237,3 @@ def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> St
         return jnp.where(flags, jnp.expand_dims(x, x.ndim - run_axes), xs)
 
     return jax.tree.map(leaf, states, y)
-
-
-def _of_each_run(ts: Array, runs: tuple[int, ...]) -> Array:
-    """The times of each run, (times, *runs)."""
-    return jnp.broadcast_to(_with_runs(ts, runs), (ts.shape[0], *runs))
-
-
-def _with_runs(ts: Array, runs: tuple[int, ...]) -> Array:
-    """The times with axes of runs of length one where all runs share them."""
-    missing = (1,) * (len(runs) - ts.ndim + 1)
-    return ts.reshape(ts.shape[0], *missing, *ts.shape[1:])

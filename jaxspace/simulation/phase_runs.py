@@ -11,12 +11,13 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
-from ..integration.event_search import FoundEvents, first_event
+from ..integration.event_search import FoundEvents
 from ..integration.events import Event, closures_of_events, newton_correct
-from ..integration.integrate import integrate, locates_events, of_each, searches_steps
+from ..integration.integrate import locates_events, of_each, searches_steps
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
+from ._integrator import Integrator
 from ._mission import Phase
 from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
@@ -85,36 +86,30 @@ def run_to_end(
     # Each run may start, and meet its event, at another time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
+    integrator = Integrator(system, config, run_axes)
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
         (until,) = closures_of_events((until,), t0, y0)
         if plan is None and not record_steps and locates_events(config, system, y0, t0):
             if isinstance(num_saved, int) and num_saved == 2:
                 times = jnp.stack([t0, t1])
-                run = straight_to_event(system, y0, times, (until,), config, run_axes)
+                run = straight_to_event(integrator, y0, times, (until,))
                 missed = run.status == Status.COMPLETED
                 return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
             # A batch would hold all of its states twice.
             if isinstance(num_saved, int) and not run_axes:
-                return _sampled_to_event(system, y0, t0, t1, until, num_saved, config)
-    given = num_saved, config, run_axes, plan, record_steps
+                return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
+    steps = {"plan": plan, "record_steps": record_steps}
     if isinstance(until, Event):
-        return _search_and_run(system, y0, t0, t1, until, *given)
-    return _saved(system, y0, t0, t1, *given)
+        return _search_and_run(integrator, y0, t0, t1, until, num_saved, **steps)
+    return _saved(integrator, y0, t0, t1, num_saved, **steps)
 
 
 def _saved(
-    system: AbstractSystem,
-    y0: State,
-    t0: Scalar,
-    t1: Scalar,
-    num_saved: SaveTimes,
-    config: IntegrationConfig,
-    run_axes: int,
-    plan: Array | None,
-    record_steps: bool,
+    integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, num_saved: SaveTimes, **steps: Any
 ) -> RunResult:
-    """A phase from `t0` to `t1`, with its saved states."""
+    """A phase from `t0` to `t1`, with its saved states; `steps` are arguments of `integrate`."""
+    run_axes = integrator.run_axes
     if isinstance(num_saved, int):
         fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
     elif isinstance(num_saved, OwnTimes):
@@ -122,18 +117,8 @@ def _saved(
     else:
         fractions = num_saved.astype(t0.dtype)
     ends_alone = fractions.shape[0] == 2
-    result = integrate(
-        system,
-        y0,
-        t0,
-        t1,
-        # Start and end alone need no save times within a step, which would cost evaluations.
-        None if ends_alone else fractions,
-        config,
-        run_axes,
-        plan=plan,
-        record_steps=record_steps,
-    )
+    # Start and end alone need no save times within a step, which would cost evaluations.
+    result = integrator.run(y0, t0, t1, None if ends_alone else fractions, **steps)
     # Only runs of a system store their steps: `dense` is no argument of a mission.
     return RunResult(
         ts=t0 + of_each(fractions, t1 - t0),
@@ -148,21 +133,18 @@ def _saved(
 
 
 def _search_and_run(
-    system: AbstractSystem,
+    integrator: Integrator,
     y0: State,
     t0: Scalar,
     t1: Scalar,
     event: Event,
     num_saved: SaveTimes,
-    config: IntegrationConfig,
-    run_axes: int,
-    plan: Array | None = None,
-    record_steps: bool = False,
+    **steps: Any,
 ) -> RunResult:
     """A phase up to an event, whose search is one integration, and whose states are another."""
-    found = first_event(system, y0, t0, t1, (event,), config, run_axes)
-    given = num_saved, config, run_axes, plan, record_steps
-    phase = _saved(system, y0, t0, found.time, *given)
+    system, _, run_axes = integrator
+    found = integrator.first_event(y0, t0, t1, (event,))
+    phase = _saved(integrator, y0, t0, found.time, num_saved, **steps)
     last = found.met(state_at(phase.states, -1, run_axes))
     t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
     # The derivatives of the end are those of the correction, and not of the search.
@@ -171,13 +153,7 @@ def _search_and_run(
 
 @eqx.filter_custom_jvp
 def _sampled_to_event(
-    system: AbstractSystem,
-    y0: State,
-    t0: Scalar,
-    t1: Scalar,
-    event: Event,
-    num_saved: int,
-    config: IntegrationConfig,
+    integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, event: Event, num_saved: int
 ) -> RunResult:
     """`_search_and_run` of one run by half of the program: a loop over two integrations, of which
     the first one locates the event, and the other one saves the states up to it.
@@ -188,7 +164,7 @@ def _sampled_to_event(
     def once(end: Scalar, sought: Array) -> tuple[Scalar, IntegrationResult]:
         condition = SoughtCondition(event.condition, sought, t0)
         until = (eqx.tree_at(lambda e: e.condition, event, condition),)
-        result = integrate(system, y0, t0, end, fractions, config, 0, until=until)
+        result = integrator.run(y0, t0, end, fractions, until=until)
         assert result.found is not None
         return result.found.time, result
 
@@ -210,10 +186,7 @@ def _sampled_to_event(
 
 @_sampled_to_event.def_jvp
 def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def searched_first(*given: Any) -> RunResult:
-        return _search_and_run(*given, run_axes=0)
-
-    return eqx.filter_jvp(searched_first, primals, tangents)
+    return eqx.filter_jvp(_search_and_run, primals, tangents)
 
 
 def _ended_by(
