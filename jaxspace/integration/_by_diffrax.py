@@ -16,8 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import State
-from ._outcome import Outcome
 from .loop import TERM, LoopSettings, LoopState, integrate_loop
+from .result import Outcome
 
 
 def solve_by_diffrax(

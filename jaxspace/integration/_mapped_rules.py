@@ -84,7 +84,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
 
             def one(*x: Array) -> list[Array]:
                 args, last = x[: len(arg_dims)], x[len(arg_dims) :]
-                _, record = problem.split_record(problem.record(*args))
+                _, record = problem.split_record(problem.solve(*args, recorded=True))
                 return program(
                     *args, *record, *last, problem=problem, moving=moving, columns=columns
                 )

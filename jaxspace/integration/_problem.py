@@ -22,7 +22,6 @@ from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ..solvers.step_control import FIRST_STEP
-from ._outcome import outcome_of, own_outcome_of
 from ._own_replay import OwnReplay
 from ._own_state import OwnState, record_of_pass
 from ._own_steps import integrate_own_steps
@@ -32,6 +31,7 @@ from ._replay import Replay
 from .field_trace import field_trace
 from .loop import LoopSettings, integrate_loop
 from .normalised_time import ScaledVectorField
+from .result import outcome_of, own_outcome_of
 
 Leaves: TypeAlias = Sequence[Array]
 Moving: TypeAlias = tuple[int, ...]
@@ -111,10 +111,6 @@ class Problem:
         recorded_steps = loop.buffers.recording, loop.num_accepted
         return [*jax.tree.leaves(outcome), *_arrays_of(*recorded_steps)]
 
-    def record(self, *args: Array, small: bool = False) -> list[Array]:
-        """The arrays of the outcome, then those of the record."""
-        return self.solve(*args, recorded=True, small=small)
-
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:
         """The traced `solve`."""
@@ -122,8 +118,8 @@ class Problem:
 
     @functools.cached_property
     def record_jaxpr(self) -> ClosedJaxpr:
-        """The traced `record`."""
-        return jax.make_jaxpr(self.record)(*self.avals)
+        """The traced `solve` of a run that is recorded."""
+        return jax.make_jaxpr(functools.partial(self.solve, recorded=True))(*self.avals)
 
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
         """Whether the steps of a run, or of a `derivative`, are a small program."""
@@ -174,7 +170,7 @@ class Problem:
         return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
 
     def split_record(self, results: Sequence[Array]) -> tuple[list[Array], list[Array]]:
-        """Split the result of `record` into the outcome and the record."""
+        """Split the result of a recorded `solve` into the outcome and the record."""
         n = len(results) - RECORD_ARRAYS
         return list(results[:n]), list(results[n:])
 

@@ -17,8 +17,8 @@ take the steps of the slowest and the components would be innermost. Its batchin
 of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so that
 no residual depends on how the runs were grouped.
 
-Arrays and programs are in `_problem.py`, the primitives in `_primitives.py`, their rules in
-`_derivative_rules.py` and `_mapped_rules.py`.
+Arrays and programs are in `_problem.py`, the primitives and their derivatives in `_primitives.py`,
+the rules for mapped runs in `_mapped_rules.py`.
 """
 
 import equinox as eqx
@@ -29,15 +29,14 @@ from jaxtyping import PyTree
 from ..core import AbstractRegularised, State
 from ..solvers.regularised_step import regularised_start
 
-# Imported to register their rules.
-from . import _derivative_rules as _derivative_rules
+# Imported to register its rules.
 from . import _mapped_rules as _mapped_rules
 from ._event_location import Location
-from ._outcome import Outcome
 from ._own_state import OwnState
 from ._primitives import solve_p
 from ._problem import Problem, arguments_of
 from .loop import LoopSettings
+from .result import Outcome
 
 
 def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
