@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax
 import numpy as np
@@ -15,14 +15,16 @@ from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
+from ..integration.mapping import BLOCK
 from ..integration.stiffness import InitialConditions
-from ._batch_repeat import repeat_systems
-from ._batch_runs import run_systems
+from ._batch_runs import out_of_steps, repeated, run_systems
 from ._mission import check_system
 from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from .blocks import Blocks
 from .checks import as_events, check_dense, check_structure, check_times, check_values
-from .finish import raise_failures, trajectory_of, warn_after
+from .finish import error_of_too_few_steps, raise_failures, trajectory_of, warn_after
+from .run_result import RunResult
 from .trajectory import Trajectory
 
 # Runs of a batch that are inspected to choose its method.
@@ -91,10 +93,13 @@ def simulate_batch(
         _resolve_for, accuracy, whole, batched, restarts=traced and not throw
     )
     config = config_for(None)
-    blocks = local_blocks((batched, shared), runs)
-    result = run_systems(batched, shared, config, events, blocks, dense)
+
+    def run(batched: PyTree, blocks: Blocks, config: IntegrationConfig) -> RunResult:
+        return run_systems(batched, shared, config, events, blocks, dense)
+
+    result = run(batched, local_blocks((batched, shared), runs), config)
     if is_concrete(result.status) and not traced:
-        result, config = repeat_systems(result, batched, shared, config, config_for, events, dense)
+        result, config = _repeated(result, batched, run, config, config_for, dense)
     trajectory = trajectory_of(result, whole[0], accuracy, config, 1)
     warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory
@@ -132,3 +137,57 @@ def _resolve_for(
         return InitialConditions(whole, axes, sample)
 
     return resolve(system, y0, accuracy, starts, restarts=restarts)
+
+
+def _repeated(
+    result: RunResult,
+    batched: PyTree,
+    run: Callable[[PyTree, Blocks, IntegrationConfig], RunResult],
+    config: IntegrationConfig,
+    config_for: Callable[..., IntegrationConfig],
+    dense: bool,
+) -> tuple[RunResult, IntegrationConfig]:
+    """The result with failed runs repeated, and the configuration of the last attempt.
+
+    Runs whose block ran out of steps are repeated one by one, then by the method that suits their
+    numbers, then with the exact part of their motion in closed form. Runs that missed the tolerance
+    because of too few fixed steps are repeated with more of them.
+
+    **Arguments**
+
+    - `result`, `config`: the first attempt, and `run`, what makes another one.
+    - `batched`: the parts that carry runs.
+    - `config_for`: the configuration for the runs with these numbers; with `True`, the one with the
+      exact part of their motion in closed form.
+    - `dense`: as in `simulate_batch`."""
+
+    def again(config: IntegrationConfig, block: int = 1) -> RunResult:
+        def run_some(some: PyTree, blocks: Blocks) -> RunResult:
+            return run(some, blocks, config)
+
+        return repeated(result, rows, batched, run_some, block)
+
+    # The runs of a block share their steps, so that one slow run can use them up for all.
+    rows = out_of_steps(result)
+    if rows.size and result.status.size > 1:
+        result = again(config)
+        rows = out_of_steps(result)
+        other = config_for(rows) if rows.size else config
+        # The same method would fail again.
+        if type(other.method) is not type(config.method):
+            result = again(other)
+            rows = out_of_steps(result)
+    # Steps recorded then are those of the rest alone, which cannot be combined with those of whole
+    # runs.
+    if rows.size and not dense:
+        other = config_for(rows, True)
+        if other.decoupled and not config.decoupled:
+            result = again(other)
+    # Each number of fixed steps is a separate program: only one more is compiled, for the worst of
+    # the runs.
+    error = error_of_too_few_steps(result, config)
+    rows = np.flatnonzero(error)
+    if rows.size:
+        config = config.with_more_steps(float(np.max(error)))
+        result = again(config, BLOCK)
+    return result, config

@@ -4,10 +4,13 @@ Runs of similar rates share a block, and its steps."""
 
 import dataclasses
 import functools
+from collections.abc import Callable
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, State
@@ -15,6 +18,7 @@ from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
+from ..integration.status import Status
 from ..solvers.tolerances import Tolerance
 from ._runs import run_system
 from .batch_layout import cut_batch
@@ -24,6 +28,8 @@ from .failures import nan_where_failed
 from .mission_result import MissionResult
 from .mission_runs import run_mission
 from .run_result import RunResult
+
+T = TypeVar("T")
 
 # Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
 UNIFORM = 1.25
@@ -142,3 +148,19 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
         lambda k, b: safe_divide(length(k), length(b)), system.vector_field(t, y), y
     )
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
+
+
+def out_of_steps(result: RunResult | MissionResult) -> np.ndarray:
+    """The numbers of the runs that ran out of steps."""
+    return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+
+
+def repeated(
+    result: T, rows: np.ndarray, batched: PyTree, run: Callable[[PyTree, Blocks], T], block: int = 1
+) -> T:
+    """The result with the runs of these numbers replaced by those that `run` returns for them, in
+    blocks of this size."""
+    # Padded to whole blocks, so that fewer shapes are compiled.
+    filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+    part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None))
+    return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)

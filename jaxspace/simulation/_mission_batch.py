@@ -2,19 +2,19 @@
 
 import functools
 
-from jaxtyping import ArrayLike, Float, Real
+from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError, State
 from ..core.checks import is_concrete
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
-from ._batch_repeat import repeat_missions
-from ._batch_runs import run_missions
+from ._batch_runs import out_of_steps, repeated, run_missions
 from ._mission import Mission, check_mission
-from ._mission_trajectory import MissionTrajectory
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
+from .blocks import Blocks
 from .checks import as_times, check_num_saved
-from .finish import mission_trajectory_of, raise_failures, warn_after
+from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
+from .mission_result import MissionResult, MissionTrajectory
 from .phases import resolve_phases
 
 
@@ -64,10 +64,20 @@ def simulate_mission_batch(
         resolve_phases, mission, y0, run_axes=1, restarts=traced and not throw
     )
     configs = configs_by(given)
-    blocks = local_blocks((batched, shared), runs)
-    result = run_missions(batched, shared, configs, num_saved, blocks)
+
+    def run(batched: PyTree, blocks: Blocks, configs: tuple = configs) -> MissionResult:
+        return run_missions(batched, shared, configs, num_saved, blocks)
+
+    result = run(batched, local_blocks((batched, shared), runs))
     if is_concrete(result.status) and not traced:
-        result = repeat_missions(result, batched, shared, given, configs, configs_by, num_saved)
+        rows = out_of_steps(result)
+        if rows.size and runs > 1:
+            result = repeated(result, rows, batched, run)
+            rows = out_of_steps(result)
+        exactly = with_exact_parts(given, configs, configs_by) if rows.size else None
+        if exactly is not None:
+            again = functools.partial(run, configs=exactly)
+            result = repeated(result, rows, batched, again)
     trajectory = mission_trajectory_of(result, mission, given, configs, 1)
     warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory

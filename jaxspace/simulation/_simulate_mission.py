@@ -15,10 +15,10 @@ from ..integration.accuracy import (
 )
 from ..integration.status import Status
 from ._mission import Mission, check_mission
-from ._mission_trajectory import MissionTrajectory
 from .checks import as_times, check_num_saved
 from .failures import nan_where_failed, place_of_failure
 from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
+from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .phases import resolve_phases
 

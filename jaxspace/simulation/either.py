@@ -11,10 +11,10 @@ from ..integration.events import Event
 from ._batch import simulate_batch
 from ._mission import Mission
 from ._mission_batch import simulate_mission_batch
-from ._mission_trajectory import MissionTrajectory
 from ._simulate import simulate
 from ._simulate_mission import simulate_mission
 from .batch_layout import InAxes
+from .mission_result import MissionTrajectory
 from .trajectory import Trajectory
 
 

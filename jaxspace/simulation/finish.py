@@ -16,10 +16,9 @@ from ..integration.config import IntegrationConfig
 from ..integration.result import DenseOutput
 from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
-from ._mission_trajectory import MissionTrajectory
 from .failures import enough_steps, loud, place_of_failure
 from .legs import legs_of
-from .mission_result import MissionResult
+from .mission_result import MissionResult, MissionTrajectory
 from .run_result import RunResult
 from .trajectory import Trajectory
 
