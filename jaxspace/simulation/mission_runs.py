@@ -5,13 +5,14 @@ from collections.abc import Callable, Sequence
 import equinox as eqx
 from jaxtyping import Array
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import Scalar, State
 from ..core.jit import quick_jit
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import state_at
 from ..integration.status import combine_status
 from ._alike_phases import alike_groups, run_alike
+from ._integrator import Integrator
 from ._mission import Mission
 from .legs import legs_of
 from .mission_result import BranchEnd, MissionResult, status_of_all
@@ -34,21 +35,19 @@ def _left_by(
 
 @quick_jit
 def _run_phase(
-    system: AbstractSystem,
+    integrator: Integrator,
     until: Scalar | Event,
     then: Callable[[Scalar, State], State] | None,
     y0: State,
     t0: Scalar,
     num_saved: SaveTimes,
-    config: IntegrationConfig,
-    run_axes: int,
     plan: Array | None,
     record_steps: bool,
 ) -> tuple[RunResult, Scalar, State]:
     """A phase without its name, so that equal phases are compiled once; and the time and the state
     after its jump."""
-    run = run_to_end(system, until, y0, t0, num_saved, config, run_axes, plan, record_steps)
-    return run, *_left_by(then, run, run_axes)
+    run = run_to_end(integrator, until, y0, t0, num_saved, plan, record_steps)
+    return run, *_left_by(then, run, integrator.run_axes)
 
 
 def run_mission(
@@ -110,9 +109,10 @@ def run_mission(
             result = phase.system.run(phase.until, y, t, saved, config, run_axes)
             t, y = _left_by(phase.then, result, run_axes)
         else:
-            given = phase.system, phase.until, phase.then, y, t, saved
+            integrator = Integrator(phase.system, config, run_axes)
             record = record_steps if isinstance(record_steps, bool) else record_steps[number]
-            result, t, y = _run_phase(*given, config, run_axes, plan, record)
+            given = phase.until, phase.then, y, t, saved, plan, record
+            result, t, y = _run_phase(integrator, *given)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
         ends.append(BranchEnd(y, t, status))

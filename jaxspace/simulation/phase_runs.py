@@ -8,7 +8,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import Scalar, State
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents
@@ -62,13 +62,11 @@ def ends_on_the_way(phase: Phase, num_saved: SaveTimes, config: IntegrationConfi
 
 
 def run_to_end(
-    system: AbstractSystem,
+    integrator: Integrator,
     until: Scalar | Event,
     y0: State,
     t0: Scalar,
     num_saved: SaveTimes,
-    config: IntegrationConfig,
-    run_axes: int,
     plan: Array | None,
     record_steps: bool,
 ) -> RunResult:
@@ -76,9 +74,9 @@ def run_to_end(
 
     **Arguments**
 
-    - `system`, `until`: of the phase; `y0`: the state at its start `t0`, s.
-    - `num_saved`, `config`, `run_axes`, `plan`, `record_steps`: as those of `run_mission`, of one
-      phase."""
+    - `until`: of the phase; `y0`: the state at its start `t0`, s.
+    - `num_saved`, `plan`, `record_steps`: as those of `run_mission`, of one phase."""
+    system, config, run_axes = integrator
     if run_axes:
         y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
@@ -86,7 +84,6 @@ def run_to_end(
     # Each run may start, and meet its event, at another time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
-    integrator = Integrator(system, config, run_axes)
     if isinstance(until, Event):
         check_events((until,), system, y0, t0, run_axes, "Phase.until")
         (until,) = closures_of_events((until,), t0, y0)
