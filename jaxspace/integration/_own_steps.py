@@ -5,11 +5,9 @@ its own length. Runs of a block that are at different places of their orbits thu
 other down. Each run lands on the end of every segment, and then begins the next one.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool
 
 from ..core import AbstractRegularised
 from ..core.barrier import barrier
@@ -142,15 +140,13 @@ def _advance(
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
     free = jnp.where(moving & ~past, proposal, free)
     pending = active & (loop.pending | past | (accept & loop.landing))
-    state = _PassState(
-        OwnState(z, y.segment), jnp.sign(segment.duration) * free, pending, jnp.zeros_like(past)
-    )
+    y, h, none = OwnState(z, y.segment), jnp.sign(segment.duration) * free, jnp.zeros_like(past)
     # All runs at once, when none is still on its way, because a landing costs as much as some
     # steps.
     y1, h1, pending, landing, done = jax.lax.cond(
         jnp.any(pending) & jnp.all(pending | ~active),
-        lambda: _enter_segments(settings, form, field, segment, state, free),
-        lambda: (*state, jnp.zeros_like(past)),
+        lambda: _enter_segments(settings, form, field, segment, y, pending, free),
+        lambda: (y, h, pending, none, none),
     )
     worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
     moved = jnp.any(accept | done)
@@ -190,42 +186,31 @@ def _with_landed(buffers: Buffers, y: OwnState, done: Bool[Array, "*runs"]) -> B
     return buffers._replace(saved=buffers.saved._replace(states=states))
 
 
-class _PassState(NamedTuple):
-    """State of the runs between two passes.
-
-    - `y`: variables and segments.
-    - `h`: next steps.
-    - `pending`: whether a run is close to the end of its segment.
-    - `landing`: whether its next step should end there."""
-
-    y: OwnState
-    h: Float[Array, "*runs"]
-    pending: Bool[Array, "*runs"]
-    landing: Bool[Array, "*runs"]
-
-
 def _enter_segments(
     settings: LoopSettings,
     form: AbstractRegularised,
     field: ScaledField,
     segment: Segment,
-    state: _PassState,
+    y: OwnState,
+    pending: Bool[Array, "*runs"],
     free: Array,
 ) -> tuple[OwnState, Array, Array, Array, Array]:
-    """Advance runs that are close to the end of their segment; those at its end enter the next one.
+    """Advance the `pending` runs, which are close to the end of their segment; those at its end
+    enter the next one.
 
-    **Returns** the fields of the next `_PassState`, and which runs have landed."""
-    z = state.y.z
+    **Returns** variables and segments, the next steps, which runs are still pending, which of these
+    steps should end a segment, and which runs have landed."""
+    z = y.z
     rate = derivative_in(form, *segment, z)
     left = segment.duration - z[-1]
     close = jnp.abs(left) <= CLOSE * jnp.abs(rate[-1]) * unit(form, z, rate)
-    done = state.pending & (close | (segment.duration == 0.0))
-    y1 = landing_state(form, segment, state.y, done)
+    done = pending & (close | (segment.duration == 0.0))
+    y1 = landing_state(form, segment, y, done)
     following = Segment.of(field, settings, y1.segment)
     to_end = form.fictitious_time(following.duration - y1.z[-1], y1.z)
-    landing = state.pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
+    landing = pending & (~done | (jnp.abs(to_end) <= free)) & (y1.segment < settings.end)
     h = jnp.where(landing, to_end, jnp.sign(following.duration) * free)
-    return y1, h, jnp.zeros_like(state.pending), landing, done
+    return y1, h, jnp.zeros_like(pending), landing, done
 
 
 def _too_long(
