@@ -17,8 +17,7 @@ from ..integration.layout import broadcast_state, times_behind_components
 from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
-from ..simulation.failures import nan_where_failed
-from ..simulation.run_result import RunResult
+from ..simulation.run_result import RunResult, reached
 from ..solvers import FixedSteps
 from ..solvers.protocol import small_program
 from ..solvers.tolerances import Tolerance
@@ -213,4 +212,4 @@ def _result(
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
     control = {"commands": commands, "readings": readings, "memory": sampled.memory}
-    return nan_where_failed(result)._replace(control=control)
+    return reached(result)._replace(control=control)

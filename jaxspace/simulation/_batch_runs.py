@@ -24,7 +24,7 @@ from ._runs import run_system
 from .batch_layout import cut_batch
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
-from .failures import nan_where_failed
+from .failures import mission_reached
 from .mission_result import MissionResult
 from .mission_runs import run_mission
 from .run_result import RunResult
@@ -73,7 +73,7 @@ def run_missions(
     def block(piece: PyTree, given: PyTree) -> MissionResult:
         shared, configs = given
         mission, y0, t0 = cut_batch(piece, shared)
-        result = nan_where_failed(run_mission(mission, y0, t0, num_saved, configs, 1))
+        result = mission_reached(run_mission(mission, y0, t0, num_saved, configs, 1))
         phases = [_every_run(phase) for phase in result.phases]
         return dataclasses.replace(result, phases=phases)
 

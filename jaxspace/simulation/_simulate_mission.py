@@ -16,7 +16,7 @@ from ..integration.accuracy import (
 from ..integration.status import Status
 from ._mission import Mission, check_mission
 from .checks import as_times, check_num_saved
-from .failures import nan_where_failed, place_of_failure
+from .failures import mission_reached, place_of_failure
 from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
@@ -91,4 +91,4 @@ def _failed_phase(result: MissionTrajectory) -> str:
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
-_failed_are_nan = eqx.filter_jit(nan_where_failed)
+_failed_are_nan = eqx.filter_jit(mission_reached)

@@ -21,7 +21,7 @@ from jaxtyping import Array, Int, PyTree
 from ..integration.result import DenseOutput
 from ..integration.status import SimulationError, Status
 from .mission_result import MissionResult
-from .run_result import RunResult, nan_unless, reached, scaled
+from .run_result import nan_unless, reached, scaled
 
 T = TypeVar("T")
 
@@ -29,29 +29,21 @@ STEEPEST = 4.0
 """The power of the time above which a growing number of steps indicates a singularity."""
 
 
-def nan_where_failed(result: T, status: Array | None = None) -> T:
-    """The result with NaN for what a failed run did not reach within the tolerance.
+def nan_where_failed(tree: T, status: Array) -> T:
+    """A tree of arrays, runs last, with NaN for all numbers of a run that failed."""
+    return scaled(tree, nan_unless(status <= Status.EVENT))
 
-    **Arguments**
 
-    - `result`: a `RunResult` or `MissionResult`; or with a `status` any tree of arrays with the
-      runs last.
-
-    **Returns** the result with NaN. A `RunResult`: see `reached`. A `MissionResult`: each phase,
-    and the final state and the end of a mission or branch that failed. Any other tree: all numbers
-    of the run."""
-    if status is not None:
-        return scaled(result, nan_unless(status <= Status.EVENT))
-    if isinstance(result, MissionResult):
-        # By its own phases, because a branch may succeed where another one fails.
-        main = result.without_branches()
-        final, end = nan_where_failed((main.final, main.end), main.status)
-        phases = [reached(phase) for phase in result.phases]
-        branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
-        ends = {"final": final, "end": end, "branches": branches}
-        return dataclasses.replace(result, phases=phases, **ends)
-    assert isinstance(result, RunResult)
-    return reached(result)
+def mission_reached(result: MissionResult) -> MissionResult:
+    """The result of a mission with NaN for what a failed run did not reach within the tolerance: in
+    each phase (`reached`), and in the final state and the end of a mission or branch that
+    failed."""
+    # By its own phases, because a branch may succeed where another one fails.
+    main = result.without_branches()
+    final, end = nan_where_failed((main.final, main.end), main.status)
+    phases = [reached(phase) for phase in result.phases]
+    branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
+    return dataclasses.replace(result, phases=phases, final=final, end=end, branches=branches)
 
 
 def loud(result: T) -> T:
