@@ -193,7 +193,7 @@ def test_what_is_asked_of_a_run_is_one_program():
     jaxpr = eqx.filter_make_jaxpr(lambda run: run.drift())(run)[0].jaxpr
     assert operations(jaxpr) == ["_program_drift"]
     jaxpr = eqx.filter_make_jaxpr(lambda run: run.at(0.3))(run)[0].jaxpr
-    assert operations(jaxpr) == ["_program_at"]
+    assert operations(jaxpr) == ["_at"]
 
 
 def test_what_no_result_needs_is_not_differentiated():

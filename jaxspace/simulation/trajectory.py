@@ -122,8 +122,10 @@ class Trajectory(eqx.Module):
         exact = self.config.method == "closed_form"
         if not exact and self.dense is None:
             raise InputError("The run holds no states between its times: run it with dense=True.")
-        return _program_at(self, jnp.asarray(t, self.ts.dtype))
+        return self._at(jnp.asarray(t, self.ts.dtype))
 
+    # One program, because a step has hundreds of operations.
+    @eqx.filter_jit
     def _at(self, t: Array) -> State:
         # One time for each run, because the steps differ between runs.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
@@ -176,7 +178,9 @@ class Trajectory(eqx.Module):
         times = jax.vmap(function, in_axes=(None, -1, -1), out_axes=-1)
         if self.run_axes == 0:
             return times(self.system, self.ts, self.states)
-        axes = jax.tree.map(lambda n: -1 if n else None, _system_axes(self.system))
+        # Arrays of a system without a declaration are shared.
+        axes = run_axes_of(self.system, lambda x: 0)
+        axes = jax.tree.map(lambda n: -1 if n else None, axes)
         # `jax.vmap` takes arrays alone; other leaves of the system are passed around it.
         arrays, static = eqx.partition(self.system, eqx.is_array)
         axes, _ = eqx.partition(axes, jax.tree.map(eqx.is_array, self.system))
@@ -265,12 +269,6 @@ def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
     return {name: relative_change(values, run.run_axes) for name, values in invariants.items()}
 
 
-# One program, too: a step has hundreds of operations.
-@eqx.filter_jit
-def _program_at(run: Trajectory, t: Array) -> State:
-    return run._at(t)  # noqa: SLF001
-
-
 # One program, because outside of `jit` each array of the state would be a separate call.
 _program_state_at = jax.jit(state_at, static_argnums=(1, 2))
 
@@ -281,8 +279,3 @@ def run_of(tree: T, i: int, undeclared: int = 0) -> T:
     `undeclared`: the most axes of runs of an array whose field declares nothing."""
     axes = run_axes_of(tree, lambda x: min(x.ndim, undeclared))
     return jax.tree.map(lambda x, n: x[..., i] if n else x, tree, axes)
-
-
-def _system_axes(system: AbstractSystem) -> PyTree[int]:
-    """Axes of runs of the arrays of a system; those without a declaration are shared."""
-    return run_axes_of(system, lambda x: 0)
