@@ -21,10 +21,7 @@ from .result import Outcome
 
 
 def solve_by_diffrax(
-    field: PyTree,
-    y0: State,
-    settings: LoopSettings,
-    adjoint: diffrax.AbstractAdjoint | None,
+    field: PyTree, y0: State, settings: LoopSettings, adjoint: diffrax.AbstractAdjoint | None
 ) -> Outcome:
     """The outcome of diffrax's loop, for its adjoints and for methods that carry more than a state
     from step to step."""

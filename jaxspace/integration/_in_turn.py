@@ -17,7 +17,5 @@ def in_turn(function: Callable[[PyTree], T], rows: PyTree) -> T:
     its own, which costs it 10 ms. For a batch the loop is also faster: its numbers stay in the
     cache. For a single run of very many rows it is slower."""
     return jax.lax.platform_dependent(
-        rows,
-        cpu=lambda rows: jax.lax.map(function, rows),
-        default=jax.vmap(function),
+        rows, cpu=lambda rows: jax.lax.map(function, rows), default=jax.vmap(function)
     )

@@ -214,11 +214,7 @@ def _enter_segments(
 
 
 def _too_long(
-    settings: LoopSettings,
-    form: AbstractRegularised,
-    segment: Segment,
-    y: OwnState,
-    z1: Regular,
+    settings: LoopSettings, form: AbstractRegularised, segment: Segment, y: OwnState, z1: Regular
 ) -> Array:
     """The length of the step relative to the longest one allowed, as an error that makes the
     control shorten it."""

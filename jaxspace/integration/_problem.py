@@ -204,12 +204,7 @@ class Problem:
         return Replay(settings, fixed, steps, small, once), tree(part), y0
 
     def forward(
-        self,
-        args: Leaves,
-        record: Leaves,
-        moving: Moving,
-        tangents: Leaves,
-        recorded: bool = False,
+        self, args: Leaves, record: Leaves, moving: Moving, tangents: Leaves, recorded: bool = False
     ) -> list[Array]:
         """The tangents of the saved states, and where they are `recorded` those of the numbers of
         the record."""
@@ -230,11 +225,7 @@ class Problem:
         return jax.tree.leaves(result)
 
     def backward(
-        self,
-        args: Leaves,
-        record: Leaves,
-        moving: Moving,
-        cotangents: Leaves,
+        self, args: Leaves, record: Leaves, moving: Moving, cotangents: Leaves
     ) -> list[Array]:
         """The cotangents of the differentiated arguments."""
         replay, part, y0 = self._replay(args, record, moving)

@@ -106,11 +106,7 @@ def _is_eccentric(context: SelectionContext) -> bool:
 
 # The first rule that holds decides: exact methods come first, and the one for all systems last.
 RULES = (
-    Rule(
-        "the system has a closed form",
-        lambda c: has_closed_form(c.system),
-        "closed_form",
-    ),
+    Rule("the system has a closed form", lambda c: has_closed_form(c.system), "closed_form"),
     Rule(
         "slow beside a fast linear motion or decay, over more than 1e4 of its radians",
         _is_fast_and_linear,

@@ -20,12 +20,7 @@ from ..solvers.step_control import BatchStepController, StepTo
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers, SavedStates, empty_buffer, nan_buffer
-from ._event_location import (
-    Location,
-    SearchedStep,
-    SoughtEvents,
-    located,
-)
+from ._event_location import Location, SearchedStep, SoughtEvents, located
 from ._record import Recording, RecordLayout, check_memory
 from ._slow_runs import nan_where, without_slow_runs
 from .normalised_time import OwnStep, ScaledVectorField, Segments

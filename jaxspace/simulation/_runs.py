@@ -20,13 +20,7 @@ from ..integration.crossings import Crossings, crossings_between
 from ..integration.event_search import happened_together
 from ..integration.events import Event, closures_of_events, newton_correct
 from ..integration.integrate import locates_events
-from ..integration.layout import (
-    broadcast_state,
-    replace_state,
-    runs_of,
-    state_at,
-    with_start,
-)
+from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, combine_status
 from ._integrator import Integrator, of_each_run

@@ -10,12 +10,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
-from ..integration.accuracy import (
-    Accuracy,
-    as_accuracy,
-    as_state,
-    check_initial_state,
-)
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
@@ -23,14 +18,7 @@ from ..integration.stiffness import InitialConditions
 from ._mission import check_system
 from ._runs import run_system
 from ._warnings import warn_of_switches
-from .checks import (
-    as_events,
-    check_dense,
-    check_events,
-    check_structure,
-    check_times,
-    check_values,
-)
+from .checks import as_events, check_dense, check_events, check_structure, check_times, check_values
 from .finish import finish, warn_after
 from .run_result import RunResult
 from .trajectory import Trajectory

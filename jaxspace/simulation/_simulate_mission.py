@@ -7,12 +7,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
 from ..core.checks import is_concrete
-from ..integration.accuracy import (
-    Accuracy,
-    as_accuracy,
-    as_state,
-    check_initial_state,
-)
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
 from ..integration.status import Status
 from ._mission import Mission, check_mission
 from .checks import as_times, check_num_saved

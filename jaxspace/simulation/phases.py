@@ -26,12 +26,7 @@ LARGE = 600
 
 
 def resolve_phases(
-    mission: Mission,
-    y0: PyTree,
-    accuracy: Accuracy,
-    run_axes: int = 0,
-    *,
-    restarts: bool = False,
+    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0, *, restarts: bool = False
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
