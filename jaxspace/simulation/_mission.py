@@ -19,7 +19,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_finite, is_concrete
 from ..core.types import as_float
 from ..integration.events import Event
-from .runnable import AbstractRunnable, moving
+from .runnable import AbstractRunnable
 
 
 # A duration becomes an array; an event passes.
@@ -109,7 +109,8 @@ class Phase(eqx.Module):
     @property
     def moving(self) -> AbstractSystem:
         """The system that moves, without its controller."""
-        return moving(self.system)
+        system = self.system
+        return system.system if isinstance(system, AbstractRunnable) else system
 
 
 @final

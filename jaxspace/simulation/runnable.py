@@ -44,8 +44,3 @@ class AbstractRunnable(eqx.Module):
         """The run from the state `y0` at the time `t0`, s, with `num_saved` states.
 
         `until` is the end, as of a `Phase`."""
-
-
-def moving(system: AbstractSystem | AbstractRunnable) -> AbstractSystem:
-    """The system that moves in a phase."""
-    return system.system if isinstance(system, AbstractRunnable) else system
