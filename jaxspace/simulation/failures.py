@@ -135,10 +135,11 @@ def _numbers_of(y: PyTree) -> str:
 
 
 def _numbers(result: Any) -> dict[str, Any]:
-    """The arrays of a trajectory that the run has computed, and not the arguments of its call."""
-    given = ("system", "accuracy", "config")
+    """The arrays of a trajectory that the run has computed: neither the arguments of its call, nor
+    what its controller holds, which may be no numbers."""
+    left = ("system", "accuracy", "config", "control")
     fields = [f for f in dataclasses.fields(result) if not f.metadata.get("static", False)]
-    numbers = {f.name: getattr(result, f.name) for f in fields if f.name not in given}
+    numbers = {f.name: getattr(result, f.name) for f in fields if f.name not in left}
     if "phases" in numbers:
         numbers["phases"] = [_numbers(phase) for phase in numbers["phases"]]
     return numbers
