@@ -9,7 +9,13 @@ import pytest
 from jax.extend.core import subjaxprs
 from jaxtyping import Array, Float
 
-from jaxspace import BodyState, simulate, simulate_mission, simulate_mission_batch
+from jaxspace import (
+    BodyState,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+    simulate_mission_batch,
+)
 from jaxspace.core import AbstractSystem
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
 from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
@@ -291,6 +297,17 @@ def test_mapped_runs_with_a_condition_that_sums_over_them_are_right():
 
     speeds = jnp.array([25.0, 40.0])
     np.testing.assert_allclose(jax.vmap(end)(speeds), [float(end(v)) for v in speeds], rtol=1e-9)
+
+
+def test_mapped_runs_take_the_steps_of_a_batch():
+    """Also the first one, which is not estimated where an event is sought."""
+    drags, ts = jnp.linspace(0.01, 0.02, 5), jnp.array([0.0, 60.0])
+
+    def end(drag):
+        return simulate(Dragged(drag), ball(10.0, 25.0), ts, events=(GROUND,)).ts[-1]
+
+    batch = simulate_batch(Dragged(drags), ball(10.0, 25.0), ts, events=(GROUND,))
+    np.testing.assert_array_equal(jax.vmap(end)(drags), batch.ts[-1])
 
 
 def test_a_condition_that_is_not_finite_before_its_zero_says_so():
