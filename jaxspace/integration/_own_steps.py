@@ -63,7 +63,7 @@ def integrate_own_steps(
         return moving & (loop.passes >= settings.max_steps)
 
     def nan_in(left_out: Array, y: OwnState) -> OwnState:
-        # The number of a segment looks up its times.
+        # Not in the number of the segment, by which its times are looked up.
         return OwnState(nan_where(left_out, y.z), y.segment)
 
     return without_slow_runs(start, run, slow, nan_in)
