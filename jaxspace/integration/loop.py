@@ -20,14 +20,11 @@ from ..solvers.step_control import BatchStepController, StepTo
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 from ._buffers import SavedStates, empty_steps, nan_buffer, put_row
-from ._event_location import (
-    Location,
-    SearchedStep,
-    SoughtEvents,
-    located,
-)
+from ._event_location import Location, SearchedStep, SoughtEvents, located
 from ._record import Recording, RecordLayout
 from ._slow_runs import nan_where, without_slow_runs
+from ._step_zero import AlongStep
+from .events import Event
 from .normalised_time import OwnStep, ScaledVectorField, Segments
 
 
@@ -335,8 +332,12 @@ def _located(
     if settings.lengths.shape[0] > 1:
         index = jnp.clip(loop.t.astype(int), 0, settings.lengths.shape[0] - 1)
         width = width * settings.lengths[index]
-    step = SearchedStep(segment, polynomial, polynomial.t0, polynomial.t1, loop.y, y1, width)
     moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
+
+    def along(event: Event) -> AlongStep:
+        return AlongStep(event, segment, polynomial, moving.shape)
+
+    step = SearchedStep(along, polynomial.t0, polynomial.t1, loop.y, y1, width)
     first = loop.t == settings.start
     return located(location, sought, step, going, moving, first, span)
 
