@@ -1,10 +1,9 @@
 """The search for the first event of each run, outside every derivative.
 
-The zero is bracketed on samples of the dense output and then closed in by Newton's method within
-its bracket. A dip between the samples is examined, too: where the middle one of three samples of
-one sign is nearest to zero, and so near that the second difference g_- - 2 g + g_+ might reach it,
-the extremum is found by the secant of the slopes, and the search continues from the first place
-beyond zero.
+A run whose steps have a polynomial is searched step by step (`_event_location`), and one in closed
+form as if it were a single step. Of other runs the zero is bracketed on samples, and then closed in
+by Newton's method within its bracket (`_event_runs`). A dip between samples of one sign is
+examined, too, where one of the tangents at its ends reaches zero.
 
 A zero at the start, to rounding, is the event at which the previous run ended. A search that does
 not converge, a condition that is not finite, and events that follow each other faster than the time
