@@ -10,7 +10,7 @@ from jax.extend.core import subjaxprs
 from jaxtyping import Array, Float
 
 from jaxspace import BodyState, simulate, simulate_mission, simulate_mission_batch
-from jaxspace.core import AbstractSystem
+from jaxspace.core import AbstractClosedForm, AbstractSystem
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
 from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
 
@@ -329,6 +329,25 @@ class Drift(AbstractSystem):
         return {}
 
 
+class Straight(AbstractClosedForm):
+    """Of the body without forces, as far as `y` is a number: for 4.5 s from where it starts."""
+
+    def flow(self, duration, y):
+        known = jnp.abs(duration) <= 4.5
+        return BodyState(jnp.where(known, y.position + duration * y.velocity, jnp.nan), y.velocity)
+
+
+class ExactDrift(Drift):
+    """The same body in closed form."""
+
+    def closed_form(self):
+        return Straight()
+
+
+DRIFTS = [(Drift(), DOP853()), (ExactDrift(), "closed_form")]
+EACH_DRIFT = pytest.mark.parametrize("drift, method", DRIFTS, ids=["steps", "closed form"])
+
+
 class Pair(eqx.Module):
     """(t - a)(t - b): falls through zero at a, and rises through it at b."""
 
@@ -346,33 +365,65 @@ def pairs(runs):
     return jnp.asarray(a), jnp.asarray(a + 10.0 ** rng.uniform(-5.0, -0.2, runs))
 
 
+@EACH_DRIFT
 @pytest.mark.parametrize("direction", [-1, 0, 1])
-def test_the_first_of_two_zeros_is_found_however_close_they_are(direction):
+def test_the_first_of_two_zeros_is_found_however_close_they_are(direction, drift, method):
     a, b = pairs(300)
     event = Event(Pair(a, b), direction, within=5.0)
     still = BodyState(jnp.zeros((3, 300)), jnp.ones((3, 300)))
-    how = Accuracy(method=DOP853())
-    run = simulate_mission_batch(Mission(Phase(Drift(), event)), still, accuracy=how)
+    how = Accuracy(method=method)
+    run = simulate_mission_batch(Mission(Phase(drift, event)), still, accuracy=how)
     assert np.all(run.status == Status.EVENT)
     # Roundings of a time of 5 s.
     np.testing.assert_allclose(run.end, b if direction == 1 else a, rtol=0.0, atol=1e-14)
 
 
-def test_a_single_run_finds_what_that_of_a_batch_finds():
+@EACH_DRIFT
+def test_a_single_run_finds_what_that_of_a_batch_finds(drift, method):
     still = BodyState(jnp.zeros(3), jnp.ones(3))
-    how = Accuracy(method=DOP853())
+    how = Accuracy(method=method)
     for a, b in zip(*pairs(12), strict=True):
         run = simulate_mission(
-            Mission(Phase(Drift(), Event(Pair(a, b), within=5.0))), still, accuracy=how
+            Mission(Phase(drift, Event(Pair(a, b), within=5.0))), still, accuracy=how
         )
         np.testing.assert_allclose(run.end, a, rtol=0.0, atol=1e-14)
 
 
+@EACH_DRIFT
+def test_a_run_backwards_finds_the_later_zero_first(drift, method):
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    ts, how = jnp.array([5.0, 1.0]), Accuracy(method=method)
+    for a, b in zip(*pairs(6), strict=True):
+        run = simulate(drift, still, ts, events=(Event(Pair(a, b)),), accuracy=how)
+        np.testing.assert_allclose(run.ts[-1], jnp.maximum(b, 1.0), rtol=0.0, atol=1e-14)
+
+
+@EACH_DRIFT
 @pytest.mark.parametrize("level", [0.3, 1.3])
-def test_a_zero_just_ahead_of_what_is_not_finite_is_found(level):
+def test_a_zero_just_ahead_of_what_is_not_finite_is_found(level, drift, method):
     """Of sqrt(4 - t) in one part of a step, whose later samples are NaN."""
     event = Event(lambda t, y: jnp.sqrt(4.0 - t) - level)
     still = BodyState(jnp.zeros(3), jnp.ones(3))
-    ts, how = jnp.array([0.0, 5.0]), Accuracy(method=DOP853())
-    run = simulate(Drift(), still, ts, events=(event,), accuracy=how)
+    ts, how = jnp.array([0.0, 5.0]), Accuracy(method=method)
+    run = simulate(drift, still, ts, events=(event,), accuracy=how)
     np.testing.assert_allclose(run.ts[-1], 4.0 - level**2, rtol=1e-14)
+
+
+@pytest.mark.parametrize("height, status", [(4.0, Status.EVENT), (4.7, Status.NOT_FINITE)])
+def test_a_closed_form_that_ends_is_searched_as_far_as_it_goes(height, status):
+    """The state is not finite behind 4.5 s, and neither is the condition: that of the state
+    counts."""
+    event = Event(lambda t, y: y.position[0] - height)
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    ts = jnp.array([0.0, 5.0])
+    run = simulate(
+        ExactDrift(),
+        still,
+        ts,
+        events=(event,),
+        accuracy=Accuracy(method="closed_form"),
+        throw=False,
+    )
+    assert run.status == status
+    if status == Status.EVENT:
+        np.testing.assert_allclose(run.ts[-1], height, rtol=1e-14)
