@@ -28,7 +28,9 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
+from ..core.one_kernel import in_one_kernel
 from ..core.types import as_optional_float
+from ..core.vanishing import vanishing
 
 
 # Checked where annotations are.
@@ -162,11 +164,30 @@ def newton_correct(
     return _corrected(t, y, which, field, closures_of_events(events, t, y))
 
 
+def _vector_field(system: _Field, t: Scalar, y: State) -> State:
+    return system.vector_field(t, y)
+
+
+@eqx.filter_custom_jvp
+def _rate(t: Scalar, y: State, system: _Field) -> State:
+    """dy/dt, for a single run in one kernel."""
+    if t.ndim:
+        return system.vector_field(t, y)
+    arrays, static = eqx.partition((system, t, y), eqx.is_array)
+    return in_one_kernel(lambda arrays: _vector_field(*eqx.combine(arrays, static)), arrays)
+
+
+@_rate.def_jvp
+def _rate_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
+    (t, y, system), (of_t, of_y, of_system) = primals, tangents
+    return eqx.filter_jvp(_vector_field, (system, t, y), (of_system, of_t, of_y))
+
+
 @eqx.filter_custom_jvp
 def _corrected(
     t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...]
 ) -> tuple[Scalar, State]:
-    rate = system.vector_field(t, y)
+    rate = _rate(t, y, system)
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
         g, slope = event.slope_along(system, t, y, rate)
@@ -187,13 +208,16 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     of_t, of_y, _, of_system, of_events = tangents
     # The function calls itself, so that derivatives of higher order are right, too.
     te, ye = _corrected(*primals)
-    place, moving = (system, te, ye), (of_system, of_t, of_y)
-    rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
+    rate = _rate(te, ye, system)
     dt = jnp.zeros_like(t) if of_t is None else of_t
-    # Zero in value, but not in its derivative.
-    delay = te - t
+    arrays, static = eqx.partition(((system, te, ye), (of_system, of_t, of_y)), eqx.is_array)
+
+    def drift(delay: Scalar, arrays: PyTree) -> State:
+        _, change = eqx.filter_jvp(_vector_field, *eqx.combine(arrays, static))
+        return jax.tree.map(lambda c: c * delay, _whole(change, y))
+
     delta = jax.tree.map(
-        lambda d, k, c: d - k * dt + c * delay, _whole(of_y, y), rate, _whole(change, y)
+        lambda d, k, c: d - k * dt + c, _whole(of_y, y), rate, vanishing(drift, te - t, arrays)
     )
     dte = dt
     for number, event in enumerate(events):
