@@ -125,6 +125,45 @@ def test_the_vector_field_of_a_phase_stands_in_its_program_once():
     assert fields_in(run, ball()) == 1
 
 
+def integrations_in(function, *args):
+    """The integrations in the traced program."""
+    known = "integrate", "integrate_recorded"
+
+    def names(jaxpr):
+        own = [e.primitive.name for e in jaxpr.eqns if e.primitive.name in known]
+        return own + [name for inner in subjaxprs(jaxpr) for name in names(inner)]
+
+    return names(jax.make_jaxpr(function)(*args).jaxpr)
+
+
+def test_a_gradient_to_an_event_integrates_once():
+    """Along the recorded steps of the run that locates the event."""
+
+    def end(v):
+        return simulate_mission(Mission(Phase(Throw(), GROUND)), ball(10.0, v), throw=False).end
+
+    assert integrations_in(jax.grad(end), 25.0) == ["integrate_recorded"]
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_runs_that_meet_their_events_early_keep_their_derivatives(mode):
+    """In a block of runs that go on for thousands of steps, of which a record holds every
+    sixteenth state: T = (v + sqrt(v^2 + 20 g))/g, T' = T/sqrt(v^2 + 20 g)."""
+    how = Accuracy(rtol=1e-3, method=Tsit5(), max_step=2e-3, max_steps=8192)
+    mission = Mission(Phase(Throw(), GROUND))
+
+    def both(speeds):
+        run = simulate_mission_batch(mission, ball(10.0 + 0.0 * speeds, speeds), accuracy=how)
+        return run.end, run.final.velocity[2]
+
+    speeds = jnp.array([-5.0, 0.0, 8.0, 60.0])
+    root = np.sqrt(speeds**2 + 20.0 * G)
+    of_end, of_speed = mode(both)(speeds)
+    # A few thousand roundings, and one more for each step.
+    np.testing.assert_allclose(of_end, np.diag((1.0 + speeds / root) / G), rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(of_speed, np.diag(-speeds / root), rtol=1e-11, atol=1e-13)
+
+
 def test_states_on_the_way_to_an_event_and_their_slopes_are_those_of_the_formula():
     """Of one run, whose program serves twice: z = 10 + v t - g t^2/2 at parts of the time
     T = (v + sqrt(v^2 + 20 g))/g. The times on the way are held fixed: dz/dv = t."""

@@ -91,6 +91,11 @@ class Location(NamedTuple):
         """The state at the event of each run; `y` of those without one."""
         return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
 
+    @property
+    def ends(self) -> Float[Array, "*runs"]:
+        """The normalised time at which each run waits, or infinity."""
+        return jnp.where(self.waiting, self.start + self.length, jnp.inf)
+
     def found(self, segments: Segments | OwnStep, t0: Scalar, t1: Scalar) -> "FoundEvents":
         """The events in the time of runs from `t0` to `t1`, s."""
         time = segments.time(self.start + self.length)

@@ -74,7 +74,9 @@ def integrate(
       differentiated: a break at one of its ends would have a derivative.
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
       program counts: the first step is not estimated.
-    - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
+    - `until`: events that end the runs, for a method that `locates_events`; their times have the
+      derivatives of a fixed part of the run, which `newton_correct` makes those of the events.
+      Differentiable where no states are saved on the way.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -113,7 +115,10 @@ def integrate(
     )
     if landing:
         segments = segments_of(system, t0, t1, fractions)
-    sought = SoughtEvents.of(until, system, t0, y0, run_axes) if until else None
+    sought = None
+    if until:
+        fixed = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
+        sought = SoughtEvents.of(until, system, *fixed, run_axes)
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )

@@ -296,7 +296,7 @@ def _advance(
     def select(new: PyTree, old: PyTree) -> PyTree:
         return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
 
-    return _written(settings, loop, accept, y1, interpolation)._replace(
+    return _written(settings, loop, accept, y1, interpolation, location)._replace(
         t=t_after,
         # The last step must not pass the end, where the vector field may not be defined.
         t_next=jnp.minimum(t_next, settings.end),
@@ -348,6 +348,7 @@ def _written(
     accept: Bool[Array, ""],
     y1: State,
     interpolation: diffrax.AbstractLocalInterpolation,
+    location: Location | None,
 ) -> LoopState:
     """The loop with the buffers after this step: its final state `y1`, and the saved states
     within."""
@@ -364,7 +365,10 @@ def _written(
         step_states = put_row(step_states, loop.num_accepted, y1)
     if recording is not None:
         layout = RecordLayout.of(y1, loop.t_next, settings.max_steps)
-        recording = recording.add(layout, loop.num_accepted, loop.t_next, y1, accept)
+        # A run that waits stays at the start of the step that holds its event: a derivative takes
+        # steps of no length there.
+        y = y1 if location is None else location.ended(y1)
+        recording = recording.add(layout, loop.num_accepted, loop.t_next, y, accept)
     return loop._replace(
         saved=saved, step_ends=step_ends, step_states=step_states, recording=recording
     )

@@ -252,12 +252,25 @@ def straight_to_event(
 ) -> RunResult:
     """A run to the first of its events, by one integration that locates it.
 
-    Only for a method that `locates_events`. Its derivatives are those of a second integration, to
-    the located time.
+    Only for a method that `locates_events`. If states are saved on the way, its derivatives are
+    those of a second integration, to the located time.
 
     **Arguments**
 
     - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
+    return _straight_to_event(system, y0, ts, events, config, run_axes)
+
+
+def _straight_to_event(
+    system: AbstractSystem,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    config: IntegrationConfig,
+    run_axes: int,
+    *,
+    differentiated: bool = False,
+) -> RunResult:
     runs = runs_of(y0, run_axes)
     asked = _of_each_run(ts, runs)
     ends_alone = ts.shape[0] == 2
@@ -265,6 +278,10 @@ def straight_to_event(
     result = integrate(system, y0, ts[0], ts[-1], fractions, config, run_axes, until=events)
     found = result.found
     assert found is not None
+    if differentiated:
+        last = state_at(result.states, -1, run_axes)
+        time, state = newton_correct(system, events, found.which, found.time, last)
+        found = found._replace(time=time, state=state)
     states = result.states if ends_alone else replace_state(result.states, 0, y0, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(ts.dtype)
     stopped = (found.which >= 0) & (sign * asked >= sign * found.time)
@@ -298,12 +315,14 @@ def straight_to_event(
 
 @straight_to_event.def_jvp
 def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def twice(system: AbstractSystem, y0: State, ts: Array, *rest: Any) -> RunResult:
+    def again(system: AbstractSystem, y0: State, ts: Array, *rest: Any) -> RunResult:
+        if ts.shape[0] == 2:
+            return _straight_to_event(system, y0, ts, *rest, differentiated=True)
         events, config, run_axes = rest
         asked = _of_each_run(ts, runs_of(y0, run_axes))
         return _to_event(system, y0, asked, events, config, run_axes, False)
 
-    return eqx.filter_jvp(twice, primals, tangents)
+    return eqx.filter_jvp(again, primals, tangents)
 
 
 def _with_restarts(
