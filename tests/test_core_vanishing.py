@@ -22,7 +22,7 @@ def plain(x, product=moment):
 
 
 def held(x):
-    return plain(x, lambda number, args: vanishing(moment, number, args))
+    return plain(x, lambda number, args: vanishing(moment, number, args, moment(number, args)))
 
 
 DERIVATIVES = {
@@ -56,7 +56,7 @@ def linear(t):
         a, t = args
         return number * jax.jvp(jnp.exp, (a,), (t,))[1]
 
-    return vanishing(along, jnp.zeros(()), (jnp.array([0.1, 0.2]), t))
+    return vanishing(along, jnp.zeros(()), (jnp.array([0.1, 0.2]), t), like=t)
 
 
 def test_its_value_and_first_derivative_hold_nothing_of_the_factor():
@@ -75,7 +75,7 @@ def test_it_is_linear_where_the_product_is():
             return number * jnp.exp(a) * t
 
         pull = jax.linear_transpose(
-            lambda t: vanishing(product, number, (jnp.array([0.1, 0.2]), t)), jnp.ones(2)
+            lambda t: vanishing(product, number, (jnp.array([0.1, 0.2]), t), like=t), jnp.ones(2)
         )
         return pull(jnp.array([1.0, 3.0]))[0]
 

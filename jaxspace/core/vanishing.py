@@ -23,19 +23,20 @@ vanishing_p.multiple_results = True
 Product = Callable[..., Sequence[Array]]
 
 
-def vanishing(product: Callable[..., PyTree], number: Array, args: PyTree) -> PyTree:
+def vanishing(product: Callable[..., PyTree], number: Array, args: PyTree, like: PyTree) -> PyTree:
     """`product(number, args)`, of which the `number` is zero: zero, with its derivatives.
 
     **Arguments**
 
     - `product`: linear in the number; it closes over no traced array.
     - `args`: a tree of arrays.
+    - `like`: a tree of arrays with the shapes and types of the result.
 
     **Returns** zeros, whose derivative with respect to the number is the product with that of the
     number. Where the product is linear in some of the `args`, reverse mode takes it as linear in
     them."""
     leaves, structure = jax.tree.flatten(args)
-    shapes, result = jax.tree.flatten(jax.eval_shape(product, number, args))
+    shapes, result = jax.tree.flatten(like)
 
     def flat(number: Array, *leaves: Array) -> list[Array]:
         return jax.tree.leaves(product(number, jax.tree.unflatten(structure, leaves)))

@@ -217,7 +217,10 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
         return jax.tree.map(lambda c: c * delay, _whole(change, y))
 
     delta = jax.tree.map(
-        lambda d, k, c: d - k * dt + c, _whole(of_y, y), rate, vanishing(drift, te - t, arrays)
+        lambda d, k, c: d - k * dt + c,
+        _whole(of_y, y),
+        rate,
+        vanishing(drift, te - t, arrays, like=y),
     )
     dte = dt
     for number, event in enumerate(events):
