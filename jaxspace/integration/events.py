@@ -153,15 +153,24 @@ class _Field(eqx.Module):
 
 
 def newton_correct(
-    system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
+    system: AbstractSystem,
+    events: tuple[Event, ...],
+    which: Array,
+    t: Scalar,
+    y: State,
+    *,
+    located: bool = False,
 ) -> tuple[Scalar, State]:
     """Time and state at the event, moved by one step of Newton's method along the motion; their
     first and second derivatives are those of the event.
 
-    `which` is the number of the event of each run, -1 for none, (*runs,)."""
+    **Arguments**
+
+    - `which`: the number of the event of each run, -1 for none, (*runs,).
+    - `located`: whether the state is at the event already. Then it does not move."""
     t = jnp.broadcast_to(t, which.shape)
     field = _Field(eqx.filter_closure_convert(system.vector_field, t, y))
-    return _corrected(t, y, which, field, closures_of_events(events, t, y))
+    return _corrected(t, y, which, field, closures_of_events(events, t, y), located)
 
 
 def _vector_field(system: _Field, t: Scalar, y: State) -> State:
@@ -185,8 +194,10 @@ def _rate_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
 
 @eqx.filter_custom_jvp
 def _corrected(
-    t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...]
+    t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...], located: bool
 ) -> tuple[Scalar, State]:
+    if located:
+        return t, y
     rate = _rate(t, y, system)
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
@@ -204,8 +215,8 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     dt_e = -(g_y delta + g_p dp)/(g_t + g_y f),   dy_e = delta + f dt_e
 
     d is the time from the state to the event: zero, but its derivative is that of the event."""
-    t, y, which, system, events = primals
-    of_t, of_y, _, of_system, of_events = tangents
+    t, y, which, system, events, _ = primals
+    of_t, of_y, _, of_system, of_events, _ = tangents
     # The function calls itself, so that derivatives of higher order are right, too.
     te, ye = _corrected(*primals)
     rate = _rate(te, ye, system)

@@ -117,8 +117,8 @@ def integrate(
         segments = segments_of(system, t0, t1, fractions)
     sought = None
     if until:
-        fixed = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
-        sought = SoughtEvents.of(until, system, *fixed, run_axes)
+        start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
+        sought = SoughtEvents.of(until, system, start, y, run_axes)
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )

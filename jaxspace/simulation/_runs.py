@@ -210,7 +210,8 @@ def _to_event(
         result = _at_times(system, y0, ts, config, run_axes, dense)
         crossings = ()
     last = state_at(result.states, -1, run_axes)
-    t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
+    at = which, ts[-1], found.met(last)
+    t_event, y_event = newton_correct(system, ending, *at, located=found.state is not None)
     stopped = (which >= 0) & (sign * asked >= sign * when)
     ts = jnp.where(stopped, t_event, ts)
     states = _where_stopped(stopped, y_event, result.states, run_axes)
@@ -280,7 +281,8 @@ def _straight_to_event(
     assert found is not None
     if differentiated:
         last = state_at(result.states, -1, run_axes)
-        time, state = newton_correct(system, events, found.which, found.time, last)
+        at = found.which, found.time, last
+        time, state = newton_correct(system, events, *at, located=True)
         found = found._replace(time=time, state=state)
     states = result.states if ends_alone else replace_state(result.states, 0, y0, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(ts.dtype)

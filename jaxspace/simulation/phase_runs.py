@@ -163,8 +163,8 @@ def _search_and_run(
     found = first_event(system, y0, t0, t1, (event,), config, run_axes)
     given = num_saved, config, run_axes, plan, record_steps
     phase = _saved(system, y0, t0, found.time, *given)
-    last = found.met(state_at(phase.states, -1, run_axes))
-    t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
+    at = found.which, found.time, found.met(state_at(phase.states, -1, run_axes))
+    t_event, y_event = newton_correct(system, (event,), *at, located=found.state is not None)
     # The derivatives of the end are those of the correction, and not of the search.
     return _ended_by(found, phase, t_event, y_event, run_axes)
 
