@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
+from ..core.barrier import barrier
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.status import Status
@@ -52,7 +53,9 @@ def drawn_by(
     allowed = campaign.allowed(inputs)
     # A refused run takes the nominal inputs, so that its own do not affect other runs of the block.
     nominal = campaign.nominal()
-    taken = {name: jnp.where(allowed & used, x, nominal[name]) for name, x in inputs.items()}
+    # Behind a barrier, because the compiler would compare all of them again for each input.
+    own = barrier(allowed & used)
+    taken = {name: jnp.where(own, x, nominal[name]) for name, x in inputs.items()}
     status = jnp.where(used, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
     # Not weakly typed, as the arrays of these shapes are not.
