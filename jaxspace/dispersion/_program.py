@@ -79,6 +79,7 @@ def _run(
     plans: Plans,
     blocks: Blocks,
     samples: Kept,
+    small: bool,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     """The runs with these inputs, and the largest local error of each phase of each run."""
 
@@ -86,7 +87,7 @@ def _run(
         batched: tuple[dict[str, Array], Array],
         arguments: tuple[Campaign, Accuracy, Plans, Kept],
     ) -> tuple[RunResults, Array]:
-        return _block(*arguments, *batched)
+        return _block(*arguments, *batched, small)
 
     batched = (drawn.used, drawn.status)
     results, errors = blocks.map(block, batched, (campaign, accuracy, plans, samples))
@@ -100,9 +101,10 @@ def _block(
     samples: Kept,
     inputs: dict[str, Float[Array, " runs"]],
     not_run: Integer[Array, " runs"],
+    small: bool,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     mission, y0 = campaign.mission(inputs)
-    configs = resolve_phases(mission, y0, accuracy, 1)
+    configs = resolve_phases(mission, y0, accuracy, 1, small=small)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
     outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
