@@ -88,6 +88,28 @@ def heights(m):
     return jnp.sum(simulate_batch(first, y, jnp.array([0.0, 100.0])).final.position[0])
 """
 )
+# A model rocket from its rail to its apogee: two phases that end at events.
+APOGEE = """
+import dataclasses, sys
+import equinox as eqx
+sys.path.insert(0, "examples/model_rockets")
+from rockets import ROCKETS, site, vehicle
+from jaxspace import Mission
+from jaxspace.vehicles import sounding_flight
+mission, y0 = sounding_flight(vehicle(ROCKETS["Calisto"]), site(ROCKETS["Calisto"]))
+mission = Mission(mission.phases[:2])
+def apogee(share):
+    def pushed(effect):
+        if type(effect).__name__ != "Thrust":
+            return effect
+        more = {name: share * getattr(effect, name) for name in ("mean_thrust", "exhaust_velocity")}
+        return dataclasses.replace(effect, **more)
+    def stronger(phase):
+        effects = tuple(map(pushed, phase.system.effects))
+        return eqx.tree_at(lambda p: p.system.effects, phase, effects)
+    flight = simulate_mission(Mission(tuple(map(stronger, mission.phases))), y0)
+    return flight.final.position[2]
+"""
 # A problem of the examples.
 KNOWN = """
 import sys
@@ -116,6 +138,8 @@ answer = lambda: file.optimize().objective
     + "answer = lambda: jax.jit(jax.grad(height))(y0.mass)\n",
     "gradient of 64 flights through the standard atmosphere": FLIGHTS
     + "answer = lambda: jax.jit(jax.grad(heights))(masses)[0]\n",
+    "gradient of the apogee of a model rocket": APOGEE
+    + "answer = lambda: jax.jit(jax.grad(apogee))(1.0)\n",
     "gradient of an orbit, RKN 12(10)": ORBIT + "answer = lambda: jax.jit(jax.grad(end))(x)[0]\n",
     "Hessian of an orbit, RKN 12(10)": ORBIT
     + "answer = lambda: jax.jit(jax.hessian(end))(x)[0, 0]\n",

@@ -34,6 +34,7 @@ from jaxspace.dispersion import (
     Sobol,
     StoreError,
     Uniform,
+    _pilots,
     _store_writer,
     disperse,
     open_store,
@@ -202,6 +203,22 @@ def test_a_store_refuses_another_campaign_and_names_the_difference(copy, changed
     with pytest.raises(StoreError, match=named):
         disperse(given.pop("campaign"), given.pop("runs"), store=copy, resume=True, **given)
     assert files_of(copy)
+
+
+def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
+    """Once: workers take it from the plan, and a resumed store refuses another one."""
+    monkeypatch.setattr(_pilots, "flies_small", lambda operations, runs: runs < 1000)
+    stores = {runs: tmp_path / f"{runs}.zarr" for runs in (600, 900, 1100)}
+    few, more, many = (fly(store, runs=runs).outputs["x"] for runs, store in stores.items())
+    apart = fly(runs=900, engine="processes").outputs["x"]
+    np.testing.assert_array_equal(few, more[:600])
+    np.testing.assert_array_equal(more, apart)
+    np.testing.assert_allclose(more, many[:900], rtol=1e-12, atol=1e-12)
+    kinds = [open_store(s).attributes.get("small_program") for s in stores.values()]
+    assert kinds == [True, True, None]
+    monkeypatch.undo()
+    with pytest.raises(StoreError, match="whether its steps are a small program: True in the st"):
+        fly(stores[600], runs=600, resume=True)
 
 
 def correlated(factor):

@@ -1,4 +1,4 @@
-"""Functions of single numbers as one kernel."""
+"""Functions as one kernel."""
 
 import jax
 import jax.numpy as jnp
@@ -19,18 +19,28 @@ def loops(function, *args) -> int:
     return jax.jit(function).lower(*args).as_text().count("stablehlo.while")
 
 
-def test_single_numbers_are_one_loop_of_one_pass():
+def test_a_function_is_one_loop_of_one_pass():
     assert loops(together, 4.0, 1.0) == 1
     for result in (jax.jit(together)(4.0, 1.0), together(4.0, 1.0)):
         assert (float(result[0]), bool(result[1])) == (3.0, False)
 
 
-def test_many_runs_are_the_function_itself():
+def test_trees_of_arrays_go_through():
+    def each(args):
+        return in_one_kernel(lambda args: {"sum": args[0] + args[1]["b"]}, args)
+
+    given = jnp.array([1.0, 2.0]), {"b": 3.0}
+    assert loops(each, given) == 1
+    np.testing.assert_array_equal(jax.jit(each)(given)["sum"], [4.0, 5.0])
+
+
+def test_mapped_runs_are_the_function_itself():
     x = jnp.array([1.0, 4.0, 9.0])
-    assert loops(together, x, 1.0) == loops(jax.vmap(together, (0, None)), x, 1.0) == 0
-    for result in (jax.jit(together)(x, 1.0), jax.jit(jax.vmap(together, (0, None)))(x, 1.0)):
-        np.testing.assert_array_equal(result[0], [2.0, 3.0, 4.0])
-        np.testing.assert_array_equal(result[1], [False, False, False])
+    mapped = jax.vmap(together, (0, None))
+    assert loops(mapped, x, 1.0) == 0
+    result = jax.jit(mapped)(x, 1.0)
+    np.testing.assert_array_equal(result[0], [2.0, 3.0, 4.0])
+    np.testing.assert_array_equal(result[1], [False, False, False])
 
 
 def test_a_function_with_a_rule_is_differentiated_in_both_modes():

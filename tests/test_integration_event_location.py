@@ -16,7 +16,7 @@ from jaxspace import (
     simulate_mission,
     simulate_mission_batch,
 )
-from jaxspace.core import AbstractSystem
+from jaxspace.core import AbstractClosedForm, AbstractSystem
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
 from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
 
@@ -129,6 +129,45 @@ def test_the_vector_field_of_a_phase_stands_in_its_program_once():
         assert fields_in(phase(until, 2), ball()) == 1
         assert fields_in(phase(until, 9), ball()) == 1
     assert fields_in(run, ball()) == 1
+
+
+def integrations_in(function, *args):
+    """The integrations in the traced program."""
+    known = "integrate", "integrate_recorded"
+
+    def names(jaxpr):
+        own = [e.primitive.name for e in jaxpr.eqns if e.primitive.name in known]
+        return own + [name for inner in subjaxprs(jaxpr) for name in names(inner)]
+
+    return names(jax.make_jaxpr(function)(*args).jaxpr)
+
+
+def test_a_gradient_to_an_event_integrates_once():
+    """Along the recorded steps of the run that locates the event."""
+
+    def end(v):
+        return simulate_mission(Mission(Phase(Throw(), GROUND)), ball(10.0, v), throw=False).end
+
+    assert integrations_in(jax.grad(end), 25.0) == ["integrate_recorded"]
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+def test_runs_that_meet_their_events_early_keep_their_derivatives(mode):
+    """In a block of runs that go on for thousands of steps, of which a record holds every
+    sixteenth state: T = (v + sqrt(v^2 + 20 g))/g, T' = T/sqrt(v^2 + 20 g)."""
+    how = Accuracy(rtol=1e-3, method=Tsit5(), max_step=2e-3, max_steps=8192)
+    mission = Mission(Phase(Throw(), GROUND))
+
+    def both(speeds):
+        run = simulate_mission_batch(mission, ball(10.0 + 0.0 * speeds, speeds), accuracy=how)
+        return run.end, run.final.velocity[2]
+
+    speeds = jnp.array([-5.0, 0.0, 8.0, 60.0])
+    root = np.sqrt(speeds**2 + 20.0 * G)
+    of_end, of_speed = mode(both)(speeds)
+    # A few thousand roundings, and one more for each step.
+    np.testing.assert_allclose(of_end, np.diag((1.0 + speeds / root) / G), rtol=1e-11, atol=1e-14)
+    np.testing.assert_allclose(of_speed, np.diag(-speeds / root), rtol=1e-11, atol=1e-13)
 
 
 def test_states_on_the_way_to_an_event_and_their_slopes_are_those_of_the_formula():
@@ -346,6 +385,25 @@ class Drift(AbstractSystem):
         return {}
 
 
+class Straight(AbstractClosedForm):
+    """Of the body without forces, as far as `y` is a number: for 4.5 s from where it starts."""
+
+    def flow(self, duration, y):
+        known = jnp.abs(duration) <= 4.5
+        return BodyState(jnp.where(known, y.position + duration * y.velocity, jnp.nan), y.velocity)
+
+
+class ExactDrift(Drift):
+    """The same body in closed form."""
+
+    def closed_form(self):
+        return Straight()
+
+
+DRIFTS = [(Drift(), DOP853()), (ExactDrift(), "closed_form")]
+EACH_DRIFT = pytest.mark.parametrize("drift, method", DRIFTS, ids=["steps", "closed form"])
+
+
 class Pair(eqx.Module):
     """(t - a)(t - b): falls through zero at a, and rises through it at b."""
 
@@ -363,33 +421,65 @@ def pairs(runs):
     return jnp.asarray(a), jnp.asarray(a + 10.0 ** rng.uniform(-5.0, -0.2, runs))
 
 
+@EACH_DRIFT
 @pytest.mark.parametrize("direction", [-1, 0, 1])
-def test_the_first_of_two_zeros_is_found_however_close_they_are(direction):
+def test_the_first_of_two_zeros_is_found_however_close_they_are(direction, drift, method):
     a, b = pairs(300)
     event = Event(Pair(a, b), direction, within=5.0)
     still = BodyState(jnp.zeros((3, 300)), jnp.ones((3, 300)))
-    how = Accuracy(method=DOP853())
-    run = simulate_mission_batch(Mission(Phase(Drift(), event)), still, accuracy=how)
+    how = Accuracy(method=method)
+    run = simulate_mission_batch(Mission(Phase(drift, event)), still, accuracy=how)
     assert np.all(run.status == Status.EVENT)
     # Roundings of a time of 5 s.
     np.testing.assert_allclose(run.end, b if direction == 1 else a, rtol=0.0, atol=1e-14)
 
 
-def test_a_single_run_finds_what_that_of_a_batch_finds():
+@EACH_DRIFT
+def test_a_single_run_finds_what_that_of_a_batch_finds(drift, method):
     still = BodyState(jnp.zeros(3), jnp.ones(3))
-    how = Accuracy(method=DOP853())
+    how = Accuracy(method=method)
     for a, b in zip(*pairs(12), strict=True):
         run = simulate_mission(
-            Mission(Phase(Drift(), Event(Pair(a, b), within=5.0))), still, accuracy=how
+            Mission(Phase(drift, Event(Pair(a, b), within=5.0))), still, accuracy=how
         )
         np.testing.assert_allclose(run.end, a, rtol=0.0, atol=1e-14)
 
 
+@EACH_DRIFT
+def test_a_run_backwards_finds_the_later_zero_first(drift, method):
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    ts, how = jnp.array([5.0, 1.0]), Accuracy(method=method)
+    for a, b in zip(*pairs(6), strict=True):
+        run = simulate(drift, still, ts, events=(Event(Pair(a, b)),), accuracy=how)
+        np.testing.assert_allclose(run.ts[-1], jnp.maximum(b, 1.0), rtol=0.0, atol=1e-14)
+
+
+@EACH_DRIFT
 @pytest.mark.parametrize("level", [0.3, 1.3])
-def test_a_zero_just_ahead_of_what_is_not_finite_is_found(level):
+def test_a_zero_just_ahead_of_what_is_not_finite_is_found(level, drift, method):
     """Of sqrt(4 - t) in one part of a step, whose later samples are NaN."""
     event = Event(lambda t, y: jnp.sqrt(4.0 - t) - level)
     still = BodyState(jnp.zeros(3), jnp.ones(3))
-    ts, how = jnp.array([0.0, 5.0]), Accuracy(method=DOP853())
-    run = simulate(Drift(), still, ts, events=(event,), accuracy=how)
+    ts, how = jnp.array([0.0, 5.0]), Accuracy(method=method)
+    run = simulate(drift, still, ts, events=(event,), accuracy=how)
     np.testing.assert_allclose(run.ts[-1], 4.0 - level**2, rtol=1e-14)
+
+
+@pytest.mark.parametrize("height, status", [(4.0, Status.EVENT), (4.7, Status.NOT_FINITE)])
+def test_a_closed_form_that_ends_is_searched_as_far_as_it_goes(height, status):
+    """The state is not finite behind 4.5 s, and neither is the condition: that of the state
+    counts."""
+    event = Event(lambda t, y: y.position[0] - height)
+    still = BodyState(jnp.zeros(3), jnp.ones(3))
+    ts = jnp.array([0.0, 5.0])
+    run = simulate(
+        ExactDrift(),
+        still,
+        ts,
+        events=(event,),
+        accuracy=Accuracy(method="closed_form"),
+        throw=False,
+    )
+    assert run.status == status
+    if status == Status.EVENT:
+        np.testing.assert_allclose(run.ts[-1], height, rtol=1e-14)

@@ -17,7 +17,7 @@ from jaxspace.core.vectors import dot
 from jaxspace.integration import _record
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Mission, Phase, simulate, simulate_batch
-from jaxspace.simulation.phases import resolve_phases
+from jaxspace.simulation.phases import flies_small, resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas, Stormer, Tsit5
 from jaxspace.solvers.protocol import small_program
 
@@ -215,6 +215,15 @@ def test_the_phases_of_a_mission_decide_together(y, phases, looped):
     mission = Mission([Phase(Swing(additions=400), 1.0, name=str(k)) for k in range(phases)])
     configs = resolve_phases(mission, y, Accuracy(1e-6, method=Tsit5()), y.position.ndim - 1)
     assert [config.method.in_loop for config in configs] == [looped] * phases
+
+
+@pytest.mark.parametrize(
+    ("operations", "runs", "small"),
+    [(249, 1, False), (515, 29_000, True), (515, 30_000, False), (600, 10**9, True)],
+)
+def test_a_campaign_of_few_runs_of_a_large_field_is_small(operations, runs, small):
+    assert flies_small(operations, runs) is small
+    assert flies_small(operations) is (operations >= 600)
 
 
 @pytest.mark.parametrize(

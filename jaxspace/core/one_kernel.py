@@ -1,4 +1,4 @@
-"""Functions of single numbers as one kernel of a program."""
+"""Functions as one kernel of a program."""
 
 from collections.abc import Callable
 from typing import Any
@@ -13,7 +13,7 @@ from .tracing import is_traced
 
 
 def in_one_kernel(function: Callable[..., PyTree], *args: Any) -> PyTree:
-    """`function(*args)`: in a compiled program, on a CPU and for single numbers, as one kernel.
+    """`function(*args)`: in a compiled program, on a CPU, as one kernel.
 
     The compiler for CPUs makes a kernel of every few operations, which it takes 10 ms to compile,
     but a single one of a whole loop that carries little. So the function becomes a loop of one
@@ -23,12 +23,12 @@ def in_one_kernel(function: Callable[..., PyTree], *args: Any) -> PyTree:
     **Arguments**
 
     - `function`: of `args`, with arrays as its result.
-    - `args`: arrays or numbers; where one of them is not a single number, this is the function
-      itself, as it is of many runs under `vmap`."""
-    if not is_traced(args) or any(jnp.ndim(x) for x in jax.tree.leaves(args)):
+    - `args`: trees of arrays or numbers, of a single run: under `vmap` this is the function
+      itself."""
+    if not is_traced(args):
         return function(*args)
 
-    def loop(*args: Array) -> PyTree:
+    def loop(*args: PyTree) -> PyTree:
         shapes = jax.eval_shape(function, *args)
         nothing = jax.tree.map(lambda s: jnp.zeros(s.shape, s.dtype), shapes)
 
@@ -43,13 +43,13 @@ def in_one_kernel(function: Callable[..., PyTree], *args: Any) -> PyTree:
         return jax.lax.while_loop(lambda carry: carry[0] < 1, body, start)[1]
 
     @custom_vmap
-    def alone(*args: Array) -> PyTree:
+    def alone(*args: PyTree) -> PyTree:
         return jax.lax.platform_dependent(*args, cpu=loop, default=function)
 
     @alone.def_vmap
-    def _(size: int, batched: list, *args: Array) -> tuple[PyTree, PyTree]:
-        axes = [0 if is_batched else None for is_batched in batched]
+    def _(size: int, batched: PyTree, *args: PyTree) -> tuple[PyTree, PyTree]:
+        axes = jax.tree.map(lambda is_batched: 0 if is_batched else None, batched)
         result = jax.vmap(function, in_axes=axes, axis_size=size)(*args)
         return result, jax.tree.map(lambda _: True, result)
 
-    return alone(*map(jnp.asarray, args))
+    return alone(*jax.tree.map(jnp.asarray, args))

@@ -10,7 +10,8 @@ One compiled program draws the inputs, and another runs the missions of every ca
 whatever the numbers of runs, chunks, cores and processes are. For this the plans are padded to one
 length, a call has a fixed number of runs in fixed blocks, and a call is never divided among cores.
 The numbers of run i therefore depend on the campaign, the seed and i alone, to the last bit (on one
-kind of processor).
+kind of processor): but for a step at the number of planned runs from which a program that takes
+longer to compile, and flies faster, pays (`flies_small`).
 """
 
 import dataclasses
@@ -82,9 +83,10 @@ class BatchRunner:
         accuracy: Accuracy,
         seed: int,
         devices: Sequence[jax.Device],
-        samples: Kept = 0,
+        samples: Kept,
+        runs: int,
     ) -> "BatchRunner":
-        """Plan a campaign by its pilots and a trial, and compile the program of all its runs.
+        """Plan a campaign of so many runs by its pilots and a trial, and compile their program.
 
         Without pilots where no phase follows a plan and the outputs are those of the library: their
         program would take as long to compile as half of that of all runs.
@@ -93,9 +95,11 @@ class BatchRunner:
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
         size = Blocks.on(devices[:1], call_size(devices)).size
-        steps, coupled = expected_steps(campaign, accuracy, samples, size)
+        steps, coupled, small = expected_steps(campaign, accuracy, samples, size, runs)
         expected = placeholders(steps)
-        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), coupled, samples, "")
+        planned = PlannedCampaign(
+            campaign, accuracy, seed, (expected,), coupled, small, samples, ""
+        )
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)
 
@@ -115,9 +119,9 @@ class BatchRunner:
             lowered.result()
             if not piloted:
                 return [None] * len(expected)
-            pilots, runs = pilot_plans(campaign, accuracy, draw, runner.call, samples)
+            pilots, flown = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # Meanwhile the program of all runs is compiled.
-            check_apart(campaign, runs)
+            check_apart(campaign, flown)
             return pilots
 
         # That program needs of the plans their lengths alone, and is compiled while they are found.
@@ -140,7 +144,7 @@ class BatchRunner:
                 check_nominal(campaign, accuracy, status)
         except StepsForTurns:
             exactly = dataclasses.replace(accuracy, decoupled=True)
-            return cls.plan(campaign, exactly, seed, devices, samples)
+            return cls.plan(campaign, exactly, seed, devices, samples, runs)
         if status != Status.TOLERANCE_MISSED:
             runner.nominal = outputs
         factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]
@@ -277,7 +281,8 @@ class BatchRunner:
     def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:
         """Arguments of the compiled program of the missions."""
         planned = self.planned
-        return planned.campaign, planned.accuracy, drawn, plans, blocks, planned.samples
+        given = planned.campaign, planned.accuracy, drawn, plans, blocks
+        return *given, planned.samples, planned.small
 
 
 def cores() -> int:

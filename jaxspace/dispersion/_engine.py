@@ -100,7 +100,8 @@ def disperse(
       `accuracy`.
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
-      and `devices` are, and also after a restart.
+      and `devices` are, and also after a restart. Only a campaign of so many `runs` that a longer
+      compilation pays (`flies_small`) has other roundings than one of fewer.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
@@ -175,12 +176,14 @@ def disperse(
                 stack.enter_context(writer)
             if writer.lock.stale:
                 warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
-        runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states)
+        runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states, runs)
         # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
         attributes = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
         attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
         attributes |= {"chunk": runner.chunk(chunk), "samples": samples}
+        if runner.planned.small:
+            attributes["small_program"] = True
         if runner.nominal is not None:
             attributes["nominal"] = runner.nominal
         if times is not None:

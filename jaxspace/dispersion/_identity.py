@@ -13,6 +13,7 @@ IDENTITY = {
     "rtol": "the relative tolerance",
     "atol": "the absolute tolerance",
     "method": "the method",
+    "small_program": "whether its steps are a small program",
     "description": "the scene",
     "files": "the files that the scene names",
     "modules": "the modules of its own physics",

@@ -22,7 +22,7 @@ from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionResult
 from ..simulation.mission_runs import run_mission
 from ..simulation.phase_runs import OwnTimes, SaveTimes, ends_on_the_way
-from ..simulation.phases import resolve_phases
+from ..simulation.phases import flies_small, resolve_and_count, resolve_phases
 from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of
 from ._campaign import Campaign
@@ -116,20 +116,22 @@ def _breaks_differ(system: Any) -> bool:
 
 
 def expected_steps(
-    campaign: Campaign, accuracy: Accuracy, kept: Kept, runs: int
-) -> tuple[list[Any], bool]:
+    campaign: Campaign, accuracy: Accuracy, kept: Kept, block: int, runs: int
+) -> tuple[list[Any], bool, bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
-    and whether a phase ends by an event, in whose search the runs of a block share their steps.
+    whether a phase ends by an event, in whose search the runs of a block share their steps; and
+    whether the steps of this many planned `runs` are a small program.
 
-    They follow from the methods alone, because tracing the pilot runs takes much longer. `runs`: as
-    many as in a block, whose program then finds its vector fields traced."""
+    They follow from the methods alone, because tracing the pilot runs takes much longer. `block`:
+    runs in a block, whose program then finds its vector fields traced."""
 
-    def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool]:
-        mission, y0 = campaign.mission(campaign.nominal(runs))
-        configs = resolve_phases(mission, y0, accuracy, 1)
+    def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool, bool]:
+        mission, y0 = campaign.mission(campaign.nominal(block))
+        configs, operations = resolve_and_count(mission, y0, accuracy, 1)
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
         events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])
-        return [campaign.start if follows else None for follows in planned], events
+        ends = [campaign.start if follows else None for follows in planned]
+        return ends, events, flies_small(operations, runs)
 
     return eqx.filter_eval_shape(steps, campaign, accuracy)
 

@@ -14,6 +14,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
+from ..core.barrier import barrier
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.status import Status
@@ -52,7 +53,9 @@ def drawn_by(
     allowed = campaign.allowed(inputs)
     # A refused run takes the nominal inputs, so that its own do not affect other runs of the block.
     nominal = campaign.nominal()
-    taken = {name: jnp.where(allowed & used, x, nominal[name]) for name, x in inputs.items()}
+    # Behind a barrier, because the compiler would compare all of them again for each input.
+    own = barrier(allowed & used)
+    taken = {name: jnp.where(own, x, nominal[name]) for name, x in inputs.items()}
     status = jnp.where(used, jnp.int32(Status.COMPLETED), jnp.int32(Status.RAISED))
     drawn = Drawn(inputs, taken, jnp.where(allowed, status, jnp.int32(Status.REFUSED)))
     # Not weakly typed, as the arrays of these shapes are not.
@@ -76,6 +79,7 @@ def _run(
     plans: Plans,
     blocks: Blocks,
     samples: Kept,
+    small: bool,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     """The runs with these inputs, and the largest local error of each phase of each run."""
 
@@ -83,7 +87,7 @@ def _run(
         batched: tuple[dict[str, Array], Array],
         arguments: tuple[Campaign, Accuracy, Plans, Kept],
     ) -> tuple[RunResults, Array]:
-        return _block(*arguments, *batched)
+        return _block(*arguments, *batched, small)
 
     batched = (drawn.used, drawn.status)
     results, errors = blocks.map(block, batched, (campaign, accuracy, plans, samples))
@@ -97,9 +101,10 @@ def _block(
     samples: Kept,
     inputs: dict[str, Float[Array, " runs"]],
     not_run: Integer[Array, " runs"],
+    small: bool,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     mission, y0 = campaign.mission(inputs)
-    configs = resolve_phases(mission, y0, accuracy, 1)
+    configs = resolve_phases(mission, y0, accuracy, 1, small=small)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
     outputs = outputs_of(campaign, for_outputs(result, samples), inputs)

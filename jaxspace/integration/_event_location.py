@@ -14,6 +14,7 @@ The runs repeat these steps together, and each run takes its part of the common 
     s         normalised time                                              1
 """
 
+from collections.abc import Callable
 from typing import NamedTuple, final
 
 import equinox as eqx
@@ -21,14 +22,15 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import Scalar, State
+from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
-from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.tolerances import Tolerance
-from ._step_zero import PARTS, AlongStep, Ends, Part
+from ._step_zero import PARTS, AlongFlow, AlongStep, Ends, Part
+from .event_zero import rounding_change
 from .events import Event
-from .normalised_time import OwnStep
+from .layout import runs_of
+from .normalised_time import OwnStep, Segments
 from .status import Status
 
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
@@ -46,6 +48,15 @@ class SoughtEvents(eqx.Module):
 
     events: tuple[Event, ...]
     rounding: Float[Array, "events *#runs"]
+
+    @classmethod
+    def of(
+        cls, events: tuple[Event, ...], system: AbstractSystem, t0: Scalar, y0: State, run_axes: int
+    ) -> "SoughtEvents":
+        """The events of runs from the state `y0` at `t0`, s."""
+        t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
+        roundings = [rounding_change(event, system, t, y0, run_axes) for event in events]
+        return cls(events, jnp.stack(roundings))
 
 
 class Location(NamedTuple):
@@ -79,6 +90,26 @@ class Location(NamedTuple):
     def ended(self, y: State) -> State:
         """The state at the event of each run; `y` of those without one."""
         return jax.tree.map(lambda a, b: jnp.where(self.waiting, a, b), self.y, y)
+
+    @property
+    def ends(self) -> Float[Array, "*runs"]:
+        """The normalised time at which each run waits, or infinity."""
+        return jnp.where(self.waiting, self.start + self.length, jnp.inf)
+
+    def found(self, segments: Segments | OwnStep, t0: Scalar, t1: Scalar) -> "FoundEvents":
+        """The events in the time of runs from `t0` to `t1`, s."""
+        time = segments.time(self.start + self.length)
+        failed = self.waiting & (self.status > Status.EVENT)
+        hits = jnp.ones(self.sizes.shape, bool)
+        return FoundEvents(
+            jnp.where(self.waiting, time, t1),
+            self.which,
+            jnp.where(failed, self.status, Status.COMPLETED).astype(jnp.int32),
+            jnp.where(failed, jnp.abs(time - t0), jnp.inf),
+            hits & (self.which >= 0),
+            self.sizes,
+            self.y,
+        )
 
     @classmethod
     def none_yet(
@@ -139,11 +170,10 @@ class FoundEvents(NamedTuple):
 
 
 class SearchedStep(NamedTuple):
-    """A step: its times, its polynomial, its start and its end in shared time, the state where it
+    """A step: the conditions `along` it, its start and its end in shared time, the state where it
     starts and that where it ends, and the part of the run that it passes."""
 
-    segment: OwnStep
-    polynomial: AbstractDenseOutput
+    along: Callable[[Event], AlongStep | AlongFlow]
     s0: Float[Array, ""]
     s1: Float[Array, ""]
     y0: State
@@ -246,8 +276,7 @@ def _searched(
         at_start = first & (search.part == 0)
         for number, event in enumerate(sought.events):
             size = search.sizes[number]
-            along = AlongStep(event, step.segment, step.polynomial, runs)
-            part = Part(along, begin, end, at_start, sought.rounding[number], *span)
+            part = Part(step.along(event), begin, end, at_start, sought.rounding[number], *span)
             zero, at_ends = part.first_zero(size, searched & ~search.here, going)
             sizes.append(zero.size)
             mine = location.which == number

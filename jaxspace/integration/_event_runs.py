@@ -3,7 +3,6 @@ ones from the sample before each zero.
 
 For methods whose steps cannot be searched while they are taken (`_event_location`)."""
 
-from collections.abc import Callable
 from typing import NamedTuple
 
 import jax
@@ -12,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
-from ._event_bracket import Place, WithinSpan, close_in
+from ._event_bracket import Place, close_in
 from ._in_turn import in_turn
 from .config import IntegrationConfig
 from .event_zero import (
@@ -22,7 +21,9 @@ from .event_zero import (
     candidates,
     dips,
     ill_after,
+    next_candidates,
     pick,
+    put,
     rounding_change,
 )
 from .events import Event
@@ -106,86 +107,104 @@ class Samples(NamedTuple):
     ill: Scalar
 
 
+class Zeros(NamedTuple):
+    """The zeros of a condition along each run, while they are searched.
+
+    - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`; `count`: how
+      many there are so far.
+    - `following`: the next interval to search; `again`: whether it is searched a second time.
+    - `unresolved`: whether the search failed, at the time behind the last zero."""
+
+    times: Float[Array, "zeros *#runs"]
+    states: State
+    rising: Bool[Array, "zeros *#runs"]
+    count: Int[Array, "*runs"]
+    following: Int[Array, "*runs"]
+    again: Bool[Array, "*runs"]
+    unresolved: Bool[Array, "*runs"]
+
+
 def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero:
     """The first zero of the condition of each run between `t0` and `t1`, s."""
     # Equal parts of the time, from the dense output of one integration.
     fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     samples = sampled(along, times, along.states(y0, t0, t1, fractions))
-
-    def within(index: Array) -> WithinSpan:
-        return FromSample(along, *pick((samples.states, samples.times), index, along.run_axes))
-
-    given = samples.times, samples.g, samples.slopes, samples.candidate
-    result = _first_in_intervals(within, *given)
-    when, hit, unresolved = result
+    zeros = zeros_between(along, samples, 1)
     event = along.event
     at_zero = samples.at_zero
-    if event.at_start:
-        now = at_zero & (event.direction * samples.away >= 0.0)
-        when = jnp.where(now, t0, when)
-        hit = hit | now
-        unresolved = unresolved & ~now
+    hit = zeros.count > 0
+    # Where there is none, the end of the run.
+    when = jnp.where(hit | zeros.unresolved, zeros.times[0], t1)
     after = jnp.abs(when - t0)
     eps = float(jnp.finfo(samples.g.dtype).eps)
     resolved = APART * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
     # An event within the rounding of the time of the start, as of a ball at rest.
     piled = at_zero & hit & (after <= resolved) & (not event.at_start)
     status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
-    failed = jnp.where(piled | unresolved, after, jnp.inf)
+    failed = jnp.where(piled | zeros.unresolved, after, jnp.inf)
     # If there are two reasons, the one that comes first along the run counts.
     status = jnp.where(samples.ill <= failed, Status.CONDITION_NOT_FINITE, status)
     failed = jnp.minimum(samples.ill, failed)
     return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
 
 
-def _first_in_intervals(
-    within: Callable[[Int[Array, "*runs"]], WithinSpan],
-    times: Float[Array, "samples *#runs"],
-    g: Float[Array, "samples *#runs"],
-    slopes: Float[Array, "samples *#runs"],
-    candidate: Bool[Array, "intervals *#runs"],
-) -> tuple[Scalar, Bool[Array, "*runs"], Bool[Array, "*runs"]]:
-    """The first zero of a condition between samples.
+def zeros_between(along: ConditionOnRun, samples: Samples, limit: int) -> Zeros:
+    """The first zeros of each run, `limit` of them at most."""
+    event, runs = along.event, samples.times.shape[1:]
+    intervals = samples.candidate.shape[0]
 
-    **Arguments**
-
-    - `within`: the condition in the interval of this number, of each run.
-    - `times`, `g`, `slopes`: of the samples, the condition there and its rates.
-    - `candidate`: the intervals in which there may be a zero.
-
-    **Returns** the time, that of the last sample where there is none; whether there is a zero; and
-    whether the search for it did not converge."""
-    count, *runs = candidate.shape
-    numbers = jnp.arange(count).reshape(-1, *(1,) * len(runs))
+    def sought_in(zeros: Zeros) -> Array:
+        """Whether each run has another interval to search."""
+        return (zeros.following < intervals) & (zeros.count < limit) & ~zeros.unresolved
 
     # Intervals are searched one by one, because a dip may turn out to hold no zero.
-    def look(search: tuple[Scalar, Array, Array, Array]) -> tuple[Scalar, Array, Array, Array]:
-        when, hit, unresolved, first = search
-        ahead = candidate & (numbers >= first)
-        index = jnp.argmax(ahead, axis=0)
-        samples = times, g, slopes
-        first_end, last_end = (pick(samples, index + k, len(runs)) for k in (0, 1))
-        span, values, rates = zip(first_end, last_end, strict=True)
-        sought = jnp.any(ahead, axis=0) & ~hit & ~unresolved
-        zero = close_in(within(index), span, values, rates, sought)
+    def look(zeros: Zeros) -> Zeros:
+        sought, index = sought_in(zeros), jnp.minimum(zeros.following, intervals - 1)
+        knots = samples.times, samples.g, samples.slopes
+        t, value, slope = pick(knots, index, along.run_axes)
+        end, other, last_slope = pick(knots, index + 1, along.run_axes)
+        dip = (value * other > 0.0) & ~zeros.again
+        # The second zero of a dip is sought from its first one, where the sign is opposite.
+        last = pick(zeros.times, jnp.maximum(zeros.count - 1, 0), along.run_axes)
+        start = jnp.where(zeros.again, last, t)
+        value = jnp.where(zeros.again, -other, value)
+        within = FromSample(along, pick(samples.states, index, along.run_axes), t)
+        ends = (t, end), (value, other), (slope, last_slope)
+        zero = close_in(within, *ends, sought, start)
         good = sought & zero.met & zero.sure
-        unresolved = unresolved | (sought & ~zero.sure)
-        last = good | ~sought | unresolved
-        when = jnp.where(sought & (good | unresolved), zero.time, when)
-        return when, hit | good, unresolved, jnp.where(last, count, index + 1)
+        unsure = sought & ~zero.sure
+        row = jnp.where(good | unsure, zeros.count, limit)
+        found = zero.time, zero.y, zero.rising
+        times, states, rising = put(zeros[:3], row, found, along.run_axes)
+        # The second zero of a dip counts only for an event of both directions.
+        again = good & dip & (event.direction == 0)
+        return Zeros(
+            times,
+            states,
+            rising,
+            zeros.count + good.astype(int),
+            jnp.where(sought & ~again, pick(ahead, index + 1, along.run_axes), zeros.following),
+            again,
+            zeros.unresolved | unsure,
+        )
 
-    nowhere = jnp.zeros(tuple(runs), bool)
-    start = (
-        jnp.broadcast_to(times[-1], tuple(runs)),
-        nowhere,
-        nowhere,
-        jnp.zeros(tuple(runs), int),
+    def rows_of(x: Array) -> Array:
+        return jnp.broadcast_to(x, (limit, *x.shape))
+
+    ahead = next_candidates(samples.candidate)
+    none = jnp.zeros(runs, bool)
+    at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
+    start = Zeros(
+        times=rows_of(samples.times[0]),
+        states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
+        rising=rows_of(samples.away > 0.0),
+        count=at_start.astype(int),
+        following=ahead[0],
+        again=none,
+        unresolved=none,
     )
-    when, hit, unresolved, _ = jax.lax.while_loop(
-        lambda search: jnp.any(candidate & (numbers >= search[3])), look, start
-    )
-    return when, hit, unresolved
+    return jax.lax.while_loop(lambda zeros: jnp.any(sought_in(zeros)), look, start)
 
 
 def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states: State) -> Samples:

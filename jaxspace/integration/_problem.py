@@ -39,8 +39,9 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 # Field, initial state and settings of an integration.
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
-# Arrays of a record: its numbers, the stride of its states, the count of its steps.
-RECORD_ARRAYS = 3
+# Arrays of a record: its numbers, the stride of its states, the count of its steps, the ends of its
+# runs.
+RECORD_ARRAYS = 4
 
 # Operations of a vector field from which the steps are a small program: they compile in a third of
 # the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
@@ -87,14 +88,14 @@ class Problem:
 
         `small`: whether the steps of a single run are a small program, whatever its field."""
         field, y0, settings = self.parts(args)
-        assert not (recorded and settings.sought is not None), (
-            "events are located outside derivatives"
+        assert not recorded or settings.sought is None or settings.save_ts is None, (
+            "states on the way to an event are differentiated along a second run"
         )
         # The type of the state decides which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
-            recorded_steps = own.buffers.recording, own.count
-            return [*jax.tree.leaves(own_outcome_of(own, settings)), *_arrays_of(*recorded_steps)]
+            recorded_steps = _arrays_of(own.buffers.recording, own.count, jnp.inf)
+            return [*jax.tree.leaves(own_outcome_of(own, settings)), *recorded_steps]
         small = self._is_alone(settings) if small else recorded and self._is_single(settings)
         if small or self._is_small(settings, derivative=False):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
@@ -108,8 +109,9 @@ class Problem:
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
-        recorded_steps = loop.buffers.recording, loop.num_accepted
-        return [*jax.tree.leaves(outcome), *_arrays_of(*recorded_steps)]
+        ends = jnp.inf if loop.location is None else loop.location.ends
+        recorded_steps = _arrays_of(loop.buffers.recording, loop.num_accepted, ends)
+        return [*jax.tree.leaves(outcome), *recorded_steps]
 
     @functools.cached_property
     def solve_jaxpr(self) -> ClosedJaxpr:
@@ -238,6 +240,9 @@ class Problem:
         return [result[k] for k in moving]
 
 
-def _arrays_of(recording: Recording | None, count: Array) -> list[Array]:
-    """The arrays of a record of `count` steps; none where nothing was recorded."""
-    return [] if recording is None else [recording.numbers, recording.stride, count]
+def _arrays_of(recording: Recording | None, count: Array, ends: Array | float) -> list[Array]:
+    """The arrays of a record of `count` steps, whose runs have these `ends`; none where nothing was
+    recorded."""
+    if recording is None:
+        return []
+    return [recording.numbers, recording.stride, count, jnp.asarray(ends)]

@@ -163,12 +163,15 @@ class Recording(NamedTuple):
 
 @final
 class Record(eqx.Module):
-    """The record of a run of `count` steps."""
+    """The record of a run of `count` steps.
+
+    `ends`: the normalised time at which each run ends, at its event; infinite elsewhere."""
 
     layout: RecordLayout = eqx.field(static=True)
     numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
     count: Int[Array, ""]
+    ends: Float[Array, "*runs"] | float = math.inf
 
     def state(self, k: Int[Array, ""]) -> State:
         """The state after (k + 1) stride steps."""

@@ -27,6 +27,7 @@ from ._buffers import empty_buffer, get_row, put_row
 from ._needed import needed_only
 from ._record import Record
 from .loop import TERM, LoopSettings
+from .normalised_time import ScaledVectorField
 
 CHUNK = 32
 """Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
@@ -84,10 +85,17 @@ class Replay(eqx.Module):
         needed.
 
         `backwards`: whether the step is for reverse mode."""
+        field = eqx.combine(moving, self.fixed)
+        t0, t1 = self.step_bounds(n)
+        if self.settings.sought is not None:
+            # A run ends within a step, at its event. The steps behind it have no length.
+            assert isinstance(field, ScaledVectorField)
+            length = jnp.clip(self.record.ends - t0, 0.0, t1 - t0)
+            segment = field.segments.step(t0, length, t0, t1)
+            field = ScaledVectorField(field.system, segment)
         # The stages of a small program are checkpoints already.
         term = CHECKPOINTED if backwards and not self.small else TERM
-        t0, t1 = self.step_bounds(n)
-        field = field_of_step(self.method, eqx.combine(moving, self.fixed), t0, t1)
+        field = field_of_step(self.method, field, t0, t1)
         state = self.method.init(term, t0, t1, y, field)
         y1, _, dense_info, _, _ = self.method.step(term, t0, t1, y, field, state, jnp.array(False))
         return y1, None if self.settings.save_ts is None else dense_info

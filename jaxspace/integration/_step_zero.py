@@ -1,5 +1,5 @@
 """The first zero of the condition of an event within a part of a step, by samples of the dense
-output.
+output, or within a part of a run by those of its closed form.
 
 The part is sampled evenly. The first interval in which the condition changes its sign, or dips so
 that it might do so twice, is sampled again: densely about the place where the condition is expected
@@ -14,11 +14,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import Scalar
+from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..solvers.dense_output import AbstractDenseOutput
 from ._event_bracket import NARROW, zero_share
+from ._in_turn import in_turn
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, pick
 from .events import Event
 from .normalised_time import OwnStep
@@ -56,10 +57,45 @@ class AlongStep(NamedTuple):
         rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
         return rate / self.segment.rate.astype(rate.dtype)
 
-    def at(self, t: Scalar) -> tuple[Scalar, Scalar]:
-        """The `value` and its rate in normalised time."""
+    def at(self, nodes: Scalar) -> tuple[Scalar, Scalar]:
+        """The `value` and its rate in normalised time, at nodes on the first axis."""
+
+        def each(t: Scalar) -> tuple[Scalar, Scalar]:
+            return jax.jvp(self.value, (t,), (jnp.ones_like(t),))
+
         # Many operations read them, with each of which the compiler would evaluate them again.
-        return barrier(jax.jvp(self.value, (t,), (jnp.ones_like(t),)))
+        return barrier(jax.vmap(each)(nodes))
+
+
+class AlongFlow(NamedTuple):
+    """The condition of an event along a run in closed form, of which the `segment` is one step."""
+
+    event: Event
+    segment: OwnStep
+    system: AbstractSystem
+    y0: State
+    runs: tuple[int, ...]
+
+    def _at(self, t: Scalar) -> tuple[Scalar, State]:
+        """The time, s, of each run at the normalised time `t`, and the state there."""
+        flow = self.system.closed_form()
+        assert flow is not None
+        time = jnp.broadcast_to(self.segment.time(t), self.runs)
+        return time, flow.flow(time - self.segment.start, self.y0)
+
+    def condition(self, t: Scalar) -> Scalar:
+        """The condition at the normalised time `t`."""
+        return self.event.condition(*self._at(t))
+
+    def at(self, nodes: Scalar) -> tuple[Scalar, Scalar]:
+        """As of `AlongStep`."""
+
+        def each(t: Scalar) -> tuple[Scalar, Scalar]:
+            value, slope = self.event.slope(self.system, *barrier(self._at(t)))
+            return value, slope * self.segment.rate
+
+        # One after the other, because the solution is a longer program than a polynomial.
+        return barrier(in_turn(each, nodes))
 
 
 class Ends(NamedTuple):
@@ -113,7 +149,7 @@ class Part(NamedTuple):
     `at_start`: whether the run starts with it; `rounding`: of the condition; `start`, `duration`:
     of the run, s."""
 
-    along: AlongStep
+    along: AlongStep | AlongFlow
     begin: Float[Array, ""]
     end: Float[Array, ""]
     at_start: Bool[Array, ""]
@@ -169,7 +205,7 @@ class Part(NamedTuple):
         """The search after one more sampling of the condition."""
         event, runs = self.along.event, self.along.runs
         nodes = search.nodes()
-        g, slopes = jax.vmap(self.along.at)(nodes)
+        g, slopes = self.along.at(nodes)
         size = jnp.maximum(search.size, jnp.max(jnp.abs(g), axis=0))
         at_zero = self._starts_at_zero(nodes[0], g[0], slopes[0], size)
         ends = Ends(g[0], slopes[0], g[-1], slopes[-1])

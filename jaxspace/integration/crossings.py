@@ -22,7 +22,7 @@ period.
 __all__ = ["Crossings"]
 
 import dataclasses
-from typing import NamedTuple, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -30,10 +30,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
-from ._event_bracket import close_in
-from ._event_runs import ConditionOnRun, FromSample, Samples, sampled
+from ._event_runs import ConditionOnRun, Samples, Zeros, sampled, zeros_between
 from .config import IntegrationConfig
-from .event_zero import next_candidates, pick, put
+from .event_zero import pick
 from .events import Event, newton_correct
 from .field_trace import field_trace
 from .integrate import integrate
@@ -90,23 +89,6 @@ class Crossings(eqx.Module):
         )
 
 
-class _SearchState(NamedTuple):
-    """State of the search.
-
-    - `times`, `states`, `rising`: of the zeros, on the first axis, as in `Crossings`.
-    - `count`: number of zeros, up to one more than the capacity.
-    - `following`: the next interval to search; `again`: whether it is searched a second time.
-    - `unresolved`: whether the search failed."""
-
-    times: Float[Array, "zeros *#runs"]
-    states: State
-    rising: Bool[Array, "zeros *#runs"]
-    count: Int[Array, "*runs"]
-    following: Int[Array, "*runs"]
-    again: Bool[Array, "*runs"]
-    unresolved: Bool[Array, "*runs"]
-
-
 def crossings_between(
     system: AbstractSystem,
     event: Event,
@@ -143,17 +125,20 @@ def _found(
     """`crossings_between`, as the search leaves them, without derivatives."""
     along = ConditionOnRun(system, event, config, run_axes)
     samples = sampled(along, times, states)
-    search = _search(along, samples)
+    # One more than are kept, which tells whether there are more.
+    search = zeros_between(along, samples, event.capacity + 1)
     stored = jnp.minimum(search.count, event.capacity)
     used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
+
+    times, states, rising = jax.tree.map(lambda x: x[: event.capacity], search[:3])
 
     def leaf(x: Array) -> Array:
         return jnp.where(used, x, jnp.nan)
 
     crossings = Crossings(
-        leaf(search.times),
-        jax.tree.map(leaf, times_behind_components(search.states, run_axes)),
-        search.rising & used,
+        leaf(times),
+        jax.tree.map(leaf, times_behind_components(states, run_axes)),
+        rising & used,
         stored,
         search.count > event.capacity,
         _status(samples, search),
@@ -221,65 +206,7 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     )
 
 
-def _search(along: ConditionOnRun, samples: Samples) -> _SearchState:
-    """All zeros of each run, up to one more than the capacity."""
-    event, runs = along.event, samples.times.shape[1:]
-    intervals = samples.candidate.shape[0]
-
-    def sought_in(search: _SearchState) -> Array:
-        """Whether each run has another interval to search."""
-        room = search.count <= event.capacity
-        return (search.following < intervals) & room & ~search.unresolved
-
-    def look(search: _SearchState) -> _SearchState:
-        sought, index = sought_in(search), jnp.minimum(search.following, intervals - 1)
-        knots = samples.times, samples.g, samples.slopes
-        t, value, slope = pick(knots, index, along.run_axes)
-        end, other, last_slope = pick(knots, index + 1, along.run_axes)
-        dip = (value * other > 0.0) & ~search.again
-        # The second zero of a dip is sought from its first one, where the sign is opposite.
-        number = jnp.clip(search.count - 1, 0, event.capacity - 1)
-        last = pick(search.times, number, along.run_axes)
-        start = jnp.where(search.again, last, t)
-        value = jnp.where(search.again, -other, value)
-        within = FromSample(along, pick(samples.states, index, along.run_axes), t)
-        ends = (t, end), (value, other), (slope, last_slope)
-        zero = close_in(within, *ends, sought, start)
-        good = sought & zero.met & zero.sure
-        row = jnp.where(good, search.count, event.capacity)
-        found = zero.time, zero.y, zero.rising
-        times, states, rising = put(search[:3], row, found, along.run_axes)
-        # The second zero of a dip counts only for an event of both directions.
-        again = good & dip & (event.direction == 0)
-        return _SearchState(
-            times,
-            states,
-            rising,
-            search.count + good.astype(int),
-            jnp.where(sought & ~again, pick(ahead, index + 1, along.run_axes), search.following),
-            again,
-            search.unresolved | (sought & ~zero.sure),
-        )
-
-    def rows_of(x: Array) -> Array:
-        return jnp.broadcast_to(x, (event.capacity, *x.shape))
-
-    ahead = next_candidates(samples.candidate)
-    none = jnp.zeros(runs, bool)
-    at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
-    start = _SearchState(
-        times=rows_of(samples.times[0]),
-        states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
-        rising=rows_of(samples.away > 0.0),
-        count=at_start.astype(int),
-        following=ahead[0],
-        again=none,
-        unresolved=none,
-    )
-    return jax.lax.while_loop(lambda search: jnp.any(sought_in(search)), look, start)
-
-
-def _status(samples: Samples, search: _SearchState) -> Int[Array, "*runs"]:
+def _status(samples: Samples, search: Zeros) -> Int[Array, "*runs"]:
     """Status of the search."""
     status = jnp.where(search.unresolved, Status.EVENT_UNRESOLVED, Status.COMPLETED)
     status = jnp.where(samples.unexplained > RESOLVED, Status.SAMPLES_TOO_FEW, status)

@@ -1,10 +1,9 @@
 """The search for the first event of each run, outside every derivative.
 
-The zero is bracketed on samples of the dense output and then closed in by Newton's method within
-its bracket. A dip between the samples is examined, too: where the middle one of three samples of
-one sign is nearest to zero, and so near that the second difference g_- - 2 g + g_+ might reach it,
-the extremum is found by the secant of the slopes, and the search continues from the first place
-beyond zero.
+A run whose steps have a polynomial is searched step by step (`_event_location`), and one in closed
+form as if it were a single step. Of other runs the zero is bracketed on samples, and then closed in
+by Newton's method within its bracket (`_event_runs`). A dip between samples of one sign is
+examined, too, where one of the tangents at its ends reaches zero.
 
 A zero at the start, to rounding, is the event at which the previous run ended. A search that does
 not converge, a condition that is not finite, and events that follow each other faster than the time
@@ -17,12 +16,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool
 
 from ..core import AbstractSystem, Scalar, State
-from ._event_location import FoundEvents
+from ..solvers.tolerances import Tolerance
+from ._event_location import FoundEvents, Location, SearchedStep, SoughtEvents, located
 from ._event_runs import ConditionOnRun, first_zero
+from ._step_zero import AlongFlow
 from .config import IntegrationConfig
 from .event_zero import ROUNDINGS, rounding_change
 from .events import Event
 from .integrate import integrate, locates_events
+from .normalised_time import OwnStep
 from .status import Status
 
 
@@ -37,6 +39,8 @@ def first_event(
 ) -> FoundEvents:
     """The first event of each run between `t0` and `t1`, s. Not differentiable."""
     system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
+    if config.method == "closed_form":
+        return _first_on_flow(system, y0, t0, t1, events, run_axes)
     if locates_events(config, system, y0, t0):
         result = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
         assert result is not None
@@ -66,6 +70,34 @@ def first_event(
         jnp.stack([zero.hit for zero in zeros]),
         jnp.stack([zero.size for zero in zeros]),
     )
+
+
+def _first_on_flow(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    events: tuple[Event, ...],
+    run_axes: int,
+) -> FoundEvents:
+    """`first_event` of a system in closed form, which is searched as a single step is."""
+    finite = Tolerance(0.0, 0.0, run_axes)
+    alive = finite.alive(y0)
+    dtype = jnp.result_type(*jax.tree.leaves(y0))
+    t0, t1 = (jnp.broadcast_to(jnp.asarray(t, dtype), alive.shape) for t in (t0, t1))
+    begin = jnp.zeros((), dtype)
+    end = begin + 1.0
+    segment = OwnStep(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
+
+    def along(event: Event) -> AlongFlow:
+        return AlongFlow(event, segment, system, y0, alive.shape)
+
+    sought = SoughtEvents.of(events, system, t0, y0, run_axes)
+    none = Location.none_yet(sought, begin, y0, finite)
+    step = SearchedStep(along, begin, end, y0, y0, end)
+    yes = jnp.array(True)
+    location = located(none, sought, step, yes, alive, yes, (t0, t1 - t0))
+    return location.found(segment, t0, t1)._replace(state=None)
 
 
 def happened_together(

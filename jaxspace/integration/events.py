@@ -28,7 +28,9 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
+from ..core.one_kernel import in_one_kernel
 from ..core.types import as_optional_float
+from ..core.vanishing import vanishing
 
 
 # Checked where annotations are.
@@ -151,22 +153,52 @@ class _Field(eqx.Module):
 
 
 def newton_correct(
-    system: AbstractSystem, events: tuple[Event, ...], which: Array, t: Scalar, y: State
+    system: AbstractSystem,
+    events: tuple[Event, ...],
+    which: Array,
+    t: Scalar,
+    y: State,
+    *,
+    located: bool = False,
 ) -> tuple[Scalar, State]:
     """Time and state at the event, moved by one step of Newton's method along the motion; their
     first and second derivatives are those of the event.
 
-    `which` is the number of the event of each run, -1 for none, (*runs,)."""
+    **Arguments**
+
+    - `which`: the number of the event of each run, -1 for none, (*runs,).
+    - `located`: whether the state is at the event already. Then it does not move."""
     t = jnp.broadcast_to(t, which.shape)
     field = _Field(eqx.filter_closure_convert(system.vector_field, t, y))
-    return _corrected(t, y, which, field, closures_of_events(events, t, y))
+    return _corrected(t, y, which, field, closures_of_events(events, t, y), located)
+
+
+def _vector_field(system: _Field, t: Scalar, y: State) -> State:
+    return system.vector_field(t, y)
+
+
+@eqx.filter_custom_jvp
+def _rate(t: Scalar, y: State, system: _Field) -> State:
+    """dy/dt, for a single run in one kernel."""
+    if t.ndim:
+        return system.vector_field(t, y)
+    arrays, static = eqx.partition((system, t, y), eqx.is_array)
+    return in_one_kernel(lambda arrays: _vector_field(*eqx.combine(arrays, static)), arrays)
+
+
+@_rate.def_jvp
+def _rate_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
+    (t, y, system), (of_t, of_y, of_system) = primals, tangents
+    return eqx.filter_jvp(_vector_field, (system, t, y), (of_system, of_t, of_y))
 
 
 @eqx.filter_custom_jvp
 def _corrected(
-    t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...]
+    t: Scalar, y: State, which: Array, system: _Field, events: tuple[Event, ...], located: bool
 ) -> tuple[Scalar, State]:
-    rate = system.vector_field(t, y)
+    if located:
+        return t, y
+    rate = _rate(t, y, system)
     delay = jnp.zeros_like(t)
     for number, event in enumerate(events):
         g, slope = event.slope_along(system, t, y, rate)
@@ -183,17 +215,23 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
     dt_e = -(g_y delta + g_p dp)/(g_t + g_y f),   dy_e = delta + f dt_e
 
     d is the time from the state to the event: zero, but its derivative is that of the event."""
-    t, y, which, system, events = primals
-    of_t, of_y, _, of_system, of_events = tangents
+    t, y, which, system, events, _ = primals
+    of_t, of_y, _, of_system, of_events, _ = tangents
     # The function calls itself, so that derivatives of higher order are right, too.
     te, ye = _corrected(*primals)
-    place, moving = (system, te, ye), (of_system, of_t, of_y)
-    rate, change = eqx.filter_jvp(lambda s, t, y: s.vector_field(t, y), place, moving)
+    rate = _rate(te, ye, system)
     dt = jnp.zeros_like(t) if of_t is None else of_t
-    # Zero in value, but not in its derivative.
-    delay = te - t
+    arrays, static = eqx.partition(((system, te, ye), (of_system, of_t, of_y)), eqx.is_array)
+
+    def drift(delay: Scalar, arrays: PyTree) -> State:
+        _, change = eqx.filter_jvp(_vector_field, *eqx.combine(arrays, static))
+        return jax.tree.map(lambda c: c * delay, whole(change, y))
+
     delta = jax.tree.map(
-        lambda d, k, c: d - k * dt + c * delay, whole(of_y, y), rate, whole(change, y)
+        lambda d, k, c: d - k * dt + c,
+        whole(of_y, y),
+        rate,
+        vanishing(drift, te - t, arrays, like=y),
     )
     dte = dt
     for number, event in enumerate(events):

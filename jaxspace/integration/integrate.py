@@ -5,7 +5,6 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
-from collections.abc import Callable
 from typing import cast
 
 import equinox as eqx
@@ -23,15 +22,13 @@ from ..solvers.regularised_step import evaluations_of
 from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
-from ._event_location import FoundEvents, Location, SoughtEvents
-from ._in_turn import in_turn
+from ._event_location import SoughtEvents
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
-from .event_zero import rounding_change
 from .events import Event
 from .field_trace import field_trace
-from .layout import runs_of, state_at, times_behind_components, times_first
+from .layout import state_at, times_behind_components, times_first
 from .loop import TERM, LoopSettings
 from .normalised_time import (
     ScaledVectorField,
@@ -76,8 +73,10 @@ def integrate(
       segments of no length at both ends. Only where the final state alone is saved and nothing is
       differentiated: a break at one of its ends would have a derivative.
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
-      program counts: a closed form computes them `in_turn`, and the first step is not estimated.
-    - `until`: events that end the runs, for a method that `locates_events`; not differentiable.
+      program counts: the first step is not estimated.
+    - `until`: events that end the runs, for a method that `locates_events`; their times have the
+      derivatives of a fixed part of the run, which `newton_correct` makes those of the events.
+      Differentiable where no states are saved on the way.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -87,8 +86,7 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        rows = in_turn if for_search else _at_once
-        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
+        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
     if config.decoupled:
@@ -119,9 +117,8 @@ def integrate(
         segments = segments_of(system, t0, t1, fractions)
     sought = None
     if until:
-        t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
-        roundings = [rounding_change(event, system, t, y0, run_axes) for event in until]
-        sought = SoughtEvents(until, jnp.stack(roundings))
+        start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
+        sought = SoughtEvents.of(until, system, start, y, run_axes)
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )
@@ -148,7 +145,7 @@ def integrate(
         outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
-        found = _found(outcome.location, segments, t0, t1)
+        found = outcome.location.found(segments, t0, t1)
         result = result._replace(found=barrier(found))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
@@ -177,35 +174,12 @@ def searches_steps(config: IntegrationConfig) -> bool:
     return not traits.lands_on_save_times and issubclass(interpolation, AbstractDenseOutput)
 
 
-def _found(location: Location, segments: Segments, t0: Scalar, t1: Scalar) -> FoundEvents:
-    """The events in time."""
-    waits = location.waiting
-    time = segments.time(location.start + location.length)
-    event = location.which >= 0
-    failed = waits & (location.status > Status.EVENT)
-    hits = jnp.ones(location.sizes.shape, bool)
-    return FoundEvents(
-        jnp.where(waits, time, t1),
-        location.which,
-        jnp.where(failed, location.status, Status.COMPLETED).astype(jnp.int32),
-        jnp.where(failed, jnp.abs(time - t0), jnp.inf),
-        hits & event,
-        location.sizes,
-        location.y,
-    )
-
-
-def _at_once(function: Callable[[Array], State], rows: Array) -> State:
-    return jax.vmap(function)(rows)
-
-
 def _by_closed_form(
     closed_form: AbstractClosedForm,
     y0: State,
     duration: Array,
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
-    rows: Callable[[Callable[[Array], State], Array], State],
 ) -> IntegrationResult:
     # A single duration is not mapped over, because that would trace everything twice.
     if fractions is None:
@@ -213,7 +187,7 @@ def _by_closed_form(
         states = jax.tree.map(lambda x: x[None], final)
     else:
         durations = of_each(fractions, duration)
-        states = rows(lambda d: _on_groups(closed_form.flow(d, y0)), durations)
+        states = jax.vmap(lambda d: _on_groups(closed_form.flow(d, y0)))(durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))

@@ -23,6 +23,8 @@ from ._buffers import Buffers, SavedStates, empty_buffer, nan_buffer
 from ._event_location import Location, SearchedStep, SoughtEvents, located
 from ._record import Recording, RecordLayout, check_memory
 from ._slow_runs import nan_where, without_slow_runs
+from ._step_zero import AlongStep
+from .events import Event
 from .normalised_time import OwnStep, ScaledVectorField, Segments
 
 
@@ -274,7 +276,11 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
         reached = jnp.where(accept, loop.t_next, -1.0)
         saved = buffers.saved.record(interpolation, settings.save_ts, reached)
         buffers = buffers._replace(saved=saved)
-    end = loop.t_next
+    end, left = loop.t_next, y1
+    if buffers.recording is not None and location is not None:
+        # A run that waits stays at the start of the step that holds its event: a derivative takes
+        # steps of no length there.
+        left = location.ended(y1)
     return loop._replace(
         t=t_after,
         # The last step must not pass the end, where the vector field may not be defined.
@@ -285,7 +291,7 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
         made_jump=select(made_jump, loop.made_jump),
         num_accepted=jnp.where(accept, loop.num_accepted + 1, loop.num_accepted),
         num_rejected=jnp.where(rejected, loop.num_rejected + 1, loop.num_rejected),
-        buffers=buffers.add(loop.num_accepted, end, y1, end, accept, settings.max_steps),
+        buffers=buffers.add(loop.num_accepted, end, left, end, accept, settings.max_steps),
         location=location,
     )
 
@@ -312,7 +318,11 @@ def _located(
     if settings.lengths.shape[0] > 1:
         index = jnp.clip(loop.t.astype(int), 0, settings.lengths.shape[0] - 1)
         width = width * settings.lengths[index]
-    step = SearchedStep(segment, polynomial, polynomial.t0, polynomial.t1, loop.y, y1, width)
     moving = accept & ~location.waiting & tolerance.alive(loop.y) & tolerance.alive(y1)
+
+    def along(event: Event) -> AlongStep:
+        return AlongStep(event, segment, polynomial, moving.shape)
+
+    step = SearchedStep(along, polynomial.t0, polynomial.t1, loop.y, y1, width)
     first = loop.t == settings.start
     return located(location, sought, step, going, moving, first, span)

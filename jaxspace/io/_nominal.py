@@ -26,15 +26,15 @@ def outputs_of(
         states = nominal_states(nominal)
         ends = {**line_ends(nominal)[1], **{k: _last(p.ts) for k, p in enumerate(nominal.phases)}}
     else:
-        states = {-1: _with_run(nominal.final)}
+        states = {-1: with_run(nominal.final)}
         ends = {-1: _last(nominal.ts)}
     # Outputs take runs on the last axis, so that the nominal run is a batch of one.
-    ends = _with_run(ends)
+    ends = with_run(ends)
     phases = nominal.phases if isinstance(nominal, MissionTrajectory) else [nominal]
     along = {k for spec in specs for k in spec.phases}
-    curves = {k: _with_run(Curve(phases[k].ts, phases[k].states)) for k in along}
+    curves = {k: with_run(Curve(phases[k].ts, phases[k].states)) for k in along}
     began = {
-        spec.at: _with_run(_first(phases[outputs.file.parsed.first_leg(spec.at)].states))
+        spec.at: with_run(_first(phases[outputs.file.parsed.first_leg(spec.at)].states))
         for spec in specs
         if BEGAN in spec.arguments()
     }
@@ -50,10 +50,10 @@ def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
     """The states of the nominal run by phase, and at its ends (`line_ends`), with an axis of one
     run."""
     states = {**line_ends(nominal)[0], **{k: p.final for k, p in enumerate(nominal.phases)}}
-    return _with_run(states)
+    return with_run(states)
 
 
-def _with_run(tree: Any) -> Any:
+def with_run(tree: Any) -> Any:
     """The arrays with an axis of one run behind."""
     # By NumPy, as below: outside of `jit` each shape would be a program of JAX.
     return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., None]), tree)

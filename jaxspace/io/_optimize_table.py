@@ -23,7 +23,7 @@ from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._objects import at
 from ._output_entries import read_output, unit_of
-from ._outputs import BEGAN, OutputSpec, needs_nominal
+from ._outputs import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
 from ._table_kinds import AnyTable, Table
 from ._value_kinds import ListOf, Measure, Number, Whole
 from .units import WrittenUnits, in_unit, read_number
@@ -152,9 +152,9 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
     # Left out, because on an output the same keys are requirements of a campaign.
     values = {k: x for k, x in entry.items() if k not in LIMITS}
     spec = read_output(key, values, file, units)
-    if needs_nominal((spec,)) or "initial" in spec.arguments():
+    if needs((spec,), NOMINAL) or needs((spec,), INITIAL):
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
-    if BEGAN in spec.arguments():
+    if needs((spec,), BEGAN):
         raise ValueError(f"{key} compares with the start of its phase, which no search sees.")
     return spec
 

@@ -6,6 +6,7 @@ An output is a declared function of a state (`jaxspace.core.output`), a declared
 of a phase may stand for `final`, and `run` for the whole run. The places of a branch have its name
 before theirs: `booster.final.position.2`, `booster.fall`."""
 
+import dataclasses
 import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
@@ -26,7 +27,8 @@ from ._objects import at
 FINAL = "final"
 NOMINAL = "nominal"
 BEGAN = "began"
-SPECIAL = ("self", "y", "t", "body", "scene", "initial", BEGAN, NOMINAL)
+INITIAL = "initial"
+SPECIAL = ("self", "y", "t", "body", "scene", INITIAL, BEGAN, NOMINAL)
 
 
 class Curve(NamedTuple):
@@ -83,9 +85,9 @@ def arguments_of(function: Callable[..., object]) -> tuple[str, ...]:
     return tuple(inspect.signature(function).parameters)
 
 
-def needs_nominal(specs: tuple[OutputSpec, ...]) -> bool:
-    """Whether one of the outputs compares with the nominal run."""
-    return any(NOMINAL in spec.arguments() for spec in specs)
+def needs(specs: tuple[OutputSpec, ...], name: str) -> bool:
+    """Whether one of the outputs has an argument of this name."""
+    return any(name in spec.arguments() for spec in specs)
 
 
 class Outputs(eqx.Module):
@@ -93,13 +95,16 @@ class Outputs(eqx.Module):
 
     - `values`: the numbers of the file.
     - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
-      `None` if no output needs them."""
+      `None` if no output needs them.
+    - `initial`: the initial state of the file, likewise. Known, because in the program of all runs
+      it would be built by some forty kernels."""
 
     # A `SceneFile`, whose module imports this one.
     file: Any = eqx.field(static=True)
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
     values: Values
     reference: dict[int, State] | None
+    initial: State | None = None
 
     @property
     def to_check(self) -> "Outputs | None":
@@ -113,7 +118,7 @@ class Outputs(eqx.Module):
             for spec in self.specs
             if spec.function is not None and spec.function.__module__.partition(".")[0] != own
         )
-        return Outputs(self.file, given, self.values, self.reference) if given else None
+        return dataclasses.replace(self, specs=given) if given else None
 
     def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = line_ends(result)
@@ -206,8 +211,8 @@ class Outputs(eqx.Module):
                 arguments[name] = self.file.body(self.values, samples, runs, place)
             elif name == "scene":
                 arguments[name] = self.file.scene(self.values, samples, runs, place)
-            elif name == "initial":
-                arguments[name] = self.file.intended(self.values)
+            elif name == INITIAL:
+                arguments[name] = self.initial
             elif name == BEGAN:
                 arguments[name] = given.began[spec.at]
             elif name == NOMINAL:

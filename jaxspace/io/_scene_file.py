@@ -32,7 +32,7 @@ from ..simulation import (
 from ..simulation.either import run_either
 from ..simulation.legs import legs_of
 from ..vehicles import LaunchSite
-from ._build import build_mission, build_state, replaced
+from ._build import build_mission, replaced
 from ._checks import Parsed
 from ._final_output import FinalOutput, function_of
 from ._flight import SITE
@@ -40,13 +40,13 @@ from ._inputs import Input, with_given
 from ._joint_inputs import MadeInput
 from ._kinds import Values
 from ._named_files import NamedFile, NamedFiles
-from ._nominal import nominal_states, outputs_of
+from ._nominal import nominal_states, outputs_of, with_run
 from ._objects import Building, Runs
 from ._optimise import optimise
 from ._optimize_table import Task
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
-from ._outputs import MoreOutputs, Outputs, OutputSpec, needs_nominal
+from ._outputs import INITIAL, NOMINAL, MoreOutputs, Outputs, OutputSpec, needs
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .units import WrittenUnits, in_unit
 
@@ -265,10 +265,10 @@ class SceneFile:
         scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
         for warning in warnings_of(scatters) if warn else ():
             warnings.warn(warning, stacklevel=2)
-        if nominal is None and needs_nominal(self.outputs):
+        if nominal is None and needs(self.outputs, NOMINAL):
             nominal = self.nominal_mission()
         reference = None if nominal is None else nominal_states(nominal)
-        own = Outputs(self, self.outputs, self._numbers({}), reference)
+        own = self._outputs_of(self.outputs, reference)
         every = own if outputs is None else MoreOutputs(own, outputs)
         design = design_of(asked["sampling"], self.runs if runs is None else runs)
         return campaign_of(self, scatters, every, design, self._along, files.texts)
@@ -355,7 +355,7 @@ class SceneFile:
         - `every`: whether to return all outputs whose arguments the file has, in place of those of
           [dispersion]."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
-        return outputs_of(nominal, specs, Outputs(self, specs, self._numbers({}), None))
+        return outputs_of(nominal, specs, self._outputs_of(specs, None))
 
     def shown_unit(self, name: str, si: str) -> tuple[str, float]:
         """The unit in which a quantity of this name is shown, that of the file for it or for
@@ -377,8 +377,8 @@ class SceneFile:
             raise InputError(str(error)) from None
         if spec.at >= 0:
             raise InputError(f"output is {name}: it must be one of the final state.")
-        reference = nominal_states(self.nominal_mission()) if needs_nominal((spec,)) else None
-        outputs = Outputs(self, (spec,), self._numbers({}), reference)
+        nominal = nominal_states(self.nominal_mission()) if needs((spec,), NOMINAL) else None
+        outputs = self._outputs_of((spec,), nominal)
         si = unit_of(spec, self.parsed)
         return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
@@ -409,13 +409,15 @@ class SceneFile:
             return building.make(name)
         return building.effects(self.parsed.active_effects())[name]
 
-    def intended(self, values: Values) -> State:
-        """The initial state of the file, with an axis of one run."""
-        return build_state(self.parsed, self._building(values, Runs(1)))
-
     def replaced(self, values: Values, samples: Mapping[str, Array]) -> Values:
         """The values with the `samples` at their paths."""
         return replaced(values, samples)
+
+    def _outputs_of(
+        self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
+    ) -> Outputs:
+        initial = with_run(self.y0) if needs(specs, INITIAL) else None
+        return Outputs(self, specs, self._numbers({}), reference, initial)
 
     def _numbers(self, samples: Mapping[str, ArrayLike]) -> Values:
         """The values with arrays in place of numbers: those of `samples`, and those of the file."""

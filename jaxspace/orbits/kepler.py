@@ -144,7 +144,9 @@ def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Sc
 
 @jax.custom_jvp
 def _anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomaly:
-    return in_one_kernel(anomaly_after, sigma, beta, tau, p)
+    given = sigma, beta, tau, p
+    alone = not any(jnp.ndim(x) for x in given)
+    return in_one_kernel(anomaly_after, *given) if alone else anomaly_after(*given)
 
 
 @_anomaly.defjvp

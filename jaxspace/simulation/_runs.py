@@ -110,7 +110,8 @@ def _to_event(
         result = integrator.at_times(y0, ts, dense=dense)
         crossings = ()
     last = state_at(result.states, -1, run_axes)
-    t_event, y_event = newton_correct(system, ending, which, ts[-1], found.met(last))
+    at = which, ts[-1], found.met(last)
+    t_event, y_event = newton_correct(system, ending, *at, located=found.state is not None)
     stopped = (which >= 0) & (sign * asked >= sign * when)
     ts = jnp.where(stopped, t_event, ts)
     states = _where_stopped(stopped, y_event, result.states, run_axes)
@@ -147,12 +148,23 @@ def straight_to_event(
 ) -> RunResult:
     """A run to the first of its events, by one integration that locates it.
 
-    Only for a method that `locates_events`. Its derivatives are those of a second integration, to
-    the located time.
+    Only for a method that `locates_events`. If states are saved on the way, its derivatives are
+    those of a second integration, to the located time.
 
     **Arguments**
 
     - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
+    return _straight_to_event(integrator, y0, ts, events)
+
+
+def _straight_to_event(
+    integrator: Integrator,
+    y0: State,
+    ts: Array,
+    events: tuple[Event, ...],
+    *,
+    differentiated: bool = False,
+) -> RunResult:
     system, _, run_axes = integrator
     asked = of_each_run(ts, runs_of(y0, run_axes))
     ends_alone = ts.shape[0] == 2
@@ -160,6 +172,11 @@ def straight_to_event(
     result = integrator.run(y0, ts[0], ts[-1], fractions, until=events)
     found = result.found
     assert found is not None
+    if differentiated:
+        last = state_at(result.states, -1, run_axes)
+        at = found.which, found.time, last
+        time, state = newton_correct(system, events, *at, located=True)
+        found = found._replace(time=time, state=state)
     states = result.states if ends_alone else replace_state(result.states, 0, y0, run_axes)
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(ts.dtype)
     stopped = (found.which >= 0) & (sign * asked >= sign * found.time)
@@ -193,11 +210,13 @@ def straight_to_event(
 
 @straight_to_event.def_jvp
 def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def twice(integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]) -> RunResult:
+    def again(integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]) -> RunResult:
+        if ts.shape[0] == 2:
+            return _straight_to_event(integrator, y0, ts, events, differentiated=True)
         asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
         return _to_event(integrator, y0, asked, events, False)
 
-    return eqx.filter_jvp(twice, primals, tangents)
+    return eqx.filter_jvp(again, primals, tangents)
 
 
 def _with_restarts(

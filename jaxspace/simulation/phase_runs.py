@@ -142,8 +142,8 @@ def _search_and_run(
     system, _, run_axes = integrator
     found = integrator.first_event(y0, t0, t1, (event,))
     phase = _saved(integrator, y0, t0, found.time, num_saved, **steps)
-    last = found.met(state_at(phase.states, -1, run_axes))
-    t_event, y_event = newton_correct(system, (event,), found.which, found.time, last)
+    at = found.which, found.time, found.met(state_at(phase.states, -1, run_axes))
+    t_event, y_event = newton_correct(system, (event,), *at, located=found.state is not None)
     # The derivatives of the end are those of the correction, and not of the search.
     return _ended_by(found, phase, t_event, y_event, run_axes)
 

@@ -1,5 +1,7 @@
 """The configuration of every phase of a mission, before anything is compiled."""
 
+import math
+
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -18,20 +20,47 @@ from .legs import legs_of
 from .runnable import AbstractRunnable
 
 # Operations of the vector fields of all phases together from which the steps of many runs are small
-# programs. Stages that are written out are up to 1.7 times as fast, and compile in three times the
-# time: for a kick stage (500 operations) they win that back after 50,000 runs, for a stage that
-# comes back under a parachute (900) after 90,000, and for a rocket on its way to the ground (3,600)
-# after a million. Campaigns of the first are often that long, and those of the others seldom.
-LARGE = 600
+# programs: of any number of runs, and of a campaign of few.
+LARGE, MEDIUM = 600, 250
+
+
+def flies_small(operations: int, runs: float = math.inf) -> bool:
+    """Whether the steps of so many planned runs of a field with these `operations` are a small
+    program; by default of as many as may come.
+
+    Stages that are written out are up to 1.8 times as fast, and compile in three times the time:
+    for a kick stage (500 operations) they win that back after 30,000 runs, for a stage that comes
+    back under a parachute (900) after 90,000, and for a rocket on its way to the ground (3,600)
+    after a million, as few campaigns have. The time of the compiler grows faster than the
+    operations, and that of a run as they do."""
+    return operations >= LARGE or operations >= MEDIUM and runs < 2.5 * operations**1.5
 
 
 def resolve_phases(
-    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int = 0, *, restarts: bool = False
+    mission: Mission,
+    y0: PyTree,
+    accuracy: Accuracy,
+    run_axes: int = 0,
+    *,
+    restarts: bool = False,
+    small: bool | None = None,
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
     The structure of the state in a phase follows from the jumps before it. `restarts`: as in
-    `IntegrationConfig`."""
+    `IntegrationConfig`. `small`: whether the steps of many runs are a small program, by
+    default by the mission alone, so that a run does not depend on how many others there are."""
+    configs, operations = resolve_and_count(mission, y0, accuracy, run_axes, restarts=restarts)
+    if run_axes and (flies_small(operations) if small is None else small):
+        return tuple(config.small_program() for config in configs)
+    return configs
+
+
+def resolve_and_count(
+    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int, *, restarts: bool = False
+) -> tuple[tuple[IntegrationConfig, ...], int]:
+    """`resolve_phases` with the steps of one run, and the operations of the vector fields of all
+    phases together."""
     configs = []
     operations = 0
     # Of each phase, at its end: the shapes of the state before its jump, and after it.
@@ -64,10 +93,7 @@ def resolve_phases(
         if phase.then is not None:
             whole = shapes_after(phase.then, zero, whole, f"Phase {leg.name!r}: then")
         behind.append(whole)
-    # By the mission alone, so that a run does not depend on how many others there are.
-    if run_axes and operations >= LARGE:
-        configs = [config.small_program() for config in configs]
-    return tuple(configs)
+    return tuple(configs), operations
 
 
 def longest(until: Scalar | Event) -> Scalar:
