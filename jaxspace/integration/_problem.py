@@ -94,7 +94,7 @@ class Problem:
         # The type of the state decides which loop it belongs to.
         if isinstance(y0, OwnState):
             own = integrate_own_steps(settings, field, y0, recorded=recorded)
-            recorded_steps = _arrays_of(own.buffers.recording, own.count, jnp.inf)
+            recorded_steps = _arrays_of(own.buffers.recording, own.count, None)
             return [*jax.tree.leaves(own_outcome_of(own, settings)), *recorded_steps]
         small = self._is_alone(settings) if small else recorded and self._is_single(settings)
         if small or self._is_small(settings, derivative=False):
@@ -109,7 +109,7 @@ class Problem:
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
-        ends = jnp.inf if loop.location is None else loop.location.ends
+        ends = None if loop.location is None else loop.location.ends
         recorded_steps = _arrays_of(loop.buffers.recording, loop.num_accepted, ends)
         return [*jax.tree.leaves(outcome), *recorded_steps]
 
@@ -240,9 +240,12 @@ class Problem:
         return [result[k] for k in moving]
 
 
-def _arrays_of(recording: Recording | None, count: Array, ends: Array | float) -> list[Array]:
+def _arrays_of(recording: Recording | None, count: Array, ends: Array | None) -> list[Array]:
     """The arrays of a record of `count` steps, whose runs have these `ends`; none where nothing was
     recorded."""
     if recording is None:
         return []
-    return [recording.numbers, recording.stride, count, jnp.asarray(ends)]
+    if ends is None:
+        # No event. Not a constant, because the rules for derivatives expect traced numbers.
+        ends = jnp.where(count >= 0, jnp.inf, 0.0)
+    return [recording.numbers, recording.stride, count, ends]
