@@ -20,10 +20,12 @@ vanishing_p = Primitive("vanishing")
 vanishing_p.multiple_results = True
 
 # The product, of the number and of flat arrays.
-Product = Callable[..., Sequence[Array]]
+Product = Callable[..., Sequence[ArrayLike]]
 
 
-def vanishing(product: Callable[..., PyTree], number: Array, args: PyTree, like: PyTree) -> PyTree:
+def vanishing(
+    product: Callable[..., PyTree], number: ArrayLike, args: PyTree, like: PyTree
+) -> PyTree:
     """`product(number, args)`, of which the `number` is zero: zero, with its derivatives.
 
     **Arguments**
@@ -38,7 +40,7 @@ def vanishing(product: Callable[..., PyTree], number: Array, args: PyTree, like:
     leaves, structure = jax.tree.flatten(args)
     shapes, result = jax.tree.flatten(like)
 
-    def flat(number: Array, *leaves: Array) -> list[Array]:
+    def flat(number: ArrayLike, *leaves: ArrayLike) -> list[ArrayLike]:
         return jax.tree.leaves(product(number, jax.tree.unflatten(structure, leaves)))
 
     avals = tuple(ShapedArray(s.shape, s.dtype) for s in shapes)
@@ -56,22 +58,22 @@ def _avals(*args: Any, product: Product, avals: tuple[ShapedArray, ...]) -> list
 
 
 def _jvp(
-    primals: Sequence[Array],
-    tangents: Sequence[Array | ad.Zero],
+    primals: Sequence[ArrayLike],
+    tangents: Sequence[ArrayLike | ad.Zero],
     *,
     product: Product,
     avals: tuple[ShapedArray, ...],
-) -> tuple[list[Array], Sequence[Array | ad.Zero]]:
+) -> tuple[list[Array], Sequence[ArrayLike | ad.Zero]]:
     outs = vanishing_p.bind(*primals, product=product, avals=avals)
     (number, *args), (of_number, *of_args) = primals, tangents
-    d_outs: Sequence[Array | ad.Zero] = [ad.Zero(a.to_tangent_aval()) for a in avals]
+    d_outs: Sequence[ArrayLike | ad.Zero] = [ad.Zero(a.to_tangent_aval()) for a in avals]
     if not isinstance(of_number, ad.Zero):
         d_outs = product(of_number, *args)
     moving = [k for k, t in enumerate(of_args) if not isinstance(t, ad.Zero)]
     if moving:
         # It vanishes as well, and counts for a third derivative.
-        def change(number: Array, *given: Array) -> Sequence[Array]:
-            def of(*some: Array) -> Sequence[Array]:
+        def change(number: ArrayLike, *given: ArrayLike) -> Sequence[ArrayLike]:
+            def of(*some: ArrayLike) -> Sequence[ArrayLike]:
                 return product(number, *_with(given[: len(args)], moving, some))
 
             return jax.jvp(of, tuple(given[k] for k in moving), given[len(args) :])[1]
@@ -84,12 +86,12 @@ def _jvp(
 
 
 def _transpose(
-    cotangents: Sequence[Array | ad.Zero],
-    number: Array,
-    *args: Array | ad.UndefinedPrimal,
+    cotangents: Sequence[ArrayLike | ad.Zero],
+    number: ArrayLike,
+    *args: ArrayLike | ad.UndefinedPrimal,
     product: Product,
     avals: tuple[ShapedArray, ...],
-) -> list[Array | None]:
+) -> list[ArrayLike | None]:
     linear = {k: x.aval for k, x in enumerate(args) if isinstance(x, ad.UndefinedPrimal)}
     known = [x for x in args if not isinstance(x, ad.UndefinedPrimal)]
     places = [k for k in range(len(args)) if k not in linear]
@@ -98,8 +100,8 @@ def _transpose(
         for c, a in zip(cotangents, avals, strict=True)
     ]
 
-    def transposed(number: Array, *values: Array) -> Sequence[Array]:
-        def of(*some: Array) -> Sequence[Array]:
+    def transposed(number: ArrayLike, *values: ArrayLike) -> Sequence[ArrayLike]:
+        def of(*some: ArrayLike) -> Sequence[ArrayLike]:
             fixed = _with([None] * len(args), places, values[: len(known)])
             return list(product(number, *_with(fixed, list(linear), some)))
 
@@ -113,13 +115,13 @@ def _transpose(
 
 
 def _batched(
-    args: Sequence[Array],
+    args: Sequence[ArrayLike],
     axes: Sequence[int | None],
     *,
     product: Product,
     avals: tuple[ShapedArray, ...],
-) -> tuple[list[Array], list[int]]:
-    (size,) = {x.shape[k] for x, k in zip(args, axes, strict=True) if k is not None}
+) -> tuple[Sequence[ArrayLike], list[int]]:
+    (size,) = {jnp.shape(x)[k] for x, k in zip(args, axes, strict=True) if k is not None}
     wide = tuple(ShapedArray((size, *a.shape), a.dtype) for a in avals)
     mapped = jax.vmap(product, axes, axis_size=size)
     return vanishing_p.bind(*args, product=mapped, avals=wide), [0] * len(avals)
