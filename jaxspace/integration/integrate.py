@@ -5,6 +5,7 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 """
 
 import dataclasses
+from collections.abc import Callable
 from typing import cast
 
 import equinox as eqx
@@ -23,6 +24,7 @@ from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import SoughtEvents
+from ._in_turn import in_turn
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
@@ -73,7 +75,7 @@ def integrate(
       segments of no length at both ends. Only where the final state alone is saved and nothing is
       differentiated: a break at one of its ends would have a derivative.
     - `for_search`: whether the states at the fractions are samples for a search, for which a small
-      program counts: the first step is not estimated.
+      program counts: a closed form computes them `in_turn`, and the first step is not estimated.
     - `until`: events that end the runs, for a method that `locates_events`; their times have the
       derivatives of a fixed part of the run, which `newton_correct` makes those of the events.
       Differentiable where no states are saved on the way.
@@ -86,7 +88,8 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes)
+        rows = in_turn if for_search else _at_once
+        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
     if config.decoupled:
@@ -174,12 +177,17 @@ def searches_steps(config: IntegrationConfig) -> bool:
     return not traits.lands_on_save_times and issubclass(interpolation, AbstractDenseOutput)
 
 
+def _at_once(function: Callable[[Array], State], rows: Array) -> State:
+    return jax.vmap(function)(rows)
+
+
 def _by_closed_form(
     closed_form: AbstractClosedForm,
     y0: State,
     duration: Array,
     fractions: Float[Array, "times *#runs"] | None,
     run_axes: int,
+    rows: Callable[[Callable[[Array], State], Array], State],
 ) -> IntegrationResult:
     # A single duration is not mapped over, because that would trace everything twice.
     if fractions is None:
@@ -187,7 +195,7 @@ def _by_closed_form(
         states = jax.tree.map(lambda x: x[None], final)
     else:
         durations = of_each(fractions, duration)
-        states = jax.vmap(lambda d: _on_groups(closed_form.flow(d, y0)))(durations)
+        states = rows(lambda d: _on_groups(closed_form.flow(d, y0)), durations)
         final = jax.tree.map(lambda x: x[-1], states)
     finite = Tolerance(0.0, 0.0, run_axes).alive(final)
     status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
