@@ -130,7 +130,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
     samples = sampled(along, times, along.states(y0, t0, t1, fractions))
-    zeros = zeros_between(along, samples, 1)
+    zeros = zeros_between(along, samples, 1, 1)
     event = along.event
     at_zero = samples.at_zero
     hit = zeros.count > 0
@@ -149,8 +149,8 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     return Zero(when, hit, samples.size, status.astype(jnp.int32), failed)
 
 
-def zeros_between(along: ConditionOnRun, samples: Samples, limit: int) -> Zeros:
-    """The first zeros of each run, `limit` of them at most."""
+def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int) -> Zeros:
+    """The first zeros of each run, `limit` of them at most, of which as many `rows` are stored."""
     event, runs = along.event, samples.times.shape[1:]
     intervals = samples.candidate.shape[0]
 
@@ -166,7 +166,8 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int) -> Zeros:
         end, other, last_slope = pick(knots, index + 1, along.run_axes)
         dip = (value * other > 0.0) & ~zeros.again
         # The second zero of a dip is sought from its first one, where the sign is opposite.
-        last = pick(zeros.times, jnp.maximum(zeros.count - 1, 0), along.run_axes)
+        number = jnp.clip(zeros.count - 1, 0, rows - 1)
+        last = pick(zeros.times, number, along.run_axes)
         start = jnp.where(zeros.again, last, t)
         value = jnp.where(zeros.again, -other, value)
         within = FromSample(along, pick(samples.states, index, along.run_axes), t)
@@ -174,7 +175,7 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int) -> Zeros:
         zero = close_in(within, *ends, sought, start)
         good = sought & zero.met & zero.sure
         unsure = sought & ~zero.sure
-        row = jnp.where(good | unsure, zeros.count, limit)
+        row = jnp.where(good | unsure, zeros.count, rows)
         found = zero.time, zero.y, zero.rising
         times, states, rising = put(zeros[:3], row, found, along.run_axes)
         # The second zero of a dip counts only for an event of both directions.
@@ -190,7 +191,7 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int) -> Zeros:
         )
 
     def rows_of(x: Array) -> Array:
-        return jnp.broadcast_to(x, (limit, *x.shape))
+        return jnp.broadcast_to(x, (rows, *x.shape))
 
     ahead = next_candidates(samples.candidate)
     none = jnp.zeros(runs, bool)

@@ -125,20 +125,18 @@ def _found(
     """`crossings_between`, as the search leaves them, without derivatives."""
     along = ConditionOnRun(system, event, config, run_axes)
     samples = sampled(along, times, states)
-    # One more than are kept, which tells whether there are more.
-    search = zeros_between(along, samples, event.capacity + 1)
+    # One more than are stored, which tells whether there are more.
+    search = zeros_between(along, samples, event.capacity + 1, event.capacity)
     stored = jnp.minimum(search.count, event.capacity)
     used = jnp.arange(event.capacity).reshape(-1, *(1,) * stored.ndim) < stored
-
-    times, states, rising = jax.tree.map(lambda x: x[: event.capacity], search[:3])
 
     def leaf(x: Array) -> Array:
         return jnp.where(used, x, jnp.nan)
 
     crossings = Crossings(
-        leaf(times),
-        jax.tree.map(leaf, times_behind_components(states, run_axes)),
-        rising & used,
+        leaf(search.times),
+        jax.tree.map(leaf, times_behind_components(search.states, run_axes)),
+        search.rising & used,
         stored,
         search.count > event.capacity,
         _status(samples, search),
