@@ -451,6 +451,7 @@ def test_a_run_backwards_finds_the_later_zero_first(drift, method):
     ts, how = jnp.array([5.0, 1.0]), Accuracy(method=method)
     for a, b in zip(*pairs(6), strict=True):
         run = simulate(drift, still, ts, events=(Event(Pair(a, b)),), accuracy=how)
+        # Roundings of a time of 5 s.
         np.testing.assert_allclose(run.ts[-1], jnp.maximum(b, 1.0), rtol=0.0, atol=1e-14)
 
 

@@ -269,18 +269,6 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
     def select(new: PyTree, old: PyTree) -> PyTree:
         return jax.tree.map(lambda a, b: jnp.where(accept, a, b), new, old)
 
-    buffers = loop.buffers
-    if buffers.saved is not None:
-        assert settings.save_ts is not None
-        # Nothing lies before time -1: a rejected step saves no state.
-        reached = jnp.where(accept, loop.t_next, -1.0)
-        saved = buffers.saved.record(interpolation, settings.save_ts, reached)
-        buffers = buffers._replace(saved=saved)
-    end, left = loop.t_next, y1
-    if buffers.recording is not None and location is not None:
-        # A run that waits stays at the start of the step that holds its event: a derivative takes
-        # steps of no length there.
-        left = location.ended(y1)
     return loop._replace(
         t=t_after,
         # The last step must not pass the end, where the vector field may not be defined.
@@ -291,9 +279,33 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
         made_jump=select(made_jump, loop.made_jump),
         num_accepted=jnp.where(accept, loop.num_accepted + 1, loop.num_accepted),
         num_rejected=jnp.where(rejected, loop.num_rejected + 1, loop.num_rejected),
-        buffers=buffers.add(loop.num_accepted, end, left, end, accept, settings.max_steps),
+        buffers=_filled(settings, loop, accept, y1, interpolation, location),
         location=location,
     )
+
+
+def _filled(
+    settings: LoopSettings,
+    loop: LoopState,
+    accept: Bool[Array, ""],
+    y1: State,
+    interpolation: diffrax.AbstractLocalInterpolation,
+    location: Location | None,
+) -> Buffers:
+    """The buffers after this step: its final state `y1`, and the saved states within."""
+    buffers = loop.buffers
+    if buffers.saved is not None:
+        assert settings.save_ts is not None
+        # Nothing lies before time -1: a rejected step saves no state.
+        reached = jnp.where(accept, loop.t_next, -1.0)
+        saved = buffers.saved.record(interpolation, settings.save_ts, reached)
+        buffers = buffers._replace(saved=saved)
+    if buffers.recording is not None and location is not None:
+        # A run that waits stays at the start of the step that holds its event: a derivative takes
+        # steps of no length there.
+        y1 = location.ended(y1)
+    end = loop.t_next
+    return buffers.add(loop.num_accepted, end, y1, end, accept, settings.max_steps)
 
 
 def _located(
