@@ -1,6 +1,8 @@
 """Orbits from and to other programs: the test case of SGP4, messages that come back as they
 were."""
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -65,15 +67,78 @@ def test_faults_of_two_line_sets(tmp_path):
     path = tmp_path / "sets.tle"
     path.write_text(TLE)
     assert read_tle(path)[0].name == "VANGUARD 1"
-    with pytest.raises(InputError, match="wrong check sum"):
+    with pytest.raises(InputError, match="line 2 .*its check sum, column 69, is '4' and must be 3"):
         read_tle(TLE.replace("4753", "4754"))
-    with pytest.raises(InputError, match="no second line"):
+    with pytest.raises(InputError, match="line 2 .*a second line must follow"):
         read_tle("\n".join(TLE.splitlines()[:2]) + "\n")
     with pytest.raises(InputError, match="no two-line"):
         read_tle("nothing\n")
     decayed = TLE.replace("1859667", "9859667").replace("413667", "413665")
     with pytest.raises(InputError, match="SGP4 has no state of VANGUARD 1"):
         read_tle(decayed)[0].ephemeris(np.arange(0.0, 8e3, 100.0))
+
+
+NAME, FIRST, SECOND = TLE.splitlines()
+OF_ANOTHER = "2 00006  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413668"
+
+
+@pytest.mark.parametrize(
+    "lines, sentence",
+    [
+        # Its mean motion would be 10.82, and the last one of 15.72125391 was read as 15.7212.
+        ([FIRST, SECOND[:57]], "line 2 is .*: it has 57 columns and must have at least 68"),
+        ([FIRST, OF_ANOTHER], "line 2 is .*00006.*: it must be of the satellite of '1 00005U"),
+        ([FIRST[:60], SECOND, FIRST, SECOND], "line 1 is .*: it has 60 columns"),
+        ([NAME, FIRST, NAME, SECOND], "line 3 is 'VANGUARD 1': it must be the second line of '1"),
+        ([NAME, "l" + FIRST[1:], SECOND], "line 3 is .*: a first line, .* must precede it"),
+        ([FIRST, SECOND[:68] + "O"], "line 2 is .*: its check sum, column 69, is 'O' and must be"),
+        (
+            [FIRST, SECOND.replace("34.2", "3A.2")],
+            "line 2 .*: its inclination, columns 9 to 16, is",
+        ),
+        ([FIRST, SECOND.replace("18596", "18S96")], "line 2 .*: its eccentricity, .* is '18S9667'"),
+        ([FIRST, SECOND.replace(".8241", ".82A1")], "line 2 .*: its mean motion, .*'10.82A19157'"),
+        ([FIRST, SECOND.replace("4136", "4I36")], "line 2 .*: its revolution at the epoch, .*4I36"),
+        ([FIRST.replace("28098", "2B098"), SECOND], "line 1 .*: its drag term, columns 54 to 61"),
+        ([FIRST.replace("00179.7", "OO179.7"), SECOND], "line 1 .*: its year of the epoch"),
+        ([FIRST.replace("00005U", "0I005U"), SECOND], "line 1 .*: its number in the catalogue"),
+        # A column is lost, and with it the check sum: all that follow are one to the left.
+        ([FIRST, SECOND.replace(" 348", "348")], "line 2 .*: column 17 must be blank"),
+    ],
+)
+def test_lines_of_two_line_sets_that_are_refused(lines, sentence):
+    pytest.importorskip("sgp4")
+    with pytest.raises(InputError, match="the text, " + sentence):
+        read_tle("\n".join(lines) + "\n")
+
+
+def test_two_line_sets_of_the_verification_are_read(tmp_path):
+    """All that the library ships, but three whose authors changed them without their check sum;
+    indented and without names, too."""
+    sgp4 = pytest.importorskip("sgp4")
+    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+    sets = [line for line in lines if line[:2] in ("1 ", "2 ") and line[2:5] != "333"]
+    found = read_tle("\n".join("  " + line for line in sets))
+    assert len(found) == len(sets) // 2 == 30
+    motions = [float(second[52:63]) for second in sets[1::2]]
+    read = [orbit.record.no_kozai * 720.0 / np.pi for orbit in found]
+    np.testing.assert_allclose(read, motions, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    "old, new, sentence",
+    [
+        ("<BSTAR>.28098E-4</BSTAR>", "", "satellite 1, has no BSTAR"),
+        ("348.7242", "34B.7242", "satellite 1, has a wrong entry: .*34B.7242"),
+        ("</omm>", "", "is no message of mean elements"),
+    ],
+)
+def test_messages_of_mean_elements_that_are_refused(tmp_path, old, new, sentence):
+    pytest.importorskip("sgp4")
+    path = tmp_path / "one.xml"
+    path.write_text(OMM.replace(old, new))
+    with pytest.raises(InputError, match=sentence):
+        read_omm(path)
 
 
 def test_an_ephemeris_message_comes_back(tmp_path):

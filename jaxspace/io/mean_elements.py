@@ -13,10 +13,10 @@ __all__ = ["CataloguedOrbit", "read_omm", "read_tle"]
 
 import io
 import os
-from collections.abc import Iterable
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any, NamedTuple
+from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,6 +25,7 @@ from ..bodies import BodyState
 from ..core import InputError
 from ..core.extras import extra
 from ..core.files import read_text
+from ._two_line import element_lines
 from .ephemeris import Ephemeris
 
 
@@ -84,33 +85,19 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
 
     - `source`: the text itself, or the path of a file; a line before a set is its name.
 
-    **Raises** `InputError` for a set that is not complete or whose check sum is wrong."""
+    **Raises** `InputError` for a set that is not complete, or a line that is cut, shifted, of
+    another satellite or has a wrong check sum; the sentence names the line."""
     with extra("ephemerides"):
         from sgp4.api import Satrec
-        from sgp4.io import compute_checksum
 
     # A path has no line break, a set of elements at least one.
     is_text = isinstance(source, str) and "\n" in source
     text = str(source) if is_text else read_text(source)
-    lines = [line.rstrip() for line in text.splitlines() if line.strip()]
-    result = []
-    name = ""
-    for k, line in enumerate(lines):
-        if line.startswith("1 ") and len(line) >= 68:
-            second = lines[k + 1] if k + 1 < len(lines) else ""
-            if not second.startswith("2 "):
-                raise InputError(f"{line!r} has no second line: it must begin with 2.")
-            for one in (line, second):
-                # Some sources leave out the check sum, in column 69: what is not there is not
-                # wrong.
-                if len(one) > 68 and int(one[68]) != compute_checksum(one):
-                    raise InputError(f"{one!r} has a wrong check sum.")
-            record = Satrec.twoline2rv(line, second)
-            result.append(CataloguedOrbit(name, line[9:17].strip(), record))
-            name = ""
-        elif not line.startswith("2 "):
-            # Some catalogues mark the line of the name by a zero.
-            name = line.removeprefix("0 ").strip()
+    called = "the text" if is_text else str(source)
+    result = [
+        CataloguedOrbit(one.name, one.first[9:17].strip(), Satrec.twoline2rv(one.first, one.second))
+        for one in element_lines(text, called)
+    ]
     if not result:
         raise InputError("no two-line element set was found: its lines must begin with 1 and 2.")
     return result
@@ -123,7 +110,8 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
 
     - `path`: of a file in XML or CSV, by its ending.
 
-    **Raises** `InputError` for another ending, or a message without elements."""
+    **Raises** `InputError` for another ending, a message without elements, or an entry that is
+    missing or is no number."""
     with extra("ephemerides"):
         from sgp4 import omm
         from sgp4.api import Satrec
@@ -132,11 +120,19 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     if kind not in (".xml", ".csv"):
         raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
     parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
-    rows: Iterable[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
+    try:
+        rows: list[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
+    except (ElementTree.ParseError, AttributeError, TypeError) as error:
+        raise InputError(f"{path} is no message of mean elements: {error}.") from error
     result = []
-    for row in rows:
+    for k, row in enumerate(rows, 1):
         record = Satrec()
-        omm.initialize(record, row)
+        try:
+            omm.initialize(record, row)
+        except KeyError as error:
+            raise InputError(f"{path}, satellite {k}, has no {error.args[0]}.") from error
+        except (ValueError, TypeError) as error:
+            raise InputError(f"{path}, satellite {k}, has a wrong entry: {error}.") from error
         result.append(CataloguedOrbit(row.get("OBJECT_NAME", ""), row["OBJECT_ID"], record))
     if not result:
         raise InputError(f"{path} holds no elements.")
