@@ -77,6 +77,90 @@ def test_columns_of_a_motor(tmp_path, kind):
     assert motor.total_impulse == 15.0
 
 
+CURVE = [(0.0, 0.0), (0.1, 1000.0), (1.0, 900.0), (1.2, 0.0)]
+POUND = 4.4482216152605
+
+
+def table(heads, row, separator=","):
+    """A file of the curve: the lines `heads`, and for each point the numbers that `row` makes."""
+    rows = [separator.join(f"{x:.12g}" for x in row(k, *p)) for k, p in enumerate(CURVE)]
+    return "\n".join([*heads, *rows, ""])
+
+
+HEADED = {
+    "pandas": table([",time,thrust"], lambda k, t, f: (k, t, f)),
+    "openMotor": table(
+        ["Time(s),Kn,Pressure(Pa),Thrust(N),Mass Flow(G1;kg/s),Mass Flux(G1;kg/(m^2*s))"],
+        lambda k, t, f: (t, 200 + k, 5e6, f, 0.4, 300),
+    ),
+    "OpenRocket": table(
+        ["# Simulation 1 (Up to date)", "# Time (s),Altitude (m),Drag force (N),Thrust (N)"],
+        lambda k, t, f: (t, 10 * k, 3.0, f),
+    ),
+    "milliseconds": table(["time (ms),thrust (N)"], lambda k, t, f: (1e3 * t, f)),
+    "pounds": table(["Time,Thrust (lbf)"], lambda k, t, f: (t, f / POUND)),
+    "units after names": table(["t_ms;F_kN"], lambda k, t, f: (1e3 * t, 1e-3 * f), ";"),
+    "units of other words": table(["Zeit [ms]\tSchub [N]"], lambda k, t, f: (1e3 * t, f), "\t"),
+    "units alone": table(["Time,Thrust", "(ms),(N)"], lambda k, t, f: (1e3 * t, f)),
+    "only units": table(["N,s"], lambda k, t, f: (f, t)),
+    "another order": table(["motor thrust / N\ttime / s"], lambda k, t, f: (f, t), "\t"),
+    "blanks": table(["Time (s) Kn Thrust (kN)"], lambda k, t, f: (t, k, 1e-3 * f), " "),
+    "comments": table(["# one,two,three", "time,kn,thrust"], lambda k, t, f: (t, k, f)),
+}
+
+
+@pytest.mark.parametrize("kind", HEADED)
+def test_columns_are_found_by_their_headings(tmp_path, kind):
+    """995 N s by hand: 50 + 855 + 90."""
+    path = tmp_path / "curve.csv"
+    path.write_text(HEADED[kind], encoding="utf-8")
+    motor = read_motor(path)
+    # Twelve digits are written.
+    np.testing.assert_allclose(np.stack([motor.times, motor.thrusts]).T, CURVE, rtol=1e-11)
+    np.testing.assert_allclose(motor.total_impulse, 995.0, rtol=1e-11)
+
+
+@pytest.mark.parametrize(
+    "text, sentence",
+    [
+        ("a,b,c\n0,0,0\n1,1,0\n", "line 1 is 'a,b,c': it must be headings of which one is 'time'"),
+        ("time,pressure\n0,0\n1,1\n", "line 1 is 'time,pressure': it must be headings of which"),
+        ("Zeit [ms],Druck [Pa]\n0,0\n1,1\n", "'Druck [Pa]': its unit must be N, or one of n"),
+        ("time (fortnights),thrust\n0,0\n1,1\n", "'time (fortnights)': its unit must be s, or"),
+        # R writes a column of row names without a heading.
+        ("time,thrust\n1,0,0\n2,1,5\n", "line 1 is 'time,thrust': it must be 3 headings, as many"),
+        (",time,thrust\n0,0,0\n1,2\n", "line 3 is '1,2': it must be a time, s, and a thrust, N"),
+        ("time,thrust\n0,0\nnan,5\n1,0\n", "line 3 is 'nan,5': it must be a time, s, and"),
+        ("0,0\n1,5\n\n0.5,3\n2,0\n", "times that do not ascend: 0.5 s in line 4 comes after 1 s"),
+        ("0,0\n1,5\n1,6\n2,0\n", "times that do not ascend: 1 s in line 3 comes after 1 s in li"),
+    ],
+)
+def test_headings_and_times_that_are_refused(tmp_path, text, sentence):
+    path = tmp_path / "curve.csv"
+    path.write_text(text)
+    with pytest.raises(InputError, match=re.escape(f"{path}") + ".*" + re.escape(sentence)):
+        read_motor(path)
+
+
+def test_points_that_stand_twice_are_taken_once(tmp_path):
+    """And a jump at either end, where one of its sides has no impulse."""
+    path = tmp_path / "curve.csv"
+    path.write_text("0,0\n0,9\n1,8\n1,8\n2,4\n2,0\n")
+    motor = read_motor(path)
+    np.testing.assert_array_equal(motor.times, [0.0, 1.0, 2.0])
+    np.testing.assert_array_equal(motor.thrusts, [9.0, 8.0, 4.0])
+
+
+def test_columns_begin_at_their_first_point(tmp_path):
+    """At 8 s by the clock of the test stand, without a ramp from zero: 10,800 N s by hand."""
+    path = tmp_path / "curve.csv"
+    path.write_text("8,800\n20,800\n23,0\n")
+    motor = read_motor(path)
+    assert (motor.total_impulse, motor.burn_time) == (10800.0, 15.0)
+    thrust, mass = motor.thrust(4.0), jnp.array(1.0)
+    np.testing.assert_allclose(thrust.thrust(jnp.array(0.5), mass), 800.0, rtol=1e-14)
+
+
 HEAD = "24E 24 70 3-5 0.02 0.05 Maker\n"
 
 
@@ -104,6 +188,13 @@ def test_curve_goes_on_after_a_pause(tmp_path):
         ("A8 -18 70 0 1 2 X\n1 2\n2 0\n", "diameter is -18: it must be zero or positive, in mm"),
         ("A8 18 -70 0 1 2 X\n1 2\n2 0\n", "length is -70: it must be zero or positive, in mm"),
         ("A8 18 70 0 1 -2 X\n1 2\n2 0\n", "loaded mass is -2: it must be zero or positive, in kg"),
+        ("A 18 70 0 1.9 1.3 X\n1 2\n2 0\n", "mass is 1.9: it must be at most the loaded mass, 1.3"),
+        ("A 18 70 0 1.9 3100 X\n1 2\n2 0\n", "loaded mass is 3100: it must be at most 100 times"),
+        (
+            "A 18 70 0 1900 3100 X\n1 2000\n2 0\n",
+            "mass is 1900: it must be below 200, in kg, so th",
+        ),
+        (HEAD + "1 2\n1 3\n2 0\n", "times that do not ascend: 1 s in line 3 comes after 1 s in l"),
         (HEAD + "1 2\n2 -3\n3 0\n", "thrust is -3: it must be zero or positive, in N"),
         (HEAD + "1 0\n2 0\n", "thrust is 0: it must be above zero somewhere, in N"),
         (HEAD + "-1 2\n2 0\n", "time is -1: it must be zero or positive, in s"),

@@ -32,14 +32,19 @@ class Motor(MotorFile):
 
 
 def read_motor(path: str | os.PathLike[str]) -> Motor:
-    """The motor of a file: RASP where its name ends in `.eng`, else two columns.
+    """The motor of a file: RASP where its name ends in `.eng`, else columns of time and thrust.
+
+    Columns are found by their headings and units, as openMotor, OpenRocket and pandas write them;
+    without headings the first two are a time, s, and a thrust, N. The curve of columns begins at
+    its first point, that of RASP at the time zero.
 
     **Arguments**
 
     - `path`: of the file. Of several motors in one file, the first.
 
     **Raises** `InputError` with the line that is not as the format has it, or with the value: for
-    times that do not ascend, a negative thrust or mass, no propellant, or a curve without impulse;
-    and for what is no regular file, or has more than 64 MB.
+    times that do not ascend, a negative thrust or mass, a curve without impulse, or headings that
+    name no time and thrust; for a head of RASP with no propellant, more of it than the loaded mass,
+    or masses that are no kilograms; and for what is no regular file, or has more than 64 MB.
     """
     return Motor(*read_motor_file(path))

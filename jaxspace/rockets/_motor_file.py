@@ -1,26 +1,22 @@
-"""Files of solid motors: RASP (`.eng`), the format of thrustcurve.org, and two columns (`.csv`).
+"""Files of solid motors: RASP (`.eng`), the format of thrustcurve.org, and columns (`.csv`).
 
     ; comment
     NAME  diameter, mm  length, mm  delays  propellant, kg  loaded mass, kg  maker
     time, s   thrust, N              one line for each point, the last one with no thrust
 
-The curve of a RASP file goes on up to the head of the next motor: points without thrust within it
-are a pause between two pulses. In RASP a semicolon begins a comment anywhere.
+The curve of a RASP file begins at the time zero with no thrust unless it says otherwise, and goes
+on up to the head of the next motor: points without thrust within it are a pause between two pulses.
+In RASP a semicolon begins a comment anywhere. A head whose masses can be no kilograms is refused.
 
-A CSV file has a time, s, and a thrust, N, in each line. Columns are separated by commas or blanks;
-where semicolons or tabulators separate them, a comma is a decimal one. Lines that begin with no
-number are headings and comments, among them those that begin with `;` or `#`.
-
-Both begin at the time zero with no thrust unless they say otherwise.
+Any other file is one of columns: see `_motor_columns`. Its curve begins at its first point, at
+whatever time, because nothing says that the clock of the test stand starts with the motor.
 
 Source: RASP, as ThrustCurve.org documents it.
 """
 
-import csv
 import os
-import re
 from pathlib import Path
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,12 +24,16 @@ from ..core import InputError, Scalar, check
 from ..core.checks import check_positive
 from ..core.files import read_text
 from ..core.types import as_float
+from ._motor_columns import read_columns
+from ._motor_curve import Point, curve, numbers, wrong_line
 from ._thrust_profile import ThrustProfile
-
-Point: TypeAlias = tuple[float, float]
 
 # Entries of a head without its last one, the maker, which some files leave out.
 HEAD = 6
+SLOWEST = 10.0
+"""m/s: of any motor the exhaust is faster, and one whose propellant is in grams has 3 m/s."""
+HEAVIEST = 100.0
+"""The largest loaded mass by that of the propellant; real motors have at most about 20."""
 
 
 class MotorFile(NamedTuple):
@@ -82,9 +82,11 @@ def read_motor_file(path: str | os.PathLike[str]) -> MotorFile:
     """The content of the file; see `read_motor`."""
     lines = read_text(path).splitlines()
     path = Path(path)
-    rasp = path.suffix.lower() == ".eng"
-    head, points = _rasp(path, lines) if rasp else ([], _columns(path, lines))
-    return _motor(path, head, points)
+    if path.suffix.lower() == ".eng":
+        head, points = _rasp(path, lines)
+        motor = MotorFile(*curve(path, points))
+        return _with_head(path, head, motor) if head else motor._replace(name=path.stem)
+    return MotorFile(*curve(path, read_columns(path, lines)), name=path.stem)
 
 
 def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
@@ -98,75 +100,47 @@ def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
         if not head:
             if len(fields) < HEAD:
                 what = "a head: name, diameter, length, delays, propellant mass, mass, maker"
-                raise _wrong_line(path, number, line, what)
+                raise wrong_line(path, number, line, what)
             head = fields
         # By their number and not by what they are: the name of a motor may be a number.
-        elif len(fields) >= HEAD or len(fields) > 2 and _numbers(fields[:1]) is None:
+        elif len(fields) >= HEAD or len(fields) > 2 and numbers(fields[:1]) is None:
             break
         else:
-            points.append(_point(path, number, line, fields))
+            values = numbers(fields)
+            # Three numbers are no head: to take two of them might take the wrong ones.
+            if values is None or len(values) != 2:
+                raise wrong_line(path, number, line, "a time, s, and a thrust, N")
+            points.append(Point(number, *values))
+    # It begins at the time zero without saying so.
+    if points and points[0].time > 0.0:
+        points.insert(0, Point(points[0].line, 0.0, 0.0))
     return head, points
 
 
-def _columns(path: Path, lines: list[str]) -> list[Point]:
-    """The points of a file of two columns."""
-    points = []
-    for number, line in enumerate(lines, 1):
-        # A heading, a comment, or nothing; quoted numbers are numbers.
-        if not re.match(r'[\s"]*[-+]?\.?\d', line):
-            continue
-        separator = next((mark for mark in ";\t," if mark in line), None)
-        if separator is None:
-            fields = line.split()
-        else:
-            (fields,) = csv.reader([line.strip()], delimiter=separator)
-        # Where commas separate, none is left in a field but a decimal one in quotes.
-        points.append(_point(path, number, line, [f.replace(",", ".") for f in fields]))
-    return points
-
-
-def _point(path: Path, number: int, line: str, fields: list[str]) -> Point:
-    """Time and thrust of a line with these fields."""
-    values = _numbers(fields[:2])
-    # A RASP line of three numbers is no head: to take two of them might take the wrong ones.
-    if values is None or len(values) < 2 or path.suffix.lower() == ".eng" and len(fields) > 2:
-        raise _wrong_line(path, number, line, "a time, s, and a thrust, N")
-    return values[0], values[1]
-
-
-def _numbers(fields: list[str]) -> list[float] | None:
-    """The numbers that the fields are; `None` where one is other text, or is not finite."""
-    try:
-        values = [float(field) for field in fields]
-    except ValueError:
-        return None
-    return values if np.all(np.isfinite(values)) else None
-
-
-def _wrong_line(path: Path, number: int, line: str, what: str) -> InputError:
-    return InputError(f"{path}, line {number} is {line.strip()!r}: it must be {what}.")
-
-
-def _motor(path: Path, head: list[str], points: list[Point]) -> MotorFile:
-    # The curve of a RASP file begins at the time zero without saying so.
-    if points and points[0][0] > 0.0:
-        points = [(0.0, 0.0), *points]
-    if len(points) < 2:
-        raise InputError(f"{path} has {len(points)} points of a thrust curve: it must have two.")
-    times, thrusts = np.asarray(points).T
-    if not np.all(np.diff(times) > 0.0):
-        raise InputError(f"{path} has times that do not ascend.")
-    check(times[0] >= 0.0, f"{path}: time", times[0], "zero or positive, in s")
-    check(thrusts >= 0.0, f"{path}: thrust", np.min(thrusts), "zero or positive, in N")
-    check(np.any(thrusts > 0.0), f"{path}: thrust", np.max(thrusts), "above zero somewhere, in N")
-    if not head:
-        return MotorFile(times, thrusts, name=path.stem)
-    numbers = _numbers([head[k] for k in (1, 2, 4, 5)])
-    if numbers is None:
+def _with_head(path: Path, head: list[str], motor: MotorFile) -> MotorFile:
+    """The motor with what the head of its RASP file says, checked."""
+    values = numbers([head[k] for k in (1, 2, 4, 5)])
+    if values is None:
         raise InputError(f"{path} has the head {' '.join(head)!r}: it is not RASP.")
-    diameter, length, propellant, loaded = numbers
+    diameter, length, propellant, loaded = values
     for name, value in (("diameter", diameter), ("length", length)):
         check(value >= 0.0, f"{path}: {name}", value, "zero or positive, in mm")
     check(propellant > 0.0, f"{path}: propellant mass", propellant, "above zero, in kg")
     check(loaded >= 0.0, f"{path}: loaded mass", loaded, "zero or positive, in kg")
-    return MotorFile(times, thrusts, propellant, loaded, 1e-3 * diameter, 1e-3 * length, head[0])
+    allowed = f"at most the loaded mass, {loaded:.6g} kg"
+    check(propellant <= loaded, f"{path}: propellant mass", propellant, allowed)
+    allowed = f"at most {HEAVIEST:g} times the propellant, {propellant:.6g} kg"
+    check(loaded <= HEAVIEST * propellant, f"{path}: loaded mass", loaded, allowed)
+    allowed = (
+        f"below {motor.total_impulse / SLOWEST:.6g}, in kg, so that an impulse of "
+        f"{motor.total_impulse:.6g} N s has an exhaust above {SLOWEST:g} m/s"
+    )
+    fast = motor.total_impulse > SLOWEST * propellant
+    check(fast, f"{path}: propellant mass", propellant, allowed)
+    return motor._replace(
+        propellant_mass=propellant,
+        loaded_mass=loaded,
+        diameter=1e-3 * diameter,
+        length=1e-3 * length,
+        name=head[0],
+    )

@@ -54,7 +54,9 @@ _STATION = argument(
 _OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the point of the thrust")
 
 # Of all motors that come from a file.
-MOTOR_FILE = FileName("with the thrust curve: RASP where its name ends in .eng, else two columns")
+MOTOR_FILE = FileName(
+    "with the thrust curve: RASP where its name ends in .eng, else columns of time and thrust"
+)
 FILE_PROPELLANT = argument(
     "kg", positive=True, optional=True, doc="burnt in the burn time; by default what the file says"
 )
