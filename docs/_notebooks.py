@@ -1,4 +1,5 @@
-"""Gives every tutorial as a notebook, to be run from top to bottom: the same words and blocks."""
+"""Gives every tutorial as a notebook, to be run from top to bottom: the same words and blocks, below
+a cell that installs the library."""
 
 import json
 import re
@@ -12,6 +13,9 @@ LINK = re.compile(r"\]\((\.\./)?([\w/]+)\.md(#[\w-]+)?\)")
 PICTURE = re.compile(r"\]\(\.\./(figures/\w+\.png)\)")
 # A notebook is read away from the manual: its links lead there.
 SITE = "https://jaxspace.github.io/jaxspace/latest/"
+# Colab opens what lies in a repository: the branch of the published pages.
+COLAB = "https://colab.research.google.com/github/jaxspace/jaxspace/blob/gh-pages/latest/tutorials/"
+INSTALL = '%pip install --quiet "jaxspace[app]"'
 
 
 def on_files(files, config):
@@ -31,29 +35,24 @@ def on_page_markdown(markdown, page, **kwargs):
         return markdown
     heading, _, rest = markdown.partition("\n")
     name = Path(page.file.src_uri).stem
-    return f"{heading}\n\n[This page as a notebook]({name}.ipynb)\n{rest}"
+    links = f"[This page as a notebook]({name}.ipynb), [open in Colab]({COLAB}{name}.ipynb)"
+    return f"{heading}\n\n{links}\n{rest}"
 
 
 def notebook(text: str) -> str:
     """A page as a notebook: its blocks of Python are cells, and so is what stands between them."""
-    cells = []
+    cells = [_code("install", INSTALL)]
     # Words and code in turn.
     for k, part in enumerate(BLOCK.split(text)):
         source = part.strip("\n")
         if not source:
             continue
-        cell = {"id": f"cell-{k}", "metadata": {}}
         if k % 2:
-            cell |= {
-                "cell_type": "code",
-                "execution_count": None,
-                "outputs": [],
-            }
+            cells.append(_code(f"cell-{k}", source))
         else:
-            cell["cell_type"] = "markdown"
             source = LINK.sub(_to_site, source)
             source = PICTURE.sub(rf"]({SITE}\1)", source)
-        cells.append(cell | {"source": source.splitlines(keepends=True)})
+            cells.append(_cell(f"cell-{k}", "markdown", source))
     kernel = {
         "display_name": "Python 3",
         "language": "python",
@@ -66,6 +65,23 @@ def notebook(text: str) -> str:
         "nbformat_minor": 5,
     }
     return json.dumps(whole, indent=1) + "\n"
+
+
+def _code(name: str, source: str) -> dict:
+    """A cell of Python that has not run."""
+    return _cell(name, "code", source) | {
+        "execution_count": None,
+        "outputs": [],
+    }
+
+
+def _cell(name: str, kind: str, source: str) -> dict:
+    return {
+        "id": name,
+        "cell_type": kind,
+        "metadata": {},
+        "source": source.splitlines(keepends=True),
+    }
 
 
 def _to_site(link: re.Match) -> str:

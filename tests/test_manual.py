@@ -13,6 +13,7 @@ import runpy
 from pathlib import Path
 
 import jax
+import numpy as np
 import pytest
 
 import jaxspace
@@ -21,6 +22,7 @@ from jaxspace.core.modules import public_names
 
 ROOT = Path(__file__).parents[1]
 CODE = re.compile(r"^```python\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+BLOCK = re.compile(r"^```(\w+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 LINK = re.compile(r"\]\(([^)#:]+)(?:#[^)]*)?\)")
 PICTURE = re.compile(r'src(?:set)?="([^":]+)"')
 COPIED = re.compile(r"^jaxspace new (\w+)", re.MULTILINE)
@@ -58,8 +60,31 @@ GENERATED |= {f"{folder.name}.md" for folder in ROOT.glob("examples/gallery/*/")
 
 
 def test_home_page_begins_as_the_readme():
-    blocks = [CODE.findall((ROOT / page).read_text()) for page in (HOME, "README.md")]
-    assert blocks[0] == blocks[1] and len(blocks[0]) == 1
+    blocks = [BLOCK.findall((ROOT / page).read_text()) for page in (HOME, "README.md")]
+    # The code, its output, and the scene file; below them each goes its own way.
+    assert blocks[0][:5] == blocks[1][:5] and [kind for kind, _ in blocks[0][:5]] == [
+        *("python", "text", "toml", "sh", "python")
+    ]
+
+
+def test_readme_shows_what_its_first_block_prints(capsys, settings_stay):
+    (_, code), (_, shown), *_ = BLOCK.findall((ROOT / "README.md").read_text())
+    with jax.numpy_dtype_promotion("standard"):
+        exec(compile(code, "README.md", "exec"), {"__name__": "page"})
+    numbers = [re.findall(r"-?\d+\.?\d*", text) for text in (capsys.readouterr().out, shown)]
+    printed, expected = (np.array(row, float) for row in numbers)
+    # The last digit shown, which other roundings of a run at 1e-9 may move by one.
+    within = np.array([1.5] + 3 * [0.015])
+    assert printed.size == expected.size == 4
+    assert np.all(np.abs(printed - expected)[:4] < within), (printed, expected)
+
+
+def test_scene_of_the_readme_is_the_example():
+    """Each line of its excerpt stands in the file."""
+    (scene,) = re.findall(r"^```toml\n(.*?)^```$", (ROOT / "README.md").read_text(), re.M | re.S)
+    example = (ROOT / "examples" / "scenes" / "kick_stage.toml").read_text()
+    for line in filter(None, scene.splitlines()):
+        assert line.partition("  #")[0] in example
 
 
 def test_there_is_something_to_run():
@@ -168,7 +193,9 @@ def test_files_on_the_way_of_a_run_are_there():
 def test_notebook_of_a_tutorial_has_its_blocks(page):
     make = runpy.run_path(str(ROOT / "docs" / "_notebooks.py"))["notebook"]
     made = json.loads(make(page.read_text()))
-    code = ["".join(c["source"]) for c in made["cells"] if c["cell_type"] == "code"]
+    install, *code = ["".join(c["source"]) for c in made["cells"] if c["cell_type"] == "code"]
+    # A notebook that is opened elsewhere begins without the library.
+    assert install == '%pip install --quiet "jaxspace[app]"'
     assert code == [block.strip("\n") for block in CODE.findall(page.read_text())]
     assert "```python" not in json.dumps(made)
     # A link of the manual leads nowhere from a notebook.

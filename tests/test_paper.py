@@ -1,4 +1,5 @@
-"""The paper: its form, its references, and its numbers, which stand in the committed results."""
+"""The paper: its form, its references, and its numbers, which stand in the committed results; and
+the claims of the README, which do, too."""
 
 import json
 import re
@@ -25,6 +26,25 @@ def leaves(tree):
     if isinstance(tree, dict):
         return [x for value in tree.values() for x in leaves(value)]
     return [tree] if isinstance(tree, int | float) else []
+
+
+# What the README says of speed and accuracy, by the table that it links.
+CLAIMS = {
+    "low_orbits": ("146,000", "1.3e-12", "73,900", "2.0e-9"),
+    "model_rocket": ("14,600", "1.8e-6", "4.0", "2.6e-5"),
+    "gradients": ("2.5",),
+}
+
+
+@pytest.mark.parametrize("name", CLAIMS)
+def test_the_claims_of_the_readme_are_measured(name):
+    text = (ROOT / "README.md").read_text()
+    measured = leaves(json.loads((ROOT / f"benchmarks/results/{name}.json").read_text()))
+    for claim in CLAIMS[name]:
+        assert f" {claim}" in text or f"[{claim}" in text, claim
+        number = float(claim.replace(",", ""))
+        digits = len(re.sub(r"e.*|[.,]|0+$", "", claim))
+        assert any(float(f"{x:.{max(digits, 2) - 1}e}") == number for x in measured), claim
 
 
 @pytest.mark.parametrize("task", RESULTS)
