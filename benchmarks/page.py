@@ -118,6 +118,37 @@ def _by_width(name: str, rows: dict) -> str:
     return f"![Rate against width](figures/benchmark_{name}.png)\n\n"
 
 
+def _by_evaluations(name: str, rows: dict) -> str:
+    """Draw evaluations against error, one panel a case, and return the line of the page that shows
+    them."""
+    from matplotlib.figure import Figure
+    from matplotlib.ticker import NullFormatter
+
+    cases: dict[str, dict[str, list[tuple[float, float]]]] = {}
+    for label, row in rows.items():
+        case, setting = label.split(": ")
+        series = cases.setdefault(case, {}).setdefault(setting.rsplit(" ", 1)[0], [])
+        series.append((row["worst_relative_error"], row["evaluations_a_run"]))
+    methods = list(dict.fromkeys(method for series in cases.values() for method in series))
+    figure = Figure(figsize=(9.0, 6.2), layout="constrained")
+    for axes, (case, series) in zip(figure.subplots(2, 2).flat, cases.items(), strict=True):
+        for method, points in series.items():
+            colour = COLOURS[methods.index(method)]
+            axes.loglog(*zip(*points, strict=True), "o-", label=method, color=colour, markersize=5)
+        dress(axes, case, "error of the worst run", "evaluations a run")
+        axes.invert_xaxis()
+        # Numbers between the decades run into each other.
+        axes.xaxis.set_minor_formatter(NullFormatter())
+        axes.yaxis.set_minor_formatter(NullFormatter())
+        axes.legend(fontsize=8, frameon=False)
+    figure.savefig(PAGE.parent / "figures" / f"benchmark_{name}.png", dpi=110)
+    return f"![Evaluations against error](figures/benchmark_{name}.png)\n\n"
+
+
+DIAGRAMS = {"accelerator_gpu": _by_width, "which_method": _by_evaluations}
+"""How the results of a benchmark are drawn, where not by speed against error."""
+
+
 def write(results: Path, names: tuple[str, ...]) -> None:
     """Write the page from the results that there are."""
     parts = [HEAD]
@@ -127,8 +158,7 @@ def write(results: Path, names: tuple[str, ...]) -> None:
             where = ", ".join(f"{k} {v}" for k, v in seen["machine"].items())
             title = name.replace("_", " ").capitalize()
             what = " ".join(seen["what"].split())
-            draw = _by_width if name.startswith("accelerator") else _diagram
-            picture = draw(name, seen["rows"])
+            picture = DIAGRAMS.get(name, _diagram)(name, seen["rows"])
             table = _table(seen["rows"])
             parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
     PAGE.write_text("\n".join(parts))

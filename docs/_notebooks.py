@@ -1,5 +1,5 @@
-"""Gives every tutorial as a notebook, to be run from top to bottom: the same words and blocks, below
-a cell that installs the library."""
+"""Gives every tutorial as a notebook, to be run from top to bottom: the same words and blocks,
+below a cell that installs the library."""
 
 import json
 import re

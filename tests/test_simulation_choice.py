@@ -1,5 +1,9 @@
 """What `method="auto"` stands for."""
 
+import json
+import re
+from pathlib import Path
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -10,6 +14,7 @@ from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, Load, RigidBody
 from jaxspace.integration import select_method
+from jaxspace.integration._selection import RULES
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy
@@ -79,3 +84,42 @@ def test_a_result_says_which_method_ran_and_takes_another():
     )
     assert isinstance(batch.config.method, RKN1210)
     assert float(jnp.max(jnp.abs(batch.error().position))) < 1e-2
+
+
+ROOT = Path(__file__).parents[1]
+CHOOSING = (ROOT / "docs" / "howto" / "choosing_an_integrator.md").read_text()
+ROWS = re.findall(r"^\| (.*?) \| (.*?) \| (.*?) \|$", CHOOSING.partition("\n## ")[0], re.MULTILINE)
+# Its figures with what follows them, so that no other number is taken for one.
+FIGURE = re.compile(r"\b[\d,]*\d(?:\.\d+)?(?= (?:evaluations|runs|s|at \d|for \d))")
+ERROR = re.compile(r"\bat (?:an error of )?(\d\.\de-\d+)")
+
+
+def test_the_table_of_the_page_has_the_rules():
+    """In their order, each with its method."""
+    _, *rows = ROWS
+    assert len(rows) == len(RULES)
+    for (_, method, _), rule in zip(rows, RULES, strict=True):
+        name = rule.method if isinstance(rule.method, str) else type(rule.method).__name__
+        assert method == ("none: evaluated directly" if name == "closed_form" else f"`{name}`")
+
+
+@pytest.mark.parametrize("row", ROWS[1:], ids=lambda row: row[1].strip("`"))
+def test_the_evidence_of_a_rule_is_measured(row):
+    """Each figure stands in the results that the row links, rounded as it is written."""
+    evidence = row[2]
+    pages = re.findall(r"benchmarks\.md#([\w-]+)", evidence)
+    assert pages
+    measured = [
+        value
+        for page in {*pages, "which-method"}
+        for case in json.loads(
+            (ROOT / "benchmarks" / "results" / f"{page.replace('-', '_')}.json").read_text()
+        )["rows"].values()
+        for value in case.values()
+    ]
+    figures = FIGURE.findall(evidence) + ERROR.findall(evidence)
+    assert figures
+    for text in figures:
+        digits = 3 if "," in text else len(re.sub(r"e.*|\.", "", text))
+        number = float(text.replace(",", ""))
+        assert any(float(f"{x:.{digits - 1}e}") == number for x in measured), text
