@@ -32,6 +32,11 @@ describe. Each script stands alone; `python examples/gallery/draw.py` draws
 them all in the style of this page."""
 
 
+# What takes a derivative of a run or of a formula, or searches by them.
+DERIVATIVE = re.compile(
+    r"jax\.(grad|value_and_grad|jac\w+|jvp|vjp|hessian)\b|\b(minimi|optimi)se\w*\("
+)
+
 BY_GOAL = """\
 ---
 hide: [toc]
@@ -138,7 +143,8 @@ def _card(script: Script) -> str:
     picture = f"../figures/gallery/{script.path.stem}.png"
     return (
         f"<div markdown>\n[![{script.name}]({picture}){{loading=lazy}}]({page})\n"
-        f"[{script.goal}]({page})<br><small>{script.name}<br>{_size(script)}</small>\n</div>"
+        f"[{script.goal}]({page})<br><small>{script.name}<br>{_size(script)}"
+        f"{_derivatives(script)}</small>\n</div>"
     )
 
 
@@ -176,8 +182,9 @@ def _figure(script: Script) -> str:
         f"## {script.goal}\n\n*{script.name}*\n\n"
         f"![{script.name}](../figures/gallery/{script.path.stem}.png)\n\n"
         f"{script.caption}\n\n"
-        f"<small>`{script.path.relative_to(ROOT)}`: {_size(script)} of processor "
-        f"time. Uses {uses}</small>\n\n"
+        f"<small>`python examples/gallery/draw.py {script.path.stem}`: "
+        f"{_size(script)} of processor time{_derivatives(script)}. Uses {uses}"
+        "</small>\n\n"
         f"```python\n{script.code}\n```"
     )
 
@@ -186,6 +193,11 @@ def _size(script: Script) -> str:
     """Lines of a script, and the seconds that it takes to draw."""
     lines = len(script.path.read_text().splitlines())
     return f"{lines} lines, {_seconds()[script.path.stem]}&nbsp;s"
+
+
+def _derivatives(script: Script) -> str:
+    """Says that a script differentiates, where its code does."""
+    return ", with derivatives" if DERIVATIVE.search(script.code) else ""
 
 
 @functools.cache
