@@ -278,6 +278,39 @@ def test_wheel_stands_across_its_axis():
     assert np.max(np.abs(points @ axis)) < 0.05 < np.max(np.abs(points))
 
 
+def test_the_earth_has_its_coasts_and_no_other_planet(tmp_path):
+    """Greenwich and the southern tip of Africa, in degrees, are near a point of the lines."""
+    shown = spacecraft(wheels=False)
+    pages = []
+    for mu, radius in ((3.986e14, 6.378e6), (4.9e12, 6.378e6), (3.986e14, 1.7e6)):
+        shown.system.effects = (SimpleNamespace(mu=mu),)
+        pages.append(data_of(view_page(shown, tmp_path / "run.html", planet_radius=radius)))
+    assert [page["coast"] is None for page in pages] == [False, True, True]
+    points = np.concatenate([np.reshape(line, (-1, 2)) for line in pages[0]["coast"]])
+    for place in ([1.0, 51.0], [20.0, -34.8]):
+        assert np.min(np.linalg.norm(points - place, axis=1)) < 3.0
+    assert np.all(np.abs(points) <= [180.0, 90.0])
+    # A turn in a sidereal day.
+    np.testing.assert_allclose(pages[0]["rate"] * 86164.1, 2.0 * np.pi, rtol=1e-6)
+
+
+def test_altitude_speed_and_burn_stand_on_the_page(tmp_path):
+    shown = spacecraft(wheels=False)
+    circle = shown.states.position
+    speed = 7e6 * np.pi / 10.0
+    velocity = speed * jnp.stack([-circle[1], circle[0], circle[2]]) / 7e6
+    # Burns to the half of the run, and then drops its empty stage.
+    mass = np.where(TIMES < 10.0, 100.0 - 2.0 * TIMES, 40.0)
+    states = BodyState(circle, velocity, mass=jnp.asarray(mass))
+    data = data_of(view_page(run(shown.system, states), tmp_path / "run.html", planet_radius=6e6))
+    np.testing.assert_allclose(data["readings"]["altitude"], 1e6, rtol=1e-5)
+    np.testing.assert_allclose(data["readings"]["speed"], speed, rtol=1e-5)
+    assert np.flatnonzero(data["burns"]).tolist() == list(range(49))
+    # Where no one says where the ground is, the distance.
+    bare = data_of(view_page(spacecraft(wheels=False), tmp_path / "run.html"))
+    assert list(bare["readings"]) == ["distance"] and bare["burns"] is None
+
+
 @pytest.mark.skipif(BROWSER is None, reason="no Chromium")
 # A body alone is a part of what the spacecraft draws.
 @pytest.mark.parametrize(
@@ -286,6 +319,7 @@ def test_wheel_stands_across_its_axis():
 def test_page_draws_and_plays(what, tmp_path):
     if what == "spacecraft":
         shown = spacecraft()
+        shown.system.effects += (SimpleNamespace(mu=3.986e14, sun=CircularPath(1.5e11, 0.1)),)
     elif what == "top":
         # In steady precession, tilted by half a radian.
         axis = Quaternion.about(2, jnp.asarray(TIMES)).then(Quaternion.about(0, 0.5))
@@ -296,7 +330,8 @@ def test_page_draws_and_plays(what, tmp_path):
         omega = jnp.asarray(np.stack([1.0 + 0.0 * TIMES, 0.0 * TIMES, 0.0 * TIMES]))
         body = TorqueFreeBody(PrincipalInertia(jnp.array([1.0, 2.0, 2.5])))
         shown = run(body, BodyState(attitude=attitude, omega=omega))
-    page = view_page(shown, tmp_path / "run.html")
+    radius = 6.378e6 if what == "spacecraft" else None
+    page = view_page(shown, tmp_path / "run.html", planet_radius=radius)
     command = [BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr"]
     command += [f"--user-data-dir={tmp_path / 'user'}", "--dump-dom"]
     with waiting_server() as server:

@@ -83,6 +83,7 @@ function draw() {
   if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
   if (sun && scene.light[2] >= 0) sunAt(scene, sun, extent);
   $("clock").textContent = `t = ${(state.t / SIZE).toFixed(DIGITS)} ${UNIT}` + (data.phases ? ", " + phase() : "");
+  $("readings").textContent = Object.entries(data.readings).map(([name, rows]) => reading(name, rows, now)).join(", ");
   $("note").textContent = UNRESOLVED || (tooFast(now) ? TOO_FAST : "");
   state.frames += 1;
   document.body.dataset.frames = state.frames;
@@ -99,6 +100,14 @@ function tooFast([low, high, s]) {
 
 function phase() {
   return data.phases.filter(([start]) => start <= state.t).pop()?.[1] ?? "";
+}
+
+// A length or a speed in m or km, by the greatest of the run, with five digits of it.
+function reading(name, rows, now) {
+  const greatest = Math.max(...rows.map(([x]) => Math.abs(x))), large = greatest >= 1e4;
+  const digits = Math.max(0, 4 - Math.floor(Math.log10(greatest / (large ? 1000 : 1) || 1)));
+  const unit = (large ? "km" : "m") + (name === "speed" ? "/s" : "");
+  return `${name} ${(between(rows, now, coarse.position)[0] / (large ? 1000 : 1)).toFixed(Math.min(digits, 3))} ${unit}`;
 }
 
 function line(points, style, width = 1.2, dash = []) {
@@ -263,26 +272,113 @@ function drawOrbit(scene, extent) {
     // The whole path, before what is gone of it.
     if (!coarse.orbit) line(data.position.map(project), colour("line"), 1);
     trace(scene, data.position, colour("orbit"), false, coarse.orbit, hidden);
+    if (data.burns) burnt(scene, false, hidden);
   }
   if (at[2] < 0) body();
   if (data.rod) line([centre, at], colour("muted"), 1.5);
   else if (radius > 0) sphere(scene, centre, radius);
-  if (state.traces.orbit) trace(scene, data.position, colour("orbit"), true, coarse.orbit);
+  if (state.traces.orbit) {
+    trace(scene, data.position, colour("orbit"), true, coarse.orbit);
+    if (data.burns) burnt(scene, true);
+  }
   if (at[2] >= 0) body();
 }
 
-function sphere({ light }, centre, radius) {
-  const size = Math.max(radius, 2);
+// The way on which propellant leaves, up to now; `front` as for a trace.
+function burnt({ project, now }, front, hidden) {
+  for (let i = 0; i <= now[0]; i++) {
+    if (!data.burns[i]) continue;
+    const end = i === now[0] ? between(data.position, now, coarse.position) : data.position[i + 1];
+    const pair = [project(data.position[i]), project(end)];
+    if ((pair[1][2] >= 0) === front && !(hidden && hidden(pair[1]))) line(pair, colour("burn"), 3.5);
+  }
+}
+
+function sphere(scene, centre, radius) {
+  const { light, axes } = scene, size = Math.max(radius, 2);
   pen.fillStyle = colour("planet");
   pen.beginPath();
   pen.arc(centre[0], centre[1], size, 0, 7);
   pen.fill();
-  // A sun behind the planet lights a rim of it.
+  if (size > 20) {
+    globe(scene, graticule(), colour("graticule"), 0.6, 0);
+    if (data.coast) globe(scene, coasts(), colour("coast"), 1.1, data.rate * state.t);
+  }
+  if (data.sun) night(centre, size, light);
+  // The ball is round: brighter towards the light. A sun behind it lights a rim.
   const [x, y] = [centre[0] + 0.8 * size * light[0], centre[1] - 0.8 * size * light[1]];
   const shade = pen.createRadialGradient(x, y, 0.1 * size, x, y, (1.2 + 0.8 * Math.max(-light[2], 0)) * size);
-  shade.addColorStop(0, "rgba(255,255,255,0.35)");
-  shade.addColorStop(1, "rgba(0,0,0,0.35)");
+  shade.addColorStop(0, "rgba(255,255,255,0.3)");
+  shade.addColorStop(1, "rgba(0,0,0,0.3)");
   pen.fillStyle = shade;
+  pen.beginPath();
+  pen.arc(centre[0], centre[1], size, 0, 7);
+  pen.fill();
+  const pole = dot(axes[2], [0, 0, 1]);
+  // Its axis, so that north is seen.
+  const tip = [0, 0, Math.sign(pole || 1) * data.planet];
+  line([scene.project(tip), scene.project(scale(tip, 1.12))], colour("muted"), 1.2);
+}
+
+const degrees = Math.PI / 180;
+const onSphere = (longitude, latitude) => [Math.cos(latitude * degrees) * Math.cos(longitude * degrees),
+  Math.cos(latitude * degrees) * Math.sin(longitude * degrees), Math.sin(latitude * degrees)];
+
+// Lines of unit vectors, made when they are first drawn.
+let graticuleLines = null, coastLines = null;
+
+function graticule() {
+  if (graticuleLines) return graticuleLines;
+  graticuleLines = [];
+  const along = (from, to, point) => Array.from({ length: (to - from) / 3 + 1 }, (_, k) => point(from + 3 * k));
+  for (let l = 0; l < 360; l += 30) graticuleLines.push(along(-90, 90, (b) => onSphere(l, b)));
+  for (let b = -60; b <= 60; b += 30) graticuleLines.push(along(0, 360, (l) => onSphere(l, b)));
+  return graticuleLines;
+}
+
+function coasts() {
+  coastLines ??= data.coast.map((flat) =>
+    Array.from({ length: flat.length / 2 }, (_, k) => onSphere(flat[2 * k], flat[2 * k + 1])));
+  return coastLines;
+}
+
+// The near half of lines on the planet, turned about its axis by an angle.
+function globe({ axes, project }, lines, style, width, angle) {
+  const [c, s] = [Math.cos(angle), Math.sin(angle)];
+  pen.strokeStyle = style;
+  pen.lineWidth = width;
+  pen.beginPath();
+  for (const points of lines) {
+    let open = false;
+    for (const [x, y, z] of points) {
+      const p = [c * x - s * y, s * x + c * y, z];
+      if (dot(axes[2], p) < 0) { open = false; continue; }
+      const q = project(scale(p, data.planet));
+      if (open) pen.lineTo(q[0], q[1]); else pen.moveTo(q[0], q[1]);
+      open = true;
+    }
+  }
+  pen.stroke();
+}
+
+// The side of the planet that the sun does not reach, up to the terminator.
+function night(centre, size, light) {
+  const across = Math.hypot(light[0], light[1]);
+  const [nx, ny] = across > 1e-9 ? [light[0] / across, light[1] / across] : [1, 0];
+  pen.beginPath();
+  // From limb to limb along the terminator, the near half of a circle seen at an angle ...
+  for (let k = 0; k <= 48; k++) {
+    const a = (k * Math.PI) / 48, u = Math.cos(a), v = -light[2] * Math.sin(a);
+    const x = -ny * u + nx * v, y = nx * u + ny * v;
+    if (k) pen.lineTo(centre[0] + size * x, centre[1] - size * y);
+    else pen.moveTo(centre[0] + size * x, centre[1] - size * y);
+  }
+  // ... and back along the dark limb.
+  for (let k = 0; k <= 48; k++) {
+    const b = (k * Math.PI) / 48, u = -Math.cos(b), v = -Math.sin(b);
+    pen.lineTo(centre[0] + size * (-ny * u + nx * v), centre[1] - size * (nx * u + ny * v));
+  }
+  pen.fillStyle = colour("night");
   pen.fill();
 }
 

@@ -15,6 +15,7 @@ import numpy as np
 from ..core import InputError
 from ..rotations import Quaternion
 from ._resolution import TURN, Drawn, resolved
+from ._view_flight import burns, planet_lines, readings
 from ._view_shapes import faces_of, top_faces, wheel_faces
 
 if TYPE_CHECKING:
@@ -47,7 +48,9 @@ def view_page(
 
     It shows the position with its orbit, the attitude as the homogeneous body of the same moments
     of inertia (a box, a cylinder, a top), the wheels of effects that state their `speeds`, and the
-    sun of one that states its path as `sun`, from which the light then comes.
+    sun of one that states its path as `sun`, from which the light then comes; beside the clock
+    altitude and speed; in another colour the way on which propellant leaves. The planet has its
+    graticule, and the Earth its coasts: the run names no date, so Greenwich lies along X at t = 0.
     Drag to look from elsewhere. The view interpolates between the saved times. Where these are too
     few for the motion, as of a fast spin, a run with a closed form or with `dense=True` is shown at
     more times; any other one stands still from one time to the next, and the page says so. It also
@@ -92,6 +95,7 @@ def view_page(
 <canvas id="view" role="img" aria-label="the run in three dimensions"></canvas>
 <p id="note" role="status"></p>
 <div id="controls"><button id="play">Play</button><span id="clock"></span>
+<span id="readings"></span>
 <input id="time" type="range" min="0" max="1" step="0.0005" value="0" aria-label="time">
 <select id="speed" aria-label="speed">{speeds}</select>
 <span id="boxes">{"".join(boxes)}</span></div>
@@ -154,6 +158,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
         )
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
     times = joined.pop("times")
+    flight = {name: joined.pop(name) for name in ("velocity", "mass") if name in joined}
     rate = np.zeros(len(times))
     if "rate" in joined:
         rate = np.linalg.norm(joined["rate"], axis=0)
@@ -171,6 +176,7 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
         "coarse": sorted(coarse & {"position", "attitude"} & rows.keys()),
         "turned": np.round(np.cumsum(np.append(0.0, turned)), 3).tolist(),
         **_orbit(phases[0], joined, rows, planet),
+        **_flight(phases[0], joined | flight, planet, pick),
         **_body(phases[0], drawn[0], rows, times, pick),
         "sun": _sun(phases[0].system, times[pick]),
     }
@@ -192,6 +198,11 @@ def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.
     result = {"times": np.asarray(ts)[None]}
     if position is not None:
         result["position"] = np.asarray(position)
+        velocity, mass = (getattr(states, name, None) for name in ("velocity", "mass"))
+        if velocity is not None:
+            result["velocity"] = np.asarray(velocity)
+        if mass is not None:
+            result["mass"] = np.asarray(mass)[None]
     attitude = getattr(states, "attitude", None)
     if isinstance(attitude, Quaternion):
         result["attitude"] = _continuous(np.asarray(attitude.wxyz))
@@ -240,19 +251,35 @@ def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[s
         return {"position": None}
     distance = np.linalg.norm(blocks["position"], axis=0)
     system = phase.system
-    effects = getattr(system, "effects", ())
-    attracts = any(hasattr(x, "mu") for x in (system, *effects))
-    grounds = [g for x in effects if (g := getattr(x, "ground", lambda: None)()) is not None]
-    # An effect that is meant above the ground knows where it is.
-    fallback = float(np.max(grounds)) if grounds else float(np.min(distance)) / 3.0
-    fallback = fallback if attracts else 0.0
+    attracts = any(hasattr(x, "mu") for x in (system, *getattr(system, "effects", ())))
+    ground = _ground(system) if planet is None else planet
+    fallback = float(np.min(distance)) / 3.0 if ground is None else ground
+    radius = fallback if attracts or planet is not None else 0.0
     return {
         "position": rows["position"],
         "extent": float(np.max(distance)),
-        "planet": fallback if planet is None else planet,
+        "planet": radius,
+        **planet_lines(phase, radius),
         # A system that is a body of a radius, such as a rolling disk, is drawn as large as it is.
         "size": float(getattr(system, "radius", 0.0)),
         "rod": getattr(phase.states, "direction", None) is not None,
+    }
+
+
+def _ground(system: Any) -> float | None:
+    """The radius of the ground that an effect states, m: one that is meant above it knows."""
+    effects = getattr(system, "effects", ())
+    grounds = [g for x in effects if (g := getattr(x, "ground", lambda: None)()) is not None]
+    return float(np.max(grounds)) if grounds else None
+
+
+def _flight(phase: Any, joined: dict, planet: float | None, pick: np.ndarray) -> dict[str, Any]:
+    """Altitude and speed at the frames, and where propellant leaves."""
+    shown = readings(joined, _ground(phase.system) if planet is None else planet)
+    lit = burns(joined["mass"][0][pick] if "mass" in joined else None)
+    return {
+        "readings": {name: _listed(values[None, pick]) for name, values in shown.items()},
+        "burns": None if lit is None else lit.astype(int).tolist(),
     }
 
 
