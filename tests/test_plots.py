@@ -80,6 +80,27 @@ def test_dispersion_figure(dispersion, tmp_path):
     assert ("matplotlib.pyplot" in sys.modules) == before
 
 
+def test_dispersion_figure_marks_what_is_required(dispersion):
+    """A limit among the runs by a line, one far away at the edge: the axis stays that of the
+    runs."""
+    limits = {"perigee_height": (182.0, None), "apogee_height": (None, 1e6)}
+    asked = dataclasses.replace(
+        dispersion, attributes=dispersion.attributes | {"requirements": limits}
+    )
+    figure = dispersion_figure(asked, ["perigee_height", "apogee_height"])
+    near, far = (axes for axes in figure.axes if axes.get_ylabel() == "runs")
+    assert any(np.allclose(line.get_xdata(), 182.0) for line in near.lines)
+    assert "required 1e+06 →" in [t.get_text() for t in far.texts]
+    assert far.get_xlim()[1] < 51000.0
+
+
+def test_a_long_title_is_not_cut(dispersion):
+    title = "A kick stage with a very long name, " * 5
+    figure = dispersion_figure(dispersion, ["perigee_height"], title=title)
+    figure.draw_without_rendering()
+    assert figure._suptitle.get_window_extent().x1 < figure.bbox.x1
+
+
 def test_dispersion_figure_of_chosen_outputs(dispersion):
     figure = dispersion_figure(
         dispersion, ["perigee_height"], scatter=("impulse", "perigee_height"), title="Stage"

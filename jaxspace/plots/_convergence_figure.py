@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core.extras import extra
-from ._style import COLOURS, dress
+from ._style import COLOURS, dress, headline
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -31,7 +31,7 @@ def convergence_figure(history: Float[Array, "rows 3"], title: str = "") -> "Fig
     figure = NewFigure(figsize=(9.0, 3.6), layout="constrained")
     left, right = figure.subplots(1, 2)
     if title:
-        figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
+        headline(figure, title)
     left.plot(steps, rows[:, 0], color=COLOURS[0])
     dress(left, "Objective", "step", "objective, scaled")
     for column, name, colour in ((1, "violation", COLOURS[1]), (2, "gradient", COLOURS[2])):

@@ -165,19 +165,21 @@ function drawConvergence() {
 
 function drawMatrix() {
   const names = data.matrix.slice(0, narrow() ? 3 : 5), n = names.length, traces = [], axes = {};
-  const gap = 0.03, size = (1 - gap * (n - 1)) / n, few = { showticklabels: false, automargin: true, showgrid: false, zeroline: false, linecolor: colour("--line"), mirror: true, showline: true };
+  const gap = 0.03, size = (1 - gap * (n - 1)) / n, few = { automargin: true, nticks: 4, tickfont: { size: 9 }, tickangle: 0, exponentformat: "power", minexponent: 5, showgrid: false, zeroline: false, linecolor: colour("--line"), mirror: true, showline: true };
   names.forEach((b, row) => names.forEach((a, column) => {
     if (column > row) return;
     // The first axis has no number in its name: all of these have one.
     const k = row * n + column + 2, h = data.histograms[a], place = [column * (size + gap), 1 - row * (size + gap) - size];
-    const title = (show, name) => ({ text: show ? wrapped(words(name), narrow() ? 14 : 18) : "", font: { size: 11 }, standoff: 4 });
-    axes[`xaxis${k}`] = { ...few, domain: [place[0], place[0] + size], anchor: `y${k}`, title: title(row === n - 1, a) };
-    axes[`yaxis${k}`] = { ...few, domain: [place[1], place[1] + size], anchor: `x${k}`, title: title(column === 0, b) };
+    const title = (show, name) => ({ text: show ? wrapped(label(name), narrow() ? 14 : 18) : "", font: { size: 11 }, standoff: 4 });
+    // Numbers at the outer edges alone; those of a histogram on the diagonal are counts, and not of the quantity.
+    const numbered = { x: row === n - 1, y: column === 0 && row > 0 };
+    axes[`xaxis${k}`] = { ...few, showticklabels: numbered.x, domain: [place[0], place[0] + size], anchor: `y${k}`, title: title(row === n - 1, a) };
+    axes[`yaxis${k}`] = { ...few, showticklabels: numbered.y, domain: [place[1], place[1] + size], anchor: `x${k}`, title: title(column === 0, b) };
     const common = { xaxis: `x${k}`, yaxis: `y${k}`, hoverinfo: "skip", marker: { color: colour("--c0") } };
     if (a === b) traces.push({ ...common, type: "bar", x: h.counts.map((_, i) => h.start + (i + 0.5) * h.width), y: h.counts, width: h.width });
     else traces.push({ ...common, mode: "markers", x: data.points[a].slice(0, 400), y: data.points[b].slice(0, 400), marker: { color: colour("--c0"), size: 3, opacity: 0.5 } });
   }));
-  const frame = layout(undefined, undefined, { showlegend: false, ...axes, margin: { l: 40, r: 8, t: 8, b: 40 } });
+  const frame = layout(undefined, undefined, { showlegend: false, ...axes, margin: { l: 60, r: 8, t: 8, b: 60 } });
   return Plotly.react("matrix", traces, frame, config());
 }
 
@@ -198,9 +200,10 @@ function drawTrajectories() {
   const t = data.trajectories, tint = colour("--c0");
   const ranges = cube(t.nominal ? [t.nominal, ...t.runs] : t.runs);
   const traces = t.runs.map((p, k) => ({ type: "scatter3d", mode: "lines", x: p[0], y: p[1], z: p[2], showlegend: k === 0, name: "runs",
-    opacity: 0.35, line: { color: tint, width: 2 }, hoverinfo: "name", text: `run ${t.numbers[k]}` }));
+    opacity: 0.7, line: { color: tint, width: 2 }, hoverinfo: "name", text: `run ${t.numbers[k]}` }));
   if (t.nominal) traces.push({ type: "scatter3d", mode: "lines", x: t.nominal[0], y: t.nominal[1], z: t.nominal[2],
-    name: "nominal", line: { color: colour("--c1"), width: 5 }, hoverinfo: "name" });
+    // No wider than the runs, which it would hide where they lie close.
+    name: "nominal", line: { color: colour("--c1"), width: 3.5 }, hoverinfo: "name" });
   // From where the whole box is seen, with its labels below.
   const scene = { aspectmode: "cube", camera: { eye: { x: 1.6, y: 1.6, z: 1.1 }, center: { x: 0, y: 0, z: -0.15 } } };
   ["x", "y", "z"].forEach((k, n) => {

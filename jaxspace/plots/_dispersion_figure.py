@@ -1,13 +1,13 @@
 """A dispersion in one figure: a scatter plot, histograms of the outputs, and their contributors."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..core.extras import extra
 from ._bins import bins
-from ._style import BAD, COLOURS, dress
+from ._style import BAD, COLOURS, dress, headline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -60,7 +60,7 @@ def dispersion_figure(
     height = 1.7 if pair is None or not on_ground(dispersion, *pair) else 3.0
     inches = 2.0 * height * top + 2.1 * len(names) + 0.7
     figure = Figure(figsize=(10.0, inches), layout="constrained")
-    figure.suptitle(title or heading(dispersion), fontsize=12, fontweight="bold", x=0.01, ha="left")
+    headline(figure, title or heading(dispersion))
     grid = figure.add_gridspec(
         top + len(names), 2, height_ratios=[height] * top + [1.0] * len(names)
     )
@@ -167,7 +167,8 @@ def _histogram(
     row: "Row | None",
     nominal: float,
 ) -> None:
-    """The histogram of a quantity, with its mean, its limits, and its nominal value."""
+    """The histogram of a quantity, with its mean, its limits, its nominal value and what is
+    required of it."""
     good = values[shown(dispersion, name)]
     if good.size and row is not None:
         start, counts, width = bins(good)
@@ -182,6 +183,7 @@ def _histogram(
         if np.isfinite(nominal):
             axes.axvline(nominal, color=COLOURS[2], linewidth=1.6, linestyle=":")
             words += f"; nominal {row.shown(nominal)}"
+        _requirements(axes, dispersion.requirements.get(name, ()))
         _subtitle(axes, words)
     else:
         # Good runs without a finite value have no place either.
@@ -189,6 +191,29 @@ def _histogram(
         axes.text(0.5, 0.5, words, ha="center", va="center", color=BAD, transform=axes.transAxes)
     dress(axes, "", dispersion.label(name), "runs")
     axes.set_title(_plain(name), loc="left", fontsize=10, fontweight="bold", pad=17)
+
+
+def _requirements(axes: "Axes", limits: Sequence[float | None]) -> None:
+    """Lines at the limits of an output; one that lies far from the runs is marked at the edge,
+    because in its place it would squeeze them to a line."""
+    low, high = axes.get_xlim()
+    room = 0.6 * (high - low)
+    for limit in limits:
+        if limit is None:
+            continue
+        if low - room < limit < high + room:
+            axes.axvline(limit, color=BAD, linewidth=1.4, linestyle=(0, (8, 3)))
+            continue
+        right = limit > high
+        axes.annotate(
+            f"required {limit:.6g} →" if right else f"← required {limit:.6g}",
+            (1.0 if right else 0.0, 0.95),
+            xycoords="axes fraction",
+            ha="right" if right else "left",
+            va="top",
+            fontsize=8,
+            color=BAD,
+        )
 
 
 def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int) -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Protocol, runtime_checkable
 import numpy as np
 
 from ..core.extras import extra
-from ._style import COLOURS, MUTED, dress
+from ._style import COLOURS, MUTED, dress, headline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -105,7 +105,7 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
     figure = _figure(12.6 if gradient else 9.0, 4.0)
     panels = figure.subplots(1, 3 if gradient else 2, sharey=True)
     if title:
-        figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
+        headline(figure, title)
 
     def error(row: CostRow) -> float:
         # An error below that of the reference is not known.

@@ -10,7 +10,7 @@ from ..core import InputError
 from ..core.extras import extra
 from ..rotations import Quaternion, to_euler_angles
 from ._resolution import Drawn, resolved, state_leaves
-from ._style import BAD, COLOURS, MUTED, dress
+from ._style import BAD, COLOURS, MUTED, dress, headline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -93,7 +93,7 @@ def trajectory_figure(
     blocks = list(dict.fromkeys(name for _, result in parts for name in result))
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
     if title:
-        figure.suptitle(title, fontsize=12, fontweight="bold", x=0.01, ha="left")
+        headline(figure, title)
     panels = figure.subplots(len(blocks), 1, sharex=True, squeeze=False)[:, 0]
     for axes, name in zip(panels, blocks, strict=True):
         present = [(ts, result[name]) for ts, result in parts if name in result]

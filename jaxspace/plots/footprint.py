@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 
 from ..core import InputError
 from ..core.extras import extra
-from ._style import BAD, COLOURS, GRID, dress
+from ._style import BAD, COLOURS, GRID, dress, headline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -85,7 +85,7 @@ def footprint_figure(
             "three good runs or more."
         )
     figure = Figure(figsize=(8.0 if wind is None else 11.0, 6.2), layout="constrained")
-    figure.suptitle(title or "Landings", fontsize=12, fontweight="bold", x=0.01, ha="left")
+    headline(figure, title or "Landings")
     grid = figure.add_gridspec(
         1, 1 if wind is None else 2, width_ratios=[2.4, 1.0][: 1 + bool(wind)]
     )
