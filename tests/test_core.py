@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from jaxspace import core
+from jaxspace.core.text import in_words
 
 components = st.floats(-1e3, 1e3, allow_subnormal=False)
 vectors = arrays(float, 3, elements=components)
@@ -293,3 +294,17 @@ def test_a_barrier_beside_constants(everywhere):
     np.testing.assert_allclose(batched, [9.0 * 12.0, 9.0 * 3.0], rtol=1e-15)
     # One barrier holds both together.
     assert jax.jit(held).lower(x, y).as_text().count("optimization_barrier") == 1
+
+
+@pytest.mark.parametrize(
+    ("name", "words"),
+    [
+        ("apoapsis_altitude", "apoapsis altitude"),
+        ("final.mass", "mass at the end"),
+        ("final.position.2", "position z at the end"),
+        ("final.parts.wheels.0", "parts wheels x at the end"),
+        ("effects.thrust.burn_time", "effects.thrust.burn time"),
+    ],
+)
+def test_names_of_quantities_in_words(name, words):
+    assert in_words(name) == words

@@ -3,6 +3,19 @@
 import html
 from collections.abc import Sequence
 
+AXES = "xyz"
+
+
+def in_words(name: str) -> str:
+    """The name of a quantity in words: `apoapsis_altitude` is "apoapsis altitude", and
+    `final.position.2`, a number of the last state, "position z at the end"."""
+    words = name.replace("_", " ")
+    if not words.startswith("final."):
+        return words
+    block, *components = words.removeprefix("final.").split(".")
+    axes = [AXES[int(c)] if c in ("0", "1", "2") else c for c in components]
+    return " ".join([block, *axes, "at the end"])
+
 
 def aligned(rows: Sequence[Sequence[str]], left: int = 1) -> str:
     """The rows with their first `left` columns flush left, the others flush right."""

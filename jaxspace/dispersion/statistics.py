@@ -12,6 +12,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.extras import extra
+from ..core.text import in_words
 from ..simulation import Status
 from ._export import as_dataset, as_frame
 from ._footprint import LANDING, SHARES, Footprint
@@ -155,7 +156,7 @@ class Dispersion(eqx.Module):
     def label(self, name: str) -> str:
         """A name in words with its unit, for tables and axes."""
         unit = self.units.get(name, "")
-        return name.replace("_", " ") + (f" [{unit}]" if unit not in ("", "1") else "")
+        return in_words(name) + (f" [{unit}]" if unit not in ("", "1") else "")
 
     def table(self, of: str = "outputs") -> list[Row]:
         """A `Row` for each of the "outputs" or "inputs", over the good runs.

@@ -5,7 +5,12 @@ const dark = () => matchMedia("(prefers-color-scheme: dark)").matches;
 // The library's button to share a plot would send the numbers away.
 const config = () => ({ displaylogo: false, showSendToCloud: false, responsive: true,
   displayModeBar: narrow() ? false : "hover" });
-const words = (name) => name.replaceAll("_", " ");
+// A number of the last state as words, and all else without underscores.
+const words = (name) => {
+  const [first, block, ...components] = name.replaceAll("_", " ").split(".");
+  if (first !== "final" || !block) return name.replaceAll("_", " ");
+  return [block, ...components.map((c) => "xyz"[c] ?? c), "at the end"].join(" ");
+};
 // A long name goes on in the next line, after a space or a dot, so that nothing of it is cut.
 function lines(text, most) {
   const found = [""];

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ..core.extras import extra
+from ..core.text import in_words
 from ._bins import bins
 from ._style import BAD, COLOURS, dress, headline
 
@@ -145,18 +146,13 @@ def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> No
                 handle.set_alpha(1.0)
     dress(
         axes,
-        f"{_plain(up)} against {_plain(across)}",
+        f"{in_words(up)} against {in_words(across)}",
         dispersion.label(across),
         dispersion.label(up),
     )
     if on_ground(dispersion, across, up):
         # A metre is a metre in both directions.
         axes.set_aspect("equal", adjustable="datalim")
-
-
-def _plain(name: str) -> str:
-    """A name in words."""
-    return name.replace("_", " ")
 
 
 def _histogram(
@@ -190,7 +186,7 @@ def _histogram(
         words = "no finite value" if dispersion.good.any() else "no good run"
         axes.text(0.5, 0.5, words, ha="center", va="center", color=BAD, transform=axes.transAxes)
     dress(axes, "", dispersion.label(name), "runs")
-    axes.set_title(_plain(name), loc="left", fontsize=10, fontweight="bold", pad=17)
+    axes.set_title(in_words(name), loc="left", fontsize=10, fontweight="bold", pad=17)
 
 
 def _requirements(axes: "Axes", limits: Sequence[float | None]) -> None:
@@ -237,14 +233,14 @@ def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int)
     shares = [100.0 * max(share, 0.0) for share in result.shares.values()]
     bars = axes.barh(inputs, shares, color=COLOURS[2], height=0.7)
     axes.bar_label(bars, [f"{s:.1f}" for s in shares], padding=3, fontsize=8)
-    axes.set_yticks(inputs, [_plain(n) for n in inputs])
+    axes.set_yticks(inputs, [in_words(n) for n in inputs])
     # Bars are stacked upwards: the largest contributor belongs on top.
     axes.invert_yaxis()
     # Room for the number behind the longest bar.
     axes.set_xlim(0.0, max(10.0, 1.18 * max(shares)))
     axes.grid(False, axis="y")
     axes.set_title(
-        f"contributors to {_plain(name)}", loc="left", fontsize=10, fontweight="bold", pad=17
+        f"contributors to {in_words(name)}", loc="left", fontsize=10, fontweight="bold", pad=17
     )
     _subtitle(axes, explained(result))
 

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.extras import extra
+from ..core.text import in_words
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
@@ -112,8 +113,7 @@ def _plot(name: str, size: str = "") -> str:
 
 def _picker(name: str, words: str, choices: list[str], chosen: str) -> str:
     options = "".join(
-        f'<option value="{escape(c)}"{" selected" * (c == chosen)}>'
-        f"{escape(c.replace('_', ' '))}</option>"
+        f'<option value="{escape(c)}"{" selected" * (c == chosen)}>{escape(in_words(c))}</option>'
         for c in choices
     )
     return f'<label>{words} <select id="{name}">{options}</select></label>'
@@ -163,7 +163,7 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     heads += ["required", "violated", "at most"] if required else []
     lines = [_cells(heads, "th", 1)]
     for row in dispersion.table():
-        name = row.name.replace("_", " ") + (f" [{row.unit}]" if row.unit else "")
+        name = in_words(row.name) + (f" [{row.unit}]" if row.unit else "")
         cells = [name, *_numbers(dispersion, row, nominal), str(row.runs)]
         if required:
             result = violations.get(row.name)
