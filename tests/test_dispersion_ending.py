@@ -1,12 +1,14 @@
 """Campaigns that end themselves, and those that make no runs: the stop rule through every way in
 and out, the cheaper methods by the same call."""
 
+import dataclasses
 import warnings
 
 import numpy as np
 import pytest
 from test_campaign_commands import COAST
 from test_campaigns import CAMPAIGN, CHUNK, SEED, files_of
+from unchecked import unchecked
 
 from jaxspace.cli import main
 from jaxspace.core import InputError
@@ -150,7 +152,7 @@ def test_other_processes_end_at_the_same_run(ended, tmp_path):
 
 
 def test_another_rule_is_another_campaign(ended):
-    for until in (None, RULE._replace(precision=0.04)):
+    for until in (None, dataclasses.replace(RULE, precision=0.04)):
         with pytest.raises(StoreError, match="the rule that ends it"):
             disperse(
                 *(CAMPAIGN, MOST),
@@ -161,14 +163,15 @@ def test_another_rule_is_another_campaign(ended):
 @pytest.mark.parametrize(
     "rule, words",
     [
-        (StopRule("z"), "until.output is 'z': it must be one of x, v"),
-        (StopRule("x", 1.5), "StopRule.share is 1.5"),
-        (StopRule("x", 0.9, 0.0), "StopRule.precision is 0.0"),
+        (("z",), "until.output is 'z': it must be one of x, v"),
+        (("x", 1.5), "StopRule.share is 1.5"),
+        (("x", 0.9, 0.0), "StopRule.precision is 0.0"),
+        (("x", "99 %"), "StopRule.share is '99 %': it must be a number"),
     ],
 )
 def test_an_impossible_rule_is_refused(rule, words):
-    with pytest.raises(InputError, match=words):
-        disperse(CAMPAIGN, CHUNK, seed=SEED, chunk=CHUNK, until=rule)
+    with unchecked(), pytest.raises(InputError, match=words):
+        disperse(CAMPAIGN, CHUNK, seed=SEED, chunk=CHUNK, until=StopRule(*rule))
 
 
 # -------------------------------------------------------------------------- methods without runs

@@ -88,7 +88,10 @@ class SpringTorque(AbstractEffect):
 
     stiffness: Float[Array, "3 *#runs"] = quantity("N m", doc="k along the three body axes")
     rest: Float[Array, "4 *#runs"] = quantity(
-        "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion of the attitude of rest, body to inertial"
+        "",
+        direction=True,
+        default=(1.0, 0.0, 0.0, 0.0),
+        doc="quaternion of the attitude of rest, body to inertial",
     )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

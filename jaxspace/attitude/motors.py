@@ -52,7 +52,9 @@ class PointingControl(AbstractMotor):
     At least three wheels whose axes span space share the torque with the least sum of squares."""
 
     target: Float[Array, "4 *#runs"] = quantity(
-        "", doc="quaternion, scalar first, to which the body turns and where it rests"
+        "",
+        direction=True,
+        doc="quaternion, scalar first, to which the body turns and where it rests",
     )
     stiffness: NumberField = quantity(
         "N m", positive=True, doc="torque per radian of a small error"

@@ -100,7 +100,7 @@ class ReactionWheels(AbstractEffect):
     )
 
     axes: Float[Array, "3 wheels *#runs"] = quantity(
-        "", doc="a_i as columns: x of all wheels, y, z; of any length but zero"
+        "", direction=True, doc="a_i as columns: x of all wheels, y, z; of any length but zero"
     )
     inertia: Float[Array, "wheels *#runs"] = quantity(
         "kg m^2", positive=True, doc="I_i, of each wheel about its axis"
@@ -131,7 +131,7 @@ class ReactionWheels(AbstractEffect):
     @classmethod
     @constructor(
         sets=("axes", "inertia", "speed"),
-        axis=argument("", shape=(3,), doc="of the rotor, of any length but zero"),
+        axis=argument("", shape=(3,), direction=True, doc="of the rotor, of any length but zero"),
         inertia=argument("kg m^2", positive=True, doc="of the rotor about its axis"),
         speed=argument("rad/s", default=0.0, doc="relative to the body, at the start"),
     )

@@ -26,6 +26,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, InputError, Matrix, Scalar, Vector, check, quantity
 from ..core.checks import is_concrete
+from ..core.field_types import is_real, shown
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -188,6 +189,11 @@ def as_inertia(x: Any) -> AbstractInertia:
     if isinstance(x, AbstractInertia) or type(x) is object:
         return x  # type: ignore[return-value]
     x = as_float(x)
+    if not is_real(x):
+        raise InputError(
+            f"inertia is {shown(x)}: it must be three principal moments, a tensor, or an inertia, "
+            f"in kg m^2."
+        )
     if x.shape == (3,):
         return PrincipalInertia(x)
     if x.shape == (3, 3):

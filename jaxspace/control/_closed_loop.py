@@ -23,6 +23,7 @@ from jaxtyping import Array, ArrayLike, Float, Key, PRNGKeyArray, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive, is_concrete
+from ..core.field_types import check_types
 from ..core.types import as_optional_float
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
@@ -97,6 +98,7 @@ class ClosedLoop(AbstractRunnable):
     )
 
     def __check_init__(self):
+        check_types(self)
         check_period("ClosedLoop.period", self.period)
         if not 0.0 <= self.delay < float("inf"):
             raise InputError(

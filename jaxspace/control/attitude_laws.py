@@ -70,13 +70,16 @@ class QuaternionFeedback(AbstractController):
         "N m s", non_negative=True, doc="k_d, torque per angular velocity"
     )
     target: Float[Array, "4 *#runs"] = quantity(
-        "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
+        "",
+        direction=True,
+        default=(1.0, 0.0, 0.0, 0.0),
+        doc="quaternion, scalar first, to turn to",
     )
     integral: OptionalNumberField = quantity(
         "N m/s", non_negative=True, optional=True, doc="k_i, torque per error and time"
     )
     axes: Float[Array, "3 wheels *#runs"] | None = quantity(
-        "", optional=True, doc="of wheels as columns: x of all, y, z"
+        "", direction=True, optional=True, doc="of wheels as columns: x of all, y, z"
     )
 
     def start(self, measured: PyTree) -> Integral | None:
@@ -115,7 +118,7 @@ class MomentumDumping(AbstractController):
         "1/s", positive=True, doc="k, torque over momentum: the inverse of the time that it takes"
     )
     axes: Float[Array, "3 wheels *#runs"] = quantity(
-        "", doc="of the wheels as columns: x of all, y, z"
+        "", direction=True, doc="of the wheels as columns: x of all, y, z"
     )
     dead_band: NumberField = quantity(
         "kg m^2/s", non_negative=True, default=0.0, doc="momentum that is left in the wheels"
@@ -137,7 +140,7 @@ class SpinRateControl(AbstractController):
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     rate: NumberField = quantity("rad/s", doc="n, wanted about the axis")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Array, None]:
@@ -153,7 +156,7 @@ class NutationControl(AbstractController):
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
     axis: Float[Array, "3 *#runs"] = quantity(
-        "", default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
+        "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
     dead_band: NumberField = quantity(
         "rad/s", non_negative=True, default=0.0, doc="rate across the axis that is left alone"

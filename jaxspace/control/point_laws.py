@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, NumberField, OptionalNumberField, Scalar, Vector, quantity
+from ..core.field_types import check_types
 from ..core.shapes import with_rank
 from ._controller import AbstractController, measurement
 from ._integral import Integral, integrated, integrating, unwound
@@ -120,6 +121,7 @@ class LinearController(AbstractController):
     )
 
     def __check_init__(self):
+        check_types(self)
         absent = [x is None for x in (self.a, self.b, self.c)]
         if any(absent) and not all(absent):
             raise InputError("LinearController needs all of a, b and c, or none of them.")

@@ -93,7 +93,10 @@ class FinControl(AbstractController):
         "1/s", optional=True, doc="i, angle of the fins over the integral of the error"
     )
     target: Float[Array, "4 *#runs"] = quantity(
-        "", default=(1.0, 0.0, 0.0, 0.0), doc="quaternion, scalar first, to turn to"
+        "",
+        direction=True,
+        default=(1.0, 0.0, 0.0, 0.0),
+        doc="quaternion, scalar first, to turn to",
     )
     rate: Float[Array, "3 *#runs"] = quantity(
         "rad/s", default=(0.0, 0.0, 0.0), doc="n, target about the axes of the body"
@@ -138,7 +141,9 @@ class LandingControl(AbstractController):
     `least_thrust`: a vehicle that is too high does not turn over. Another law holds the roll."""
 
     arrival: NumberField = quantity("s", doc="time at which to be there")
-    gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", doc="g, in inertial axes; not zero")
+    gravity: Float[Array, "3 *#runs"] = quantity(
+        "m/s^2", direction=True, doc="g, in inertial axes; not zero"
+    )
     full_thrust: NumberField = quantity("N", positive=True, doc="F, of the open throttle")
     gain: NumberField = quantity("", doc="K, angle of the nozzle over that of the error")
     damping: NumberField = quantity("s", doc="C, angle of the nozzle over the rate")

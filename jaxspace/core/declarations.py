@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import equinox as eqx
 
-from .checks import InputError, check, is_concrete
+from .checks import InputError
 from .quantities import REQUIRED, Quantity
 
 _REFERENCE = "reference"
@@ -91,8 +91,8 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
         for name, declared in arguments.items():
             value = bound.get(name)
             # `None` stands for an optional argument that is absent.
-            if isinstance(declared, Quantity) and value is not None and is_concrete(value):
-                check(declared.contains(value), f"{owner}.{name}", value, declared.allowed())
+            if isinstance(declared, Quantity) and value is not None:
+                declared.check(f"{owner}.{name}", value)
             if isinstance(declared, Choice) and name in bound and value not in declared.names:
                 raise InputError(
                     f"{owner}.{name} is {value!r}: it must be one of {', '.join(declared.names)}."

@@ -20,9 +20,9 @@ from jax.typing import ArrayLike
 from jaxtyping import Array
 
 from .checks import check, is_concrete
+from .field_types import QUANTITY, check_types
 from .types import as_float, as_optional_float
 
-_KEY = "quantity"
 # The marker of dataclasses, so that fields take a default as it is declared.
 REQUIRED = dataclasses.MISSING
 
@@ -40,6 +40,9 @@ class Quantity(NamedTuple):
     - `key`: the key in a scene file where it is not the name of the field.
     - `shape`: without the axis of runs; `None` stands for any length.
     - `least`: how many numbers a list of any length has in a scene file at least.
+    - `whole`: whether it counts something.
+    - `direction`: whether the components on its first axis have a direction, so that not all of
+      them are zero.
     - `default`: the value where none is given, or `REQUIRED`."""
 
     unit: str
@@ -54,9 +57,13 @@ class Quantity(NamedTuple):
     shape: tuple[int | None, ...] = ()
     default: object = REQUIRED
     least: int = 2
+    whole: bool = False
+    direction: bool = False
 
     def allowed(self) -> str:
         """The range in words, as the end of the sentence "it must be ..."."""
+        if self.whole:
+            return f"a whole number from {self.low:g} to {self.high:g}"
         if self.strict and self.low == 0.0 and self.high == math.inf:
             return "positive and finite"
         if self.low == 0.0 and self.high == math.inf:
@@ -78,7 +85,19 @@ class Quantity(NamedTuple):
         within = (
             (x > self.low) & (x < self.high) if self.strict else (x >= self.low) & (x <= self.high)
         )
+        if self.whole:
+            within = within & (x == xp.round(x))
         return xp.isfinite(x) & within
+
+    def check(self, name: str, value: object) -> None:
+        """Raise `InputError` where a number of the known `value` of the field `name` is not
+        allowed, or where it has no direction and needs one; what is not known passes."""
+        if not is_concrete(value):
+            return
+        x = np.asarray(value)
+        check(self.contains(x), name, x, self.allowed())
+        if self.direction and x.ndim:
+            check(np.any(x != 0.0, axis=0), name, x, "of another length than zero")
 
 
 def argument(
@@ -97,6 +116,8 @@ def argument(
     shape: tuple[int | None, ...] = (),
     default: object = REQUIRED,
     least: int = 2,
+    whole: bool = False,
+    direction: bool = False,
 ) -> Quantity:
     """The declaration of an argument of a named constructor; see `constructor`.
 
@@ -112,8 +133,9 @@ def argument(
         low = 0.0
     if optional and default is REQUIRED:
         default = None
+    limits = (low, high, strict, optional, fixed)
     return Quantity(
-        unit, doc, low, high, strict, optional, fixed, shared, key, tuple(shape), default, least
+        *(unit, doc, *limits, shared, key, tuple(shape), default, least, whole, direction)
     )
 
 
@@ -137,7 +159,7 @@ def quantity(
     made = argument(unit, doc=doc, **declared)
     if converter is None:
         converter = as_optional_float if made.optional else as_float
-    return eqx.field(converter=converter, default=made.default, metadata={_KEY: made})
+    return eqx.field(converter=converter, default=made.default, metadata={QUANTITY: made})
 
 
 # Cached for each class, because every construction asks for it.
@@ -148,9 +170,9 @@ def quantities(cls: type) -> Mapping[str, Quantity]:
     Their shapes are those of the annotations."""
     fields = dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ()
     return {
-        field.name: field.metadata[_KEY]._replace(shape=annotated_shape(field.type))
+        field.name: field.metadata[QUANTITY]._replace(shape=annotated_shape(field.type))
         for field in fields
-        if _KEY in field.metadata
+        if QUANTITY in field.metadata
     }
 
 
@@ -167,15 +189,27 @@ def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     return ()
 
 
+def check_declared(module: object, *names: str) -> None:
+    """Raise `InputError` for a field with a value of another kind or out of the range that it
+    declares.
+
+    **Arguments**
+
+    - `module`: whose class declares its numbers.
+    - `names`: the fields to check, where a constructor computes the others from them; all without
+      a name."""
+    check_types(module, *names)
+    for name, declared in quantities(type(module)).items():
+        if not names or name in names:
+            declared.check(f"{type(module).__name__}.{name}", getattr(module, name))
+
+
 class AbstractParameters(eqx.Module):
     """A module whose numbers are declared by `quantity`, and checked when it is constructed.
 
-    Raises `InputError` for a value outside its range; the sentence names class, field, value and
-    what is allowed. Traced values pass."""
+    Raises `InputError` for a value of another kind than its field declares, such as a text, and for
+    one outside its range; the sentence names class, field, value and what is allowed. Traced
+    numbers pass."""
 
     def __check_init__(self):
-        name = type(self).__name__
-        for field, declared in quantities(type(self)).items():
-            value = getattr(self, field)
-            if is_concrete(value):
-                check(declared.contains(value), f"{name}.{field}", value, declared.allowed())
+        check_declared(self)

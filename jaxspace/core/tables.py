@@ -31,6 +31,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
+from .field_types import check_types
 from .shapes import with_rank
 from .types import Scalar, as_float
 
@@ -94,6 +95,7 @@ class AbstractTable(eqx.Module):
     values: eqx.AbstractVar[Float[Array, "nodes *#runs"]]
 
     def _check(self) -> None:
+        check_types(self, "times", "values")
         name = type(self).__name__
         # Placeholders of a tree transformation have no shape.
         times, values = (getattr(x, "shape", (2,)) for x in (self.times, self.values))

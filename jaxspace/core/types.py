@@ -47,25 +47,40 @@ Flag: TypeAlias = Bool[Array, "*#runs"] | bool
 State: TypeAlias = PyTree[Float[Array, "..."]]
 
 
+REAL = ("real floating", "integral")
+
+
 def as_float(x: Any) -> Any:
     """`x` as a floating-point array, for the fields of a module.
 
     A Python number stays weakly typed, so that the precision follows the state that it meets.
-    Integers become floats. Whatever is not a number passes, such as a placeholder of a tree
-    transformation."""
+    Integers become floats. Whatever holds something else than real numbers passes as it is, for
+    the check of the field: a placeholder of a tree transformation, a text, complex numbers, rows of
+    different lengths."""
     if isinstance(x, bool | int):
         x = float(x)
     if isinstance(x, list | tuple):
-        # Known numbers are stacked by numpy, because jax would compile a program for it.
-        x = (
-            np.asarray(x, dtype=float)
-            if all(isinstance(v, int | float) for v in x)
-            else jnp.stack([as_float(v) for v in x])
-        )
-    if not isinstance(x, float | np.ndarray | np.generic | Array):
+        x = _stacked(x)
+    if not isinstance(x, float | np.ndarray | np.generic | Array) or not _is_real(x):
         return x
     x = jnp.asarray(x)
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(float)
+
+
+def _is_real(x: Any) -> bool:
+    return isinstance(x, float) or x.dtype == bool or jnp.isdtype(x.dtype, REAL)
+
+
+def _stacked(x: Any) -> Any:
+    """Numbers in a list as an array; the list itself where it holds something else."""
+    # Known numbers are stacked by numpy, because jax would compile a program for it.
+    if all(isinstance(v, int | float) for v in x):
+        return np.asarray(x, dtype=float)
+    parts = [as_float(v) for v in x]
+    arrays = all(isinstance(v, np.ndarray | Array) and _is_real(v) for v in parts)
+    if not arrays or len({v.shape for v in parts}) > 1:
+        return x
+    return jnp.stack(parts)
 
 
 def as_optional_float(x: Any) -> Any:

@@ -192,7 +192,7 @@ def disperse(
         if until is not None:
             assert runner.example is not None
             check_rule(until, ordered(runner.example, campaign).outputs)
-            attributes["until"] = until._asdict()
+            attributes["until"] = dataclasses.asdict(until)
         if writer is not None:
             return stored(writer, runner, using, attributes, progress, until)
         chunks = in_memory(runner, using, attributes["chunk"], runs, progress, until)

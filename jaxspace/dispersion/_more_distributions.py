@@ -43,6 +43,7 @@ class Triangular(AbstractDistribution):
     high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
+        super().__check_init__()
         _check_limits("Triangular", self.low, self.high)
         if is_concrete(self.mode) and is_concrete(self.low) and is_concrete(self.high):
             low, mode, high = (np.asarray(x) for x in (self.low, self.mode, self.high))
@@ -135,6 +136,7 @@ class Discrete(AbstractDistribution):
     )
 
     def __check_init__(self):
+        super().__check_init__()
         if is_concrete(self.weights):
             same = np.shape(self.values) == np.shape(self.weights)
             one = np.ndim(self.values) == 1 and float(np.sum(np.asarray(self.weights))) > 0.0
@@ -181,6 +183,7 @@ class Samples(AbstractDistribution):
     values: Float[Array, " n"] = quantity(OF_INPUT, shape=(None,), doc="measured values")
 
     def __check_init__(self):
+        super().__check_init__()
         if is_concrete(self.values):
             check(np.ndim(self.values) == 1 and np.size(self.values) > 0, "Samples.values",
                   self.values, "a list of one or more numbers")  # fmt: skip

@@ -140,6 +140,7 @@ class Uniform(AbstractDistribution):
     high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
+        super().__check_init__()
         _check_limits("Uniform", self.low, self.high)
 
     @property
@@ -180,6 +181,7 @@ class TruncatedNormal(AbstractDistribution):
     high: SingleNumberField = quantity(OF_INPUT, doc="upper limit")
 
     def __check_init__(self):
+        super().__check_init__()
         _check_limits("TruncatedNormal", self.low, self.high)
         if is_concrete(self.mean) and is_concrete(self.low) and is_concrete(self.high):
             low, mean, high = (np.asarray(x) for x in (self.low, self.mean, self.high))

@@ -12,12 +12,14 @@ percentile of the runs, and valid for any distribution.
 
 __all__ = ["Convergence", "Ellipsoid", "circular_error", "convergence", "ellipsoid"]
 
+import dataclasses
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError
+from ..core.field_types import check_types
 from .limits import Percentile, check_share, percentile
 
 
@@ -147,17 +149,25 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     )
 
 
-class StopRule(NamedTuple):
+@dataclasses.dataclass(frozen=True)
+class StopRule:
     """Rule that ends a campaign: the percentile `share` of an output must be known, with this
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
     `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
-    numbers lie between 0 and 1."""
+    numbers lie between 0 and 1.
+
+    Raises `InputError` for another number."""
 
     output: str
     share: float = 0.99
     precision: float = 0.01
     confidence: float = 0.95
+
+    def __post_init__(self):
+        check_types(self)
+        for name in ("share", "precision", "confidence"):
+            check_share(f"StopRule.{name}", getattr(self, name))
 
     def error(self, x: ArrayLike) -> float:
         """Half of the confidence interval of the percentile, over its distance from the mean;
@@ -170,11 +180,6 @@ class StopRule(NamedTuple):
         distance = abs(result.value - float(np.mean(x[np.isfinite(x)])))
         half = 0.5 * (result.high - result.low)
         return half / distance if distance > 0.0 else (0.0 if half == 0.0 else np.inf)
-
-    def check(self) -> None:
-        """Raise `InputError` for a number that is not between 0 and 1."""
-        for name in ("share", "precision", "confidence"):
-            check_share(f"StopRule.{name}", getattr(self, name))
 
     def text(self) -> str:
         """The rule in words."""

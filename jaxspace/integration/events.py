@@ -28,6 +28,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
+from ..core.field_types import check_types
 from ..core.one_kernel import in_one_kernel
 from ..core.types import as_optional_float
 from ..core.vanishing import vanishing
@@ -84,6 +85,7 @@ class Event(eqx.Module):
     then: Callable[[Scalar, State], State] | None = None
 
     def __check_init__(self):
+        check_types(self)
         if self.direction not in (-1, 0, 1):
             raise InputError(
                 f"Event.direction is {self.direction}: it must be 1 (rise), -1 (fall) or 0 (both)."

@@ -6,7 +6,7 @@ from collections.abc import Hashable, Mapping
 
 from ..bodies import AbstractBody
 from ..core import AbstractParameters, InputError
-from ..core.quantities import REQUIRED
+from ..core.quantities import REQUIRED, quantities
 from ..scene.reading import Reading, read_effects
 from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
@@ -208,12 +208,14 @@ def object_errors(file: Parsed) -> list[str]:
 def _checks_itself(maker: Maker) -> bool:
     # A named constructor is bound to its class.
     cls = getattr(maker.make, "__self__", maker.make)
-    is_parameters = isinstance(cls, type) and issubclass(cls, AbstractParameters)
-    return (
-        is_parameters
-        and ("__check_init__" in vars(cls) or "." in maker.name)
-        and not maker.references
-    )
+    if not isinstance(cls, type) or not issubclass(cls, AbstractParameters) or maker.references:
+        return False
+    return "__check_init__" in vars(cls) or "." in maker.name or _has_direction(cls)
+
+
+def _has_direction(cls: type) -> bool:
+    # The numbers of a file are read one by one, and each of them may be zero.
+    return any(declared.direction for declared in quantities(cls).values())
 
 
 def initial_errors(file: Parsed) -> list[str]:

@@ -110,7 +110,7 @@ class SceneFile:
         rule = self._dispersion()["until"]
         if rule is None:
             return None
-        return StopRule(rule["output"], *(float(rule[k]) for k in StopRule._fields[1:]))
+        return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
 
     @property
     def compare(self) -> tuple[str, ...]:

@@ -54,6 +54,8 @@ class EquinoctialElements(AbstractParameters):
     )
 
     def __check_init__(self):
+        # The kinds of the numbers come first.
+        super().__check_init__()
         values = (self.semi_major_axis, self.h, self.k)
         if all(is_concrete(x) for x in values):
             a, h, k = (np.asarray(x, float) for x in values)

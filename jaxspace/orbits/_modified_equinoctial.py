@@ -57,6 +57,8 @@ class ModifiedEquinoctialElements(AbstractParameters):
     )
 
     def __check_init__(self):
+        # The kinds of the numbers come first.
+        super().__check_init__()
         values = (self.f, self.g, self.true_longitude)
         if all(is_concrete(x) for x in values):
             f, g, L = (np.asarray(x, float) for x in values)

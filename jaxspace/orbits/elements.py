@@ -190,9 +190,10 @@ class ClassicalElements(AbstractParameters):
     true_anomaly: NumberField = quantity("rad", doc="angle from the periapsis")
 
     def __check_init__(self):
+        # The kinds and ranges of the numbers come first.
+        super().__check_init__()
         e, f = self.eccentricity, self.true_anomaly
-        # A negative eccentricity is left to the check of its own range, which names it.
-        if is_concrete(e) and is_concrete(f) and np.all(np.asarray(e) >= 0.0):
+        if is_concrete(e) and is_concrete(f):
             e, f = np.asarray(e, float), np.asarray(f, float)
             limit = np.arccos(-1.0 / np.maximum(e, 1.0))
             # To rounding, for elements that come from a state far out.

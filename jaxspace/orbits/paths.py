@@ -32,6 +32,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.field_types import is_real, shown
 from ..core.types import as_float
 from .kepler import conic_flow
 
@@ -103,6 +104,11 @@ class TabulatedPath(AbstractPath):
         """The path through the `positions`, m, (3, nodes, *runs), at the `times`, s, (nodes,
         *runs)."""
         times, positions = as_float(times), as_float(positions)
+        if not is_real(positions):
+            raise InputError(
+                f"TabulatedPath.positions is {shown(positions)}: it must be an array of numbers "
+                f"in m."
+            )
         if positions.ndim < 2 or positions.shape[0] != 3:
             raise InputError(
                 f"TabulatedPath.positions has the shape {positions.shape}: it must be "

@@ -58,10 +58,16 @@ class FlightPlane(AbstractParameters):
     """The plane in which a pitch is measured, by its `normal` and the direction of up."""
 
     normal: Float[Array, "3 *#runs"] = quantity(
-        "", default=(0.0, 1.0, 0.0), doc="of the plane: normal x up points downrange"
+        "",
+        direction=True,
+        default=(0.0, 1.0, 0.0),
+        doc="of the plane: normal x up points downrange",
     )
     up: Float[Array, "3 *#runs"] | None = quantity(
-        "", optional=True, doc="fixed direction of up; by default that of the position"
+        "",
+        direction=True,
+        optional=True,
+        doc="fixed direction of up; by default that of the position",
     )
 
     def along(self, pitch: Scalar, y: BodyState) -> Vector:
@@ -151,7 +157,9 @@ class TangentSteering(AbstractPitch):
 class FixedDirection(AbstractSteering):
     """A thrust along a fixed direction."""
 
-    along: Float[Array, "3 *#runs"] = quantity("", doc="in inertial axes, of any length but zero")
+    along: Float[Array, "3 *#runs"] = quantity(
+        "", direction=True, doc="in inertial axes, of any length but zero"
+    )
 
     def direction(self, t: Scalar, y: BodyState) -> Vector:
         del t

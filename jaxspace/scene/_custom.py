@@ -22,9 +22,10 @@ VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
 def _as_kept(x: object) -> frozenset[str]:
     """The names of what an effect keeps. Raises `InputError` for anything else than names."""
-    if isinstance(x, str) or not isinstance(x, Iterable):
+    names = x if isinstance(x, Iterable) and not isinstance(x, str) else None
+    if names is None or not all(isinstance(name, str) for name in names):
         raise InputError(f"Custom.keeps is {x!r}: it must be a set of names, such as {{'energy'}}.")
-    return frozenset(x)
+    return frozenset(names)
 
 
 def _check_vector(name: str, value: object) -> None:

@@ -8,6 +8,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Flag, NumberField, Scalar, State, quantity
+from ..core.field_types import check_types
 
 
 def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
@@ -42,6 +43,7 @@ class Scaled(AbstractEffect):
     def __init__(self, effect: AbstractEffect, factor: Scalar):
         self.effect = effect
         self.factor = factor
+        check_types(self, "effect")
         self.keeps = effect.keeps
         self.felt = effect.felt
 

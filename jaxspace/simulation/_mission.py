@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_finite, is_concrete
+from ..core.field_types import check_types
 from ..core.types import as_float
 from ..integration.events import Event
 from .runnable import AbstractRunnable
@@ -92,6 +93,7 @@ class Phase(eqx.Module):
     branches: tuple["Mission", ...] = eqx.field(converter=_as_branches, default=())
 
     def __check_init__(self):
+        check_types(self)
         if isinstance(self.until, Event):
             if self.until.within is None:
                 raise InputError(
@@ -130,6 +132,7 @@ class Mission(eqx.Module):
     name: str = eqx.field(static=True, default="mission")
 
     def __check_init__(self):
+        check_types(self)
         # Results are looked up by the names of their phases.
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):

@@ -52,6 +52,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.quantities import check_declared
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ._hermite import cubic, stacked
@@ -168,6 +169,8 @@ class DrydenGusts(AbstractParameters):
     ):
         self.seed, self.wind_20_feet = as_float(seed), as_float(wind_20_feet)
         self.rms_aloft = as_float(rms_aloft)
+        self.top, self.per_length = top, per_length
+        check_declared(self, "seed", "wind_20_feet", "rms_aloft", "top", "per_length")
         self.top, self.per_length = float(top), float(per_length)
         check(0.0 < self.top < np.inf, "DrydenGusts.top", top, "positive and finite, in m")
         few = 2.0 <= self.per_length <= 256.0
@@ -192,7 +195,13 @@ class DrydenGusts(AbstractParameters):
             "m", positive=True, fixed=True, default=12e3, doc="to which height above the ground"
         ),
         per_length=argument(
-            "", low=2.0, high=256.0, fixed=True, default=16.0, doc="nodes for each length L"
+            "",
+            low=2.0,
+            high=256.0,
+            whole=True,
+            fixed=True,
+            default=16.0,
+            doc="nodes for each length L",
         ),
     )
     def of_severity(

@@ -27,6 +27,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractAtmosphere, Air
 from ..bodies.atmosphere import dry_air, isothermal_ratio
 from ..core import FileName, NumberField, Scalar, constructor, quantity
+from ..core.quantities import check_declared
 from ..core.types import as_float
 from ._hermite import cubic, interval, stacked
 from ._sounding_file import read_sounding_file
@@ -58,6 +59,7 @@ class MeasuredAtmosphere(AbstractAtmosphere):
     ):
         self.heights, self.pressure = as_float(heights), as_float(pressure)
         self.temperature, self.density_factor = as_float(temperature), as_float(density_factor)
+        check_declared(self, "heights", "pressure", "temperature", "density_factor")
         name = "MeasuredAtmosphere.heights"
         check_nodes(name, self.heights, pressure=self.pressure, temperature=self.temperature)
         self.data = stacked(self.heights, self.temperature, jnp.log(self.pressure))
@@ -102,6 +104,7 @@ class MeasuredWind(AbstractWind):
         self.heights = as_float(heights)
         self.east = as_float(east)
         self.north = as_float(north)
+        check_declared(self, "heights", "east", "north")
         check_nodes("MeasuredWind.heights", self.heights, east=self.east, north=self.north)
         self.data = stacked(self.heights, self.east, self.north)
 

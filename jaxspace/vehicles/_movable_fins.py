@@ -71,11 +71,13 @@ class MovableFins(AbstractEffect):
     )
 
     def __check_init__(self):
+        super().__check_init__()
         count = self.fins.count
-        if is_concrete(count) and int(count) != self.azimuths.shape[0]:
+        angles = self.azimuths.shape[0] if self.azimuths.ndim else 1
+        if is_concrete(count) and int(count) != angles:
             raise InputError(
-                f"MovableFins.azimuths has the length {self.azimuths.shape[0]}: it must be as many "
-                f"as FinSet.count, {int(count)}."
+                f"MovableFins.azimuths has the length {angles}: it must be as many as "
+                f"FinSet.count, {int(count)}."
             )
 
     def _spans(self, rank: int) -> tuple[Array, Array]:

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.quantities import check_declared, quantities
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ._hermite import cubic, stacked
@@ -68,6 +69,8 @@ class UncertainWind(AbstractWind):
         self.north = as_float(north)
         self.deviation, self.correlation_length = as_float(deviation), as_float(correlation_length)
         self.east_numbers, self.north_numbers = as_float(east_numbers), as_float(north_numbers)
+        # Before `data` is computed from them.
+        check_declared(self, *set(quantities(type(self))))
         given = {"east": self.east, "north": self.north, "deviation": self.deviation}
         given |= {"east_numbers": self.east_numbers, "north_numbers": self.north_numbers}
         check_nodes("UncertainWind.heights", self.heights, **given)

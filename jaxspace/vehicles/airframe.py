@@ -134,7 +134,7 @@ class RadiusChange(AbstractSurface):
 class FinSet(AbstractSurface):
     """Equal trapezoidal fins about the body, evenly spaced."""
 
-    count: NumberField = quantity("", low=2.0, high=8.0, fixed=True, doc="of the fins")
+    count: NumberField = quantity("", low=2.0, high=8.0, whole=True, fixed=True, doc="of the fins")
     span: NumberField = quantity("m", positive=True, doc="s, of one fin")
     root_chord: NumberField = quantity("m", positive=True, doc="at the body")
     tip_chord: NumberField = quantity("m", non_negative=True, doc="at the tip")

@@ -10,7 +10,8 @@ from typing import Any, final
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractParameters, Scalar, quantity
+from ..core import AbstractParameters, InputError, Scalar, quantity
+from ..core.field_types import is_real, shown
 from ..core.tables import polygon
 from ..core.types import as_float
 from .local_air import check_nodes
@@ -26,6 +27,7 @@ class MachTable(AbstractParameters):
     values: Float[Array, "nodes *#runs"] = quantity("", doc="the coefficient there")
 
     def __check_init__(self):
+        super().__check_init__()
         check_nodes("MachTable.mach", self.mach, values=self.values)
 
     def __call__(self, mach: Scalar) -> Scalar:
@@ -40,6 +42,11 @@ def as_coefficient(x: Any) -> MachTable:
     if isinstance(x, Sequence) and len(x) == 2:
         return MachTable(as_float(x[0]), as_float(x[1]))
     value = as_float(x)
+    if not is_real(value):
+        raise InputError(
+            f"coefficient is {shown(x)}: it must be a number, a MachTable, or Mach numbers with as "
+            f"many values."
+        )
     return MachTable(jnp.zeros((1,), value.dtype), value[None])
 
 

@@ -28,6 +28,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractAtmosphere, Air, StandardAtmosphere
 from ..core import (
     AbstractParameters,
+    InputError,
     NumberField,
     OptionalNumberField,
     Scalar,
@@ -44,11 +45,14 @@ from ._sounding_file import FASTEST
 
 def check_nodes(name: str, nodes: Array, **values: Array) -> None:
     """Raise `InputError` for nodes that do not ascend, or another number of values."""
+    if nodes.ndim == 0:
+        raise InputError(f"{name} is one number: it must be a list of nodes.")
     for field, value in values.items():
+        count = value.shape[0] if value.ndim else 1
         check(
-            np.asarray(nodes.shape[0] == value.shape[0]),
+            np.asarray(value.ndim and nodes.shape[0] == count),
             f"{name}.{field}",
-            np.asarray(value.shape[0]),
+            np.asarray(count),
             f"as many as the {nodes.shape[0]} nodes",
         )
     if is_concrete(nodes):
@@ -78,6 +82,7 @@ class Wind(AbstractWind):
     )
 
     def __check_init__(self):
+        super().__check_init__()
         check_nodes("Wind.heights", self.heights, east=self.east, north=self.north)
 
     def at(self, height: Scalar) -> tuple[Scalar, Scalar]:
