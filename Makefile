@@ -6,6 +6,8 @@ BIN := $(VENV)/$(if $(filter Windows_NT,$(OS)),Scripts,bin)
 INSTALL := $(BIN)/python -m pip install --quiet --disable-pip-version-check --editable
 
 PYTEST := $(BIN)/python -m pytest -n 2 --dist worksteal
+# Sets of instructions that `processors` tries: without fused multiply-adds, and with them.
+INSTRUCTIONS ?= SSE4_2 AVX2
 # Shapes and types of every annotation are enforced, which only tests do: users pay nothing for them.
 # The numeric tower lets a Python integer stand for a `float`, as it does for every other reader.
 CHECKED := --jaxtyping-packages="jaxspace,beartype.beartype(conf=beartype.BeartypeConf(is_pep484_tower=True))"
@@ -16,7 +18,7 @@ export NO_MKDOCS_2_WARNING := true
 # The tests start Python a hundred times: each start would compile all sources of the package again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test test-all beyond quick lint format types docs unit sweep faults costs hunt bench validation
+.PHONY: demo test test-all beyond processors quick lint format types docs unit sweep faults costs hunt bench validation
 .PHONY: lowest release-check manual keep-bench clean
 .NOTPARALLEL:
 .DELETE_ON_ERROR:
@@ -51,6 +53,9 @@ test-all: lint types docs  ## every test, with shapes and types checked; of a lo
 
 beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests
 	@$(PYTEST) $(CHECKED) --part rest
+
+processors: $(VENV)/.test  ## every test, compiled as users do, with the instructions of other processors
+	@for set in $(INSTRUCTIONS); do XLA_FLAGS=--xla_cpu_max_isa=$$set $(PYTEST) --optimised || exit 1; done
 
 faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
 	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done

@@ -44,6 +44,11 @@ def pytest_addoption(parser):
         help="cases of the tests marked `slow` that run",
     )
     parser.addoption(
+        "--optimised",
+        action="store_true",
+        help="compile as users do; the whole sweep always does",
+    )
+    parser.addoption(
         "--no-programs",
         action="store_true",
         help="neither read nor store compiled programs",
@@ -56,9 +61,10 @@ def pytest_addoption(parser):
 
 
 def pytest_configure(config):
-    """Compile the sample without the compiler's optimisations, which change no result and take a
-    tenth of the time; the whole sweep and the benchmarks run what users run."""
-    jax.config.update("jax_disable_most_optimizations", config.getoption("--sweep") == "sample")
+    """Compile without the compiler's optimisations where they are not asked for: they take time and
+    change the last digits of results, which no bound may rest on."""
+    optimised = config.getoption("--optimised") or config.getoption("--sweep") == "all"
+    jax.config.update("jax_disable_most_optimizations", not optimised)
     leaf_checks.typechecked = of_leaf(leaf_checks.typechecked)
     if not config.getoption("--no-programs"):
         store_programs()
@@ -151,11 +157,12 @@ def settings_stay():
     """Hand the settings of JAX back after a test that runs a page or the command line."""
     names = (
         "jax_enable_x64",
+        "jax_disable_most_optimizations",
         "jax_compilation_cache_dir",
         "jax_persistent_cache_min_compile_time_secs",
         "jax_persistent_cache_min_entry_size_bytes",
     )
-    before = {name: getattr(jax.config, name) for name in names}
+    before = {name: jax.config.values[name] for name in names}
     yield
     for name, value in before.items():
         jax.config.update(name, value)

@@ -96,10 +96,13 @@ def processor_time() -> float:
 
 
 def program_folder() -> Path:
-    """The folder of the compiled programs: one for each set of versions and kind of processor,
-    because a program holds instructions of the processor that it was compiled on."""
+    """The folder of the compiled programs: one for each set of versions, kind of processor and
+    flags of the compiler, because a program holds instructions of the processor that it was
+    compiled for. Programs with and without the compiler's optimisations share a folder: JAX names
+    them apart."""
     versions = [f"{name} {version(name)}" for name in ("jax", "jaxlib")]
-    what = [platform.python_version(), platform.machine(), *versions, processor_features()]
+    flags = os.environ.get("XLA_FLAGS", "")
+    what = [platform.python_version(), platform.machine(), *versions, processor_features(), flags]
     return PROGRAMS / hashlib.sha256("\n".join(what).encode()).hexdigest()[:16]
 
 

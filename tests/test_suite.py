@@ -1,11 +1,14 @@
 """The division of the tests: what runs after every change holds the basics of every package."""
 
 import ast
+import re
 from functools import cache
 from pathlib import Path
 
+import jax
 import pytest
-from suite import MOST_SECONDS, is_quick, read_costs, write_costs
+from jax.experimental.compilation_cache import compilation_cache
+from suite import MOST_SECONDS, is_quick, program_folder, read_costs, write_costs
 from suite_basics import BASICS
 from test_layers import MODULES
 
@@ -58,3 +61,34 @@ def test_a_measurement_of_the_quick_part_adds_to_what_is_known(tmp_path, monkeyp
     alone = {"short": 4.0, "basic[1]": 2.0, "case[1]": 0.7, "shares[1]": 3.0}
     write_costs(alone, part="quick")
     assert read_costs() == alone | {"long": 9.0, "shares": 3.0}
+
+
+def test_the_compiler_is_set_as_asked(pytestconfig):
+    optimised = pytestconfig.getoption("--optimised") or pytestconfig.getoption("--sweep") == "all"
+    assert jax.config.values["jax_disable_most_optimizations"] is not optimised
+
+
+@pytest.mark.parametrize("target", ["processors", "sweep"])
+def test_what_takes_longest_runs_the_programs_of_users(target):
+    makefile = (TESTS.parent / "Makefile").read_text()
+    (recipe,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
+    assert "--optimised" in recipe or "--sweep all" in recipe
+
+
+def test_stored_programs_with_and_without_optimisations_are_kept_apart(tmp_path, settings_stay):
+    compilation_cache.reset_cache()
+    jax.config.update("jax_compilation_cache_dir", str(tmp_path))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
+    jax.config.update("jax_persistent_cache_min_entry_size_bytes", -1)
+    for disabled in (True, False, True):
+        jax.config.update("jax_disable_most_optimizations", disabled)
+        jax.jit(lambda x: 2.0 * x).lower(1.0).compile()
+    assert len(list(tmp_path.glob("*-cache"))) == 2
+
+
+def test_stored_programs_of_each_set_of_instructions_have_a_folder(monkeypatch):
+    folders = set()
+    for flags in ("", "--xla_cpu_max_isa=AVX2", "--xla_cpu_max_isa=SSE4_2"):
+        monkeypatch.setenv("XLA_FLAGS", flags)
+        folders.add(program_folder())
+    assert len(folders) == 3
