@@ -148,7 +148,8 @@ TASKS = {
         "AbstractDecoupled AbstractSecondOrderForm AbstractGroupElement known_time",
         "Declare for files": "constructor event initial output declarations",
         "Refuse a wrong input": "InputError MissingExtra check checks",
-        "Compute": "vectors shapes safe special elliptic jacobi Table Spline tables types",
+        "Compute": "vectors inverse_sqrt shapes safe special elliptic jacobi Table Spline tables "
+        "types",
     },
     "solvers": {
         "Choose a method": "DOP853 Tsit5 RKN1210 Stormer Regularised AdaptiveRegularised "

@@ -364,6 +364,9 @@ SPECIAL = {
     "reduce_and": _reduce(lambda a, b: bool(a and b), True),
     "convert_element_type": _convert,
     "barrier": lambda params, *x: list(x),
+    "inverse_sqrt": lambda params, x: [
+        _elementwise(lambda a: _divide(mpf(1), _root(a)) ** params["power"], x)
+    ],
     "sort": _sort,
     "cumsum": lambda params, x: [np.cumsum(x, axis=params["axis"])],
     "eigh": _eigh,

@@ -11,6 +11,7 @@ from jax.extend.core import subjaxprs
 
 from jaxspace.core.barrier import barrier
 from jaxspace.core.by_numpy import ALONE, RULES, by_numpy
+from jaxspace.core.inverse_sqrt import inverse_sqrt
 from jaxspace.core.safe import end_sqrt, safe_atan2, safe_sqrt
 
 X = np.array([[0.3, -1.2, 2.5], [0.9, 0.1, -0.4]])
@@ -47,7 +48,12 @@ FUNCTIONS = {
     ),
     "types": lambda x: (x.astype(int), x.astype(jnp.float32), (x > 0).astype(float), jnp.eye(2)),
     "a late start": lambda x: lax.dynamic_slice(x, (1, 2), (1, 2)),
-    "own functions": lambda x: (safe_sqrt(x * x), safe_atan2(x[0], x[1]), barrier(x)),
+    "own functions": lambda x: (
+        safe_sqrt(x * x),
+        safe_atan2(x[0], x[1]),
+        barrier(x),
+        inverse_sqrt(jnp.abs(x), 3),
+    ),
     "at an end": lambda x: end_sqrt(lambda a: a * a, x),
     "a loop": lambda x: lax.while_loop(lambda a: a < 5.0, lambda a: 2.0 * a, x[0, 0]),
     "a sum on the way": lambda x: lax.scan(lambda a, b: (a + b, a * b), x[0], x),

@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from . import checks as checks
     from . import declarations as declarations
     from . import elliptic as elliptic
+    from . import inverse_sqrt as inverse_sqrt
     from . import jacobi as jacobi
     from . import quantities as quantities
     from . import safe as safe

@@ -26,6 +26,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .barrier import barrier
+from .inverse_sqrt import inverse_sqrt
 from .safe import safe_divide
 from .shapes import check_components, with_rank
 from .types import Matrix, Scalar, Vector
@@ -77,10 +78,7 @@ def inverse_norm(a: Vector, power: int = 1) -> Scalar:
 
     **Raises** `InputError` where the first axis does not hold three components."""
     check_components("inverse_norm: a", a, 3)
-    # From one reciprocal root for every power, because the compiler then computes it once.
-    p = 1.0 / jnp.sqrt(dot(a, a))
-    square = p * p
-    return functools.reduce(jnp.multiply, [square] * (power // 2) + [p] * (power % 2))
+    return inverse_sqrt(dot(a, a), power)
 
 
 @inverse_norm.defjvp

@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
+from ..core.inverse_sqrt import inverse_sqrt
 from . import tableaus as tableau
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
@@ -291,7 +292,7 @@ def blend(e5: Array, e3: Array) -> Array:
     bottom = e5 * e5 + 0.01 * e3 * e3
     # A component that does not change has zero over zero; a safe value keeps derivatives finite.
     positive = bottom > 0.0
-    return jnp.where(positive, e5 * e5 / jnp.sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
+    return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
 def _dense_coefficients(
