@@ -14,6 +14,7 @@ import jaxspace
 from jaxspace.bodies import BodyState
 from jaxspace.cli import main
 from jaxspace.cli._commands import show_page
+from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema
 from jaxspace.io._outputs import Outputs
 from jaxspace.scene import Scene
@@ -224,3 +225,27 @@ def test_a_flight_that_never_leaves_its_rail_marks_its_own_row(landing):
     np.testing.assert_allclose(
         jnp.linalg.norm(run.final.position[:, jnp.array([0, 2])], axis=0), [5.2, 130.0], rtol=1e-9
     )
+
+
+@pytest.mark.sweep
+def test_a_height_that_is_passed_opens_its_parachute_at_once(tmp_path):
+    """Of a heavy Calisto whose apogee is often below the 800 m of its main; and a main alone opens
+    at its height and not at the apogee."""
+    heavy = jaxspace.load(changed(tmp_path, ('mass = "14.426 kg"', 'mass = "37.5 kg"')))
+    result = disperse(heavy.campaign(), 16, accuracy=heavy.accuracy)
+    assert result.status.tolist() == [Status.EVENT] * 16
+    low = result.outputs["apogee"] < 800.0
+    assert 0 < np.sum(low) < 16
+    # The lag of the drogue and then of the main pass: 3 s after the apogee it is open.
+    drift = result.outputs["drift_under_the_drogue"]
+    assert np.all(drift[low] == 0.0) and np.all(drift[~low] > 0.0)
+    assert np.all(np.abs(result.outputs["impact_speed"] - 9.0) < 2.0)
+    drogue = (
+        '[[vehicle.parachutes]] # the drogue, at the apogee\ndrag_area = "1 m^2"\nlag = "1.5 s"\n'
+    )
+    alone = jaxspace.load(
+        changed(tmp_path, (drogue, ""), ("parachute 1", "fall"), ("parachute 2", "parachute 1"))
+    )
+    run = alone.simulate()
+    np.testing.assert_allclose(run["fall"].final.position[2], 800.0, rtol=1e-9)
+    assert run["fall"].ts[-1] - run["ascent"].ts[-1] > 10.0

@@ -165,6 +165,7 @@ def test_the_phases_follow_from_what_is_given_and_not_from_its_value():
     assert phases(Recovery(1.0, 0.0)) == phases(Recovery(1.0, 2.0))
     assert phases(Recovery(1.0, 0.0)) == ["rail", "ascent", "wait 1", "parachute 1"]
     assert phases(Recovery(1.0)) == ["rail", "ascent", "parachute 1"]
+    assert phases(Recovery(1.0, height=300.0)) == ["rail", "ascent", "fall", "parachute 1"]
     with pytest.raises(InputError, match=r"Recovery\.height of parachute 2 is None"):
         phases(Recovery(1.0), Recovery(10.0))
 

@@ -17,14 +17,14 @@ rate of the condition along the motion, where the condition is nearly zero:
 """
 
 from collections.abc import Callable
-from typing import Protocol, final, runtime_checkable
+from typing import Any, Protocol, final, runtime_checkable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.core import Tracer
-from jaxtyping import Array, PyTree
+from jaxtyping import Array, Bool, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
@@ -43,6 +43,11 @@ class HasVectorField(Protocol):
     def vector_field(self) -> Callable[[Scalar, State], State]:
         """dy/dt as a function of time and state."""
         ...
+
+
+# A flag of the runs that stays absent where no event has it.
+def _as_flag(x: Any) -> Any:
+    return None if x is None or x is False else jnp.asarray(x) if isinstance(x, bool) else x
 
 
 # States of this number take about a gigabyte: a larger number is a mistake.
@@ -69,10 +74,13 @@ class Event(eqx.Module):
     - `then`: with `terminal=False`, a function (t, y) -> y, as `Phase.then`, that replaces the
       state at each zero, such as a ball that bounces. `Trajectory.crossings` then holds the states
       on both sides, and the run ends at the first zero beyond `capacity`.
+    - `passed`: for `Phase.until`, whether a run that is beyond the zero where the phase starts, as
+      below a height at which something opens on the way down, ends the phase at once. By default
+      it waits for the next zero.
 
     Raises `InputError` for another direction, a number of samples that is not from 2 to 1e7, a
-    capacity that is not from 1 to 1e7, a `touch` or `within` that is not positive, or a `then` of
-    an event that ends the run."""
+    capacity that is not from 1 to 1e7, a `touch` or `within` that is not positive, a `then` of an
+    event that ends the run, or `passed` without a direction or with a `touch`."""
 
     condition: Callable[[Scalar, State], Scalar]
     direction: int = eqx.field(static=True, default=0)
@@ -83,6 +91,7 @@ class Event(eqx.Module):
     terminal: bool = eqx.field(static=True, default=True)
     capacity: int = eqx.field(static=True, default=64)
     then: Callable[[Scalar, State], State] | None = None
+    passed: Bool[Array, "*#runs"] | None = eqx.field(converter=_as_flag, default=None)
 
     def __check_init__(self):
         check_types(self)
@@ -97,8 +106,20 @@ class Event(eqx.Module):
                 "Event.then is given with terminal=True: after the jump the run goes on, so that "
                 "terminal must be False."
             )
+        if self.passed is not None and (self.direction == 0 or self.touch is not None):
+            raise InputError(
+                "Event.passed is given without a direction or with a touch: direction must be 1 or "
+                "-1, for it says on which side of the zero a run is beyond it."
+            )
         check_positive("Event.within", self.within)
         check_positive("Event.touch", self.touch)
+
+    def beyond(self, t: Scalar, y: State) -> Bool[Array, "*#runs"] | None:
+        """Which runs are beyond the zero at the start `t`, s, of a phase, and end it there; `None`
+        where the event does not ask."""
+        if self.passed is None:
+            return None
+        return self.passed & (self.direction * self.condition(t, y) > 0.0)
 
     def value(self, system: HasVectorField, t: Scalar, y: State) -> Scalar:
         """The function that is zero at the event: the condition, or its rate for a touch."""

@@ -27,7 +27,7 @@ from ._mission import Phase
 from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
 from .legs import Leg
-from .phase_runs import SaveTimes
+from .phase_runs import SaveTimes, ended_at_start
 from .run_result import RunResult
 from .runnable import AbstractRunnable
 
@@ -108,10 +108,15 @@ def run_alike(
         system, event = parts_of(differing)
         event = dataclasses.replace(event, condition=SoughtCondition(event.condition, sought, t))
         events = closures_of_events((event,), t, y)
+        beyond = events[0].beyond(t, y)
+        if beyond is not None:
+            beyond = beyond & sought
+            within = jnp.where(beyond, 0.0, within)
         times = jnp.stack([t, t + within])
         run = straight_to_event(Integrator(system, config, run_axes), y, times, events)
         missed = (run.status == Status.COMPLETED) & sought
         run = run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
+        run = ended_at_start(run, beyond)
         return (state_at(run.states, -1, run_axes), run.ts[-1]), run
 
     own = numbers, jnp.stack(within), jnp.array(sought)

@@ -23,6 +23,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, Scalar, State
+from ..core.safe import safe_divide
 from ..core.types import as_float
 from ..integration.events import Event, newton_correct
 from ..solvers import tableaus as tableau
@@ -125,6 +126,9 @@ def _phase(
             f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
         )
     t1 = t0 + (phase.until if event is None else event.within)
+    beyond = None if event is None else event.beyond(t0, y0)
+    if beyond is not None:
+        t1 = jnp.where(beyond, t0, t1)
     if phase.system is not phase.moving:
         raise InputError(
             f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
@@ -161,6 +165,8 @@ def _phase(
         t, y = newton_correct(system, (event,), jnp.where(happened, 0, -1), t, unravel(v))
         # With the derivative of the end, of which what is greatest there depends.
         times = jnp.where(ended, t, times)
+        if beyond is not None:
+            happened = happened | beyond
         vs = jnp.where(ended[1:, None], ravel_pytree(y)[0], vs)
     states = jax.vmap(unravel, out_axes=-1)(jnp.concatenate([v0[None], vs]))
     sizes = _sizes(states, unravel(v0))
@@ -211,13 +217,19 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
 
     def advance(at, _):  # noqa: ANN001, ANN202
         full = ts[jnp.minimum(at.number + 1, ts.size - 1)] - at.t
-        share = at.ahead * at.g / jnp.where(at.hit, at.ahead * at.g - at.past * at.g1, 1.0)
+        share = safe_divide(at.ahead * at.g, at.ahead * at.g - at.past * at.g1)
         # No derivative passes through the search: `newton_correct` gives that of the time.
         h = lax.stop_gradient(at.rest * share)
         h = jnp.where(at.hit, h, full)
         v1, wrong = step(at.t, h, at.v)
         g1 = event.condition(at.t + h, unravel(v1))
         across = passed(g1, at.g)
+        # A place beyond the zero by a rounding is the zero: a secant that leads there, as where the
+        # condition is linear, leads there again and leaves the state before it where it is.
+        size = jnp.abs(at.g) + jnp.abs(at.g1)
+        landed = across & (jnp.abs(g1) <= 16.0 * jnp.finfo(g1.dtype).eps * size)
+        hit = at.hit | across
+        across = across & ~landed
         keep = lambda new, old: jnp.where(across, old, new)  # noqa: E731
         first = across & ~at.hit
         # The weight of an end that stays twice is halved (Illinois), so that it does not stay for
@@ -228,9 +240,10 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
             t=keep(at.t + h, at.t),
             v=keep(v1, at.v),
             g=keep(g1, at.g),
-            number=at.number + jnp.where(at.hit | across, 0, 1),
-            hit=at.hit | across,
-            rest=jnp.where(across, h, at.rest - h),
+            number=at.number + jnp.where(hit, 0, 1),
+            hit=hit,
+            # Nothing is left behind the zero itself.
+            rest=jnp.where(landed, 0.0, jnp.where(across, h, at.rest - h)),
             g1=jnp.where(across, g1, at.g1),
             ahead=jnp.where(first, 1.0, ahead),
             past=jnp.where(first, 1.0, past),

@@ -83,7 +83,8 @@ class Phase(eqx.Module):
     - `branches`: missions that start at its end, from the state before its jump, beside whatever
       phase follows.
 
-    Raises `InputError` for an event without a limit or that ends no run, for a duration that is not
+    Raises `InputError` for an event without a limit or that ends no run, for a closed loop with an
+    event that may have `passed`, for a duration that is not
     finite, for a jump that is no function, and for a branch that is no mission."""
 
     system: AbstractSystem | AbstractRunnable
@@ -104,6 +105,11 @@ class Phase(eqx.Module):
                 raise InputError(
                     f"Phase {self.name!r} ends at an event with terminal=False: it must be an "
                     f"event that ends a run."
+                )
+            if self.until.passed is not None and isinstance(self.system, AbstractRunnable):
+                raise InputError(
+                    f"Phase {self.name!r} is a closed loop and ends at an event with passed=True: "
+                    f"it must be that of a system, Phase(system, ...)."
                 )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)

@@ -204,8 +204,13 @@ def as_events(events: Any) -> tuple[Event, ...]:
         name = type(events).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
     events = tuple(events)
-    passed = any(not event.terminal and event.then is None for event in events)
-    if passed and has_restarts(events):
+    if any(event.passed is not None for event in events):
+        raise InputError(
+            "events holds one with passed=True: it must be Phase.until, for a run of its own would "
+            "end before it begins."
+        )
+    collected = any(not event.terminal and event.then is None for event in events)
+    if collected and has_restarts(events):
         raise InputError(
             "events holds one with a jump (then) and one that is only collected: beside a jump, "
             "events must end the run or jump. Give that one a jump that changes nothing."

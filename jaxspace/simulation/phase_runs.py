@@ -76,7 +76,7 @@ def run_to_end(
 
     - `until`: of the phase; `y0`: the state at its start `t0`, s.
     - `num_saved`, `plan`, `record_steps`: as those of `run_mission`, of one phase."""
-    system, config, run_axes = integrator
+    system, _, run_axes = integrator
     if run_axes:
         y0 = broadcast_state(system, t0, y0)
     runs = runs_of(y0, run_axes)
@@ -84,22 +84,52 @@ def run_to_end(
     # Each run may start, and meet its event, at another time.
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
-    if isinstance(until, Event):
-        check_events((until,), system, y0, t0, run_axes, "Phase.until")
-        (until,) = closures_of_events((until,), t0, y0)
-        if plan is None and not record_steps and locates_events(config, system, y0, t0):
-            if isinstance(num_saved, int) and num_saved == 2:
-                times = jnp.stack([t0, t1])
-                run = straight_to_event(integrator, y0, times, (until,))
-                missed = run.status == Status.COMPLETED
-                return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
-            # A batch would hold all of its states twice.
-            if isinstance(num_saved, int) and not run_axes:
-                return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
+    if not isinstance(until, Event):
+        return _saved(integrator, y0, t0, t1, num_saved, plan=plan, record_steps=record_steps)
+    check_events((until,), system, y0, t0, run_axes, "Phase.until")
+    (until,) = closures_of_events((until,), t0, y0)
+    beyond = until.beyond(t0, y0)
+    # Nothing happens in no time, and the state at the end has the derivatives of that at the start.
+    span = t0, t1 if beyond is None else jnp.where(beyond, t0, t1)
+    run = _run_to_event(integrator, until, y0, span, num_saved, plan, record_steps)
+    return ended_at_start(run, beyond)
+
+
+def ended_at_start(run: RunResult, beyond: Array | None) -> RunResult:
+    """The run of a phase with the event of those that were `beyond` its zero when it started."""
+    if beyond is None:
+        return run
+    missed = beyond & (run.status == Status.EVENT_MISSED)
+    return run._replace(
+        status=jnp.where(missed, Status.EVENT, run.status),
+        event=jnp.where(missed, 0, run.event),
+        happened=run.happened | missed,
+    )
+
+
+def _run_to_event(
+    integrator: Integrator,
+    until: Event,
+    y0: State,
+    span: tuple[Scalar, Scalar],
+    num_saved: SaveTimes,
+    plan: Array | None,
+    record_steps: bool,
+) -> RunResult:
+    """`run_to_end` for an event within a `span`, s."""
+    system, config, run_axes = integrator
+    t0, t1 = span
+    if plan is None and not record_steps and locates_events(config, system, y0, t0):
+        if isinstance(num_saved, int) and num_saved == 2:
+            times = jnp.stack([t0, t1])
+            run = straight_to_event(integrator, y0, times, (until,))
+            missed = run.status == Status.COMPLETED
+            return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
+        # A batch would hold all of its states twice.
+        if isinstance(num_saved, int) and not run_axes:
+            return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
     steps = {"plan": plan, "record_steps": record_steps}
-    if isinstance(until, Event):
-        return _search_and_run(integrator, y0, t0, t1, until, num_saved, **steps)
-    return _saved(integrator, y0, t0, t1, num_saved, **steps)
+    return _search_and_run(integrator, y0, t0, t1, until, num_saved, **steps)
 
 
 def _saved(

@@ -1,10 +1,12 @@
 """The flight of a sounding rocket from its rail to the ground, in phases.
 
-    rail -> ascent -> [wait] -> parachute -> [wait] -> parachute -> ground
+    rail -> ascent -> [fall] -> [wait] -> parachute -> [wait] -> parachute -> ground
 
 On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
 freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
-opens a lag after its trigger, the apogee or a height above the ground.
+opens a lag after its trigger, the apogee or a height above the ground on the way down. Where that
+height is passed before, by an apogee below it or while the parachute before opens, it is triggered
+as soon as that one is open.
 
 Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
 
@@ -163,7 +165,8 @@ class Recovery(AbstractParameters):
         "m",
         non_negative=True,
         optional=True,
-        doc="above the ground, at which it is triggered on the way down; without it at the apogee",
+        doc="above the ground, at which it is triggered on the way down, or at once where it is "
+        "passed already; without it at the apogee",
     )
 
 
@@ -199,6 +202,8 @@ def as_point(t: Scalar, y: BodyState) -> BodyState:
 def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
     """The names of the phases of a flight with these parachutes, in their order."""
     names = ["rail", "ascent"]
+    if recovery and recovery[0].height is not None:
+        names.append("fall")
     for number, chute in enumerate(recovery, 1):
         # By whether a lag is given and not by its value, which may differ between the runs.
         names += [] if chute.lag is None else [f"wait {number}"]
@@ -221,15 +226,16 @@ def sounding_flight(
 
     - `vehicle`: with a known mass of its propellant.
     - `site`: of the launch.
-    - `recovery`: the parachutes in the order of their opening, the first at the apogee; without
-      one the mission ends at the apogee.
+    - `recovery`: the parachutes in the order of their opening, the first at the apogee unless it
+      has a height; without one the mission ends at the apogee.
     - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
       rail (by default as long as a rocket may take that leaves it at all), for the apogee, and for
       the next parachute or the ground, s. The search for an event samples all of that time: a
       narrow limit is a fast run.
 
-    **Returns** the mission, with the phases "rail", "ascent" and for each parachute "wait", if it
-    has a lag, and "parachute", numbered; and the state at ignition, of every run.
+    **Returns** the mission, with the phases "rail", "ascent", "fall" to the height of the first
+    parachute, if it has one, and for each parachute "wait", if it has a lag, and "parachute",
+    numbered; and the state at ignition, of every run.
 
     **Raises** `InputError` for a parachute after the first one without a height.
     """
@@ -261,6 +267,9 @@ def sounding_flight(
         ),
     ]
     flying = scene(*gliding, carry=("mass",))
+    if recovery and recovery[0].height is not None:
+        opening = _down_to(recovery[0].height, descent_within, True)
+        phases.append(Phase(flying, opening, name=next(names)))
     last = len(recovery) - 1
     for number, chute in enumerate(recovery):
         drag = Parachute(chute.drag_area, air=air)
@@ -273,9 +282,18 @@ def sounding_flight(
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         # The last parachute lasts to the ground, each other one until the next opens.
         below = as_float(0.0) if number == last else recovery[number + 1].height
-        phases.append(Phase(hanging, Event(_Above(below), -1, descent_within), name=next(names)))
+        until = _down_to(below, descent_within, number != last)
+        phases.append(Phase(hanging, until, name=next(names)))
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)
+
+
+def _down_to(height: Scalar, within: Scalar, passed: bool) -> Event:
+    """The fall through a height, m. What opens there does so at once where it is `passed`; under
+    the ground there is no landing."""
+    # An array for both, so that phases of a descent differ in numbers alone and share a program.
+    flag = jnp.asarray(passed)
+    return Event(_Above(height), -1, within, at_start=True, passed=flag)
 
 
 def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
