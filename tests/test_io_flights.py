@@ -243,8 +243,15 @@ def test_a_height_that_is_passed_opens_its_parachute_at_once(tmp_path):
     drogue = (
         '[[vehicle.parachutes]] # the drogue, at the apogee\ndrag_area = "1 m^2"\nlag = "1.5 s"\n'
     )
+    area = '"vehicle.parachutes.1.drag_area" = { deviation = "10 %" }\n'
     alone = jaxspace.load(
-        changed(tmp_path, (drogue, ""), ("parachute 1", "fall"), ("parachute 2", "parachute 1"))
+        changed(
+            tmp_path,
+            (drogue, ""),
+            (area, ""),
+            ("parachute 1", "fall"),
+            ("parachute 2", "parachute 1"),
+        )
     )
     run = alone.simulate()
     np.testing.assert_allclose(run["fall"].final.position[2], 800.0, rtol=1e-9)
