@@ -90,6 +90,31 @@ def test_side_by_side_is_one_by_one(name, key):
         assert_near(lane(mapped, i), alone, 1e-12)
 
 
+# Each of these compiles in a second; the others take three minutes together.
+QUICK = ("two_body", "double_pendulum", "trailer")
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(s.name, marks=SWEEP[s.name not in QUICK]) for s in SAMPLES]
+)
+def test_runs_are_not_taken_for_another_axis(name, key):
+    """In batches of as many runs as any axis of the system or of its state has places, such as
+    modes, wheels, nodes of a table or components, each run with its own parameters."""
+    s = BY_NAME[name]
+    leaves = jax.tree.leaves((s.system, s.state))
+    t = jnp.array(0.3 * s.span)
+    rate = eqx.filter_jit(lambda system, y: system.vector_field(t, y))
+    for count in sorted({1} | {places for x in leaves for places in np.shape(x)}):
+        factors = 1.0 + 1e-3 * np.arange(count)
+        systems = jax.tree.map(lambda x, f=factors: x[..., None] * f.astype(x.dtype), s.system)
+        states = perturbed(s.state, key, count)
+        together = rate(systems, states)
+        for i in range(count):
+            alone = rate(lane(systems, i), lane(states, i))
+            # Sums are ordered otherwise, and the gyro's slow rates are rests of large terms.
+            assert_near(lane(together, i), alone, 1e-11)
+
+
 @every
 def test_slopes_agree_with_differences(name, key):
     """Forward and reverse derivatives of the vector field along a random direction, against central

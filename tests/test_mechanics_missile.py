@@ -1,6 +1,7 @@
 """The flexible missile: its mean axis, the tail-wags-dog zero, slosh and the autopilot's loop."""
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose
@@ -116,3 +117,50 @@ def test_stability_of_the_loop_by_modes():
     assert growth(gyro=-8.0)[0] > 0.1
     assert growth(mass=3e3, tank=2.0)[0] > 0.005
     assert growth(mass=3e3, tank=-2.0)[0] < 0.0 > growth(mass=3e3, tank=8.0)[0]
+
+
+def test_a_batch_of_as_many_missiles_as_they_have_modes():
+    """Each is a missile of its own: every parameter scatters, and its place beside the modes is
+    that of the runs."""
+    modes = 3
+    factors = 1.0 + 0.1 * np.arange(modes)
+    numbers = eqx.filter(LOOP.missile, eqx.is_array)
+    batch = eqx.combine(jax.tree.map(lambda x: x * factors, numbers), LOOP.missile)
+    assert batch.modes == modes
+
+    @eqx.filter_jit
+    def all_of(missile, engine):
+        y = missile.state(engine, 0.1 * engine)
+        y = eqx.tree_at(lambda y: y.bending, y, y.bending + 0.01 * (1.0 + engine))
+        places = missile.across(2.0), missile.slopes(2.0), missile.hinge
+        return missile.vector_field(0.0, y), places, missile.coupled_frequencies_squared
+
+    engine = jnp.asarray(0.03 * factors)
+    together = all_of(batch, engine)
+    for k in range(modes):
+        one = jax.tree.map(lambda x, k=k: x[k], eqx.filter(batch, eqx.is_array))
+        expected = all_of(eqx.combine(one, LOOP.missile), engine[k])
+        for found, value in zip(jax.tree.leaves(together), jax.tree.leaves(expected), strict=True):
+            # A share that all missiles have alike needs no axis of runs.
+            found = found[..., k] if found.ndim > value.ndim else found
+            # A few roundings of sums that cancel, of the size of the largest.
+            assert_allclose(found, value, rtol=1e-10, atol=1e-12 * np.max(np.abs(value)))
+
+
+def test_coupled_frequencies_are_traced():
+    """Against NumPy, and the derivative by the thrust against central differences."""
+
+    def squares(thrust):
+        missile = eqx.tree_at(lambda m: m.thrust, MISSILE, thrust)
+        return missile.coupled_frequencies_squared.real
+
+    m, k = map(np.asarray, MISSILE.matrices)
+    values = np.sort(np.linalg.eigvals(np.linalg.solve(m, k)).real)
+    run = jax.jit(lambda f: (squares(f), jax.jacfwd(squares)(f), jax.jacrev(squares)(f)))
+    found, forward, reverse = run(jnp.asarray(THRUST))
+    assert_allclose(found, values, rtol=1e-10)
+    assert_allclose(forward, reverse, rtol=1e-8)
+    h = 1e-3 * THRUST
+    difference = (squares(jnp.asarray(THRUST + h)) - squares(jnp.asarray(THRUST - h))) / (2.0 * h)
+    # Truncation of the order of h^2, with slopes that change by percents over the thrust.
+    assert_allclose(forward, difference, rtol=1e-4)

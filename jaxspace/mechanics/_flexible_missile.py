@@ -29,8 +29,7 @@ from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
-import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
 from ..core.shapes import with_rank
@@ -113,7 +112,8 @@ class FlexibleMissile(AbstractSystem):
         shapes = self._shapes_at(place, 0)
         lean = engine["shift"] - engine["turn"] * place
         lean = jnp.broadcast_to(lean, jnp.broadcast_shapes(lean.shape, shapes.shape[1:]))
-        return jnp.concatenate([lean[None], jnp.broadcast_to(shapes, (self.modes, *lean.shape))])
+        shapes = jnp.broadcast_to(with_rank(shapes, lean.ndim), (self.modes, *lean.shape))
+        return jnp.concatenate([lean[None], shapes])
 
     def slopes(self, place: Scalar) -> Float[Array, "modes *#runs"]:
         """The slopes of the bending shapes at a place, m before the mass centre, 1/m."""
@@ -187,7 +187,9 @@ class FlexibleMissile(AbstractSystem):
     @property
     def hinge(self) -> tuple[Array, Array, Array]:
         """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""
-        at = jnp.asarray(self.engine_length / self.length)
+        # With the same runs, so that none of their axes is taken for that of the modes.
+        mass, length, part = jnp.broadcast_arrays(self.mass, self.length, self.engine_length)
+        at = part / length
         shapes = jnp.stack([beam_shape("free-free", b, at) for b in self.roots])
         slopes = jnp.stack([beam_shape("free-free", b, at, 1) for b in self.roots])
 
@@ -196,7 +198,7 @@ class FlexibleMissile(AbstractSystem):
             return beam_integral(lambda z: beam_shape("free-free", root, at - z) * z, 0.0, at)
 
         moments = jnp.stack([moment(b) for b in self.roots])
-        return shapes, slopes / self.length, moments * self.mass * self.length
+        return shapes, slopes / length, moments * mass * length
 
     @property
     def matrices(self) -> tuple[Float[Array, "n n *#runs"], Float[Array, "n n *#runs"]]:
@@ -222,11 +224,15 @@ class FlexibleMissile(AbstractSystem):
         return _matrix(m), _matrix(k)
 
     @property
-    def coupled_frequencies_squared(self) -> np.ndarray:
-        """w^2, rad^2/s^2, of engine and bending together, ascending, of one run; negative or
-        complex where the thrust makes them unstable. It cannot be traced: see `studies.modes`."""
-        m, k = (np.asarray(x) for x in self.matrices)
-        return np.sort_complex(np.linalg.eigvals(np.linalg.solve(m, k)))
+    def coupled_frequencies_squared(self) -> Complex[Array, "n *#runs"]:
+        """w^2, rad^2/s^2, of engine and bending together, ascending, (1 + modes, *runs); negative
+        or complex where the thrust makes them unstable."""
+        m, k = self.matrices
+        rank = max(m.ndim, k.ndim) - 2
+        m, k = jnp.broadcast_arrays(with_rank(m, rank, axes=2), with_rank(k, rank, axes=2))
+        # The library takes the matrices of all runs on its last axes.
+        product = jnp.moveaxis(solve(m, k), (0, 1), (-2, -1))
+        return jnp.moveaxis(jnp.sort(jnp.linalg.eigvals(product), axis=-1), -1, 0)
 
 
 def _matrix(rows: list[list[Any]]) -> Array:
