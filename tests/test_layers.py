@@ -85,7 +85,7 @@ OUTSIDE = {
     "simulation": FLOOR | {"diffrax", "lineax", "optimistix"},
     "studies": FLOOR | {"diffrax"},
     "control": FLOOR | {"diffrax"},
-    "optimization": FLOOR,
+    "optimization": FLOOR | {"optax"},
     "estimation": FLOOR | {"lineax", "optimistix"},
 }
 # Plotting, tables, files and clusters: only where a person asks for them, inside the function that
@@ -263,6 +263,18 @@ def test_outside_libraries_stay_where_they_belong():
                 yield f"{package} may not import {name}"
 
     in_every_file(complaints)
+
+
+def test_optax_drives_optimization_alone():
+    """The searches of chapter 8 take any optimiser of optax; no other package imports it, and
+    nothing does before one is used."""
+    users = {
+        (package_of(file), at_once)
+        for file in sources()
+        for name, at_once in imports(file)
+        if name.split(".")[0] == "optax"
+    }
+    assert users == {("optimization", False)}
 
 
 def test_a_public_file_lists_its_names_or_another_package_imports_it():
@@ -549,7 +561,7 @@ def test_importing_the_package_changes_nothing():
     floor = ["diffrax", "equinox", "jax", "numpy"]
     # Each row of the table holds what its packages import in their turn.
     needed = sorted({"orbits", "simulation"} | ALLOWED["orbits"] | ALLOWED["simulation"])
-    libraries = [*floor, *sorted(LIGHT)]
+    libraries = [*floor, "optax", *sorted(LIGHT)]
     assert run(WATCH % (libraries, MODULES)).splitlines() == [
         "at once: [] []",
         f"on request: {floor} {needed}",

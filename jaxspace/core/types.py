@@ -57,6 +57,9 @@ def as_float(x: Any) -> Any:
     Integers become floats. Whatever holds something else than real numbers passes as it is, for
     the check of the field: a placeholder of a tree transformation, a text, complex numbers, rows of
     different lengths."""
+    if isinstance(x, Array) and x.dtype.kind == "f":
+        # Nothing to convert: most calls are such.
+        return x
     if isinstance(x, bool | int):
         x = float(x)
     if isinstance(x, list | tuple):

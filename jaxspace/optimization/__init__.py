@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from . import fixed_masses as fixed_masses
     from . import flown_staging as flown_staging
     from . import laws as laws
+    from . import optimisers as optimisers
     from . import staged_flight as staged_flight
     from . import staging as staging
     from . import steering as steering

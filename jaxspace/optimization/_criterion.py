@@ -122,6 +122,7 @@ class Minimum(eqx.Module):
       unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.
+    - `left_out`: steps that were left out because they led to numbers that are not finite.
     - `search`: the state of the search, from which `minimise` can continue.
     - `tolerance`: the tolerance of the scaled gradient and violation.
     """
@@ -137,6 +138,7 @@ class Minimum(eqx.Module):
     reason: Int[Array, ""]
     bound_multipliers: Point
     history: Float[Array, "rows 3"]
+    left_out: Int[Array, ""]
     search: PyTree = None
     tolerance: Float[Array, ""] | None = None
 
@@ -156,6 +158,8 @@ class Minimum(eqx.Module):
         if not is_concrete(self.reason) or self.reason.ndim > 0:
             raise InputError("Minimum.sentence describes one known run: pick one.")
         numbers = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
+        if int(self.left_out):
+            numbers += f", {int(self.left_out)} steps left out as not finite"
         if unmet is None:
             equal, above = self.unmet
             unmet = [

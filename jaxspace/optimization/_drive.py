@@ -9,7 +9,7 @@ interrupted and resumed. Under a transformation it is a loop of the compiled pro
 """
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, TypeVar
+from typing import Any, ParamSpec, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -22,9 +22,17 @@ from ..integration.compiling import QUICK
 # What a search carries from step to step, and what is evaluated for it.
 S = TypeVar("S", bound=Any)
 F = TypeVar("F")
+P = ParamSpec("P")
+R = TypeVar("R")
 
 Progress: TypeAlias = Callable[[int, float, float, float], None]
 """Called after each step with its number, objective, violation and gradient."""
+
+
+def at_once(f: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
+    """f(*args) as one compiled program where its numbers are known: otherwise each of its many
+    operations would be compiled separately."""
+    return f(*args, **kwargs) if is_traced(args) else eqx.filter_jit(f, **QUICK)(*args, **kwargs)
 
 
 def drive(
@@ -43,6 +51,8 @@ def drive(
     - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
     """
     if not is_traced(state):
+        # A weak type of the start would make another program of each further step.
+        state = at_once(lambda s: jax.tree.map(_strong, s), state)
         compiled = jax.jit(evaluate)
         first = compiled(state)
         # If the problem closes over traced numbers, its results are traced.
@@ -53,6 +63,10 @@ def drive(
         return advance(state, evaluate(state))
 
     return lax.while_loop(unfinished, body, state), False
+
+
+def _strong(x: Array) -> Array:
+    return lax.convert_element_type(x, x.dtype)
 
 
 def _watched(
@@ -69,7 +83,7 @@ def _watched(
 
     move = eqx.filter_jit(move, **QUICK)
     # A search that is resumed may have nothing left to do.
-    more = bool(unfinished(state))
+    more = bool(at_once(unfinished, state))
     taken = int(state.taken)
     try:
         while more:

@@ -21,6 +21,7 @@ from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress
 from ._entry import as_point, check_scale, check_steps
 from ._gradient_check import refuse
+from ._optimiser import SQP, Optimiser, check_optimiser
 from ._scaling import scaled_problem
 from ._search import search
 
@@ -29,6 +30,7 @@ def minimise(
     problem: Callable[[Point], Criterion],
     start: PyTree | Minimum,
     *,
+    optimiser: Optimiser = SQP,
     bounds: tuple[PyTree, PyTree] | None = None,
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
@@ -68,6 +70,7 @@ def minimise(
     """
     before = start if isinstance(start, Minimum) else None
     check_steps(max_steps)
+    check_optimiser(optimiser, exact_hessian)
     x = as_point(start.x if isinstance(start, Minimum) else start)
     if scale is not None:
         check_scale(scale, x)
@@ -77,8 +80,10 @@ def minimise(
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     check = check_gradient and before is None
-    scaled = scaled_problem(problem, x, limits, scale, before)
-    minimum = search(scaled, tolerance, max_steps, exact_hessian, check, progress, before)
+    scaled = scaled_problem(problem, x, limits, scale, before, bounds is not None)
+    minimum = search(
+        scaled, optimiser, tolerance, max_steps, exact_hessian, check, progress, before
+    )
     if check_gradient and not is_traced(minimum.gradient_error):
         refuse(float(minimum.gradient_error), worst_number(minimum))
     return minimum
@@ -88,6 +93,7 @@ def minimise_from(
     problem: Callable[[Point], Criterion],
     starts: PyTree,
     *,
+    optimiser: Optimiser = SQP,
     bounds: tuple[PyTree, PyTree] | None = None,
     tolerance: Scalar = 1e-9,
     max_steps: int = 200,
@@ -111,6 +117,7 @@ def minimise_from(
     one = functools.partial(
         minimise,
         problem,
+        optimiser=optimiser,
         bounds=bounds,
         tolerance=tolerance,
         max_steps=max_steps,

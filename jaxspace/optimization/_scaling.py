@@ -30,7 +30,7 @@ class ScaledProblem(NamedTuple):
     - `start`: the first z, between the bounds `low` and `high`.
     - `unravel`: turns a flat x into a point.
     - `blank`: a criterion of zeros.
-    - `me`, `mi`: numbers of equalities and of inequalities."""
+    - `me`, `mi`: numbers of equalities and of inequalities; `bounded`: whether there are bounds."""
 
     problem: Callable[[Point], Criterion]
     start: Float[Array, " n"]
@@ -41,6 +41,7 @@ class ScaledProblem(NamedTuple):
     blank: Criterion
     me: int
     mi: int
+    bounded: bool
 
     def numbers(self, z: Array) -> tuple[Array, Criterion]:
         """f, c and d in one array, in their own units; and the criterion."""
@@ -55,6 +56,7 @@ def scaled_problem(
     limits: Bounds,
     scale: PyTree | None,
     before: Minimum | None,
+    bounded: bool,
 ) -> ScaledProblem:
     """The problem of `minimise` in scaled unknowns, with the scales of the search `before`, if
     given."""
@@ -69,7 +71,8 @@ def scaled_problem(
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size
     # A start far outside of the bounds would leave the first programme without a solution.
     z0 = jnp.clip(x0, low, high) / size
-    return ScaledProblem(problem, z0, size, low / size, high / size, unravel, blank, me, mi)
+    ends = (low / size, high / size)
+    return ScaledProblem(problem, z0, size, *ends, unravel, blank, me, mi, bounded)
 
 
 def weights(objective: Float[Array, ""], rows: Float[Array, " rows"]) -> Float[Array, " rows"]:

@@ -1,31 +1,41 @@
-"""Search for the minimum of a scaled problem by quadratic programmes (`_sqp.py`), from its start or
-from the end of an earlier search, to a `Minimum` in the units of the problem."""
+"""Search for the minimum of a scaled problem, by quadratic programmes (`_sqp.py`) or by an
+optimiser of optax (`_descent.py`), from its start or from the end of an earlier search, to a
+`Minimum` in the units of the problem (`_result.py`)."""
 
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array
 
 from ..core import InputError, Scalar
-from ..core.tracing import is_traced
-from ..integration.compiling import QUICK
+from . import _descent as descent
+from . import _descent_state as descent_state
 from . import _sqp as sqp
 from . import _sqp_state as sqp_state
-from ._criterion import Criterion, Minimum, StopReason, farthest, stop_reason
-from ._drive import Progress, drive
-from ._gradient_check import GRADIENT_TOLERANCE
+from ._criterion import Criterion, Minimum, farthest
+from ._drive import Progress, at_once, drive
+from ._free_numbers import free, inside
+from ._optimiser import SQP, as_stepper
+from ._result import End, minimum_of
 from ._scaling import ScaledProblem
-from ._sqp_measures import at_least_violation, slope
 
-P = ParamSpec("P")
-R = TypeVar("R")
+
+class Method(NamedTuple):
+    """What `drive` needs of a search; `end`: the place of its result, from its last state."""
+
+    state: Any
+    evaluate: Callable[[Any], Any]
+    advance: Callable[[Any, Any], Any]
+    unfinished: Callable[[Any], Array]
+    end: Callable[[Any], End]
 
 
 def search(
     scaled: ScaledProblem,
+    optimiser: Any,
     tolerance: Scalar,
     max_steps: int,
     exact_hessian: bool,
@@ -37,38 +47,15 @@ def search(
     the gradient at the start is compared with differences, and `before` is the search to
     continue."""
     z0 = scaled.start
-    me = scaled.me
-    mi = scaled.mi
-
-    def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
-        stacked, criterion = scaled.numbers(z)
-        return stacked, (stacked, criterion)
-
-    # Forward mode costs a run for each unknown; reverse mode costs several runs for each number,
-    # and compiles for longer.
-    mode = jax.jacfwd if z0.size <= 16 * (1 + me + mi) else jax.jacrev
-    derivatives = mode(numbers, has_aux=True)
-
-    def evaluate(s: sqp_state.SqpState) -> sqp_state.Evaluation:
-        jacobian, (values, criterion) = derivatives(s.trial)
-        return sqp_state.Evaluation(values, jacobian, criterion)
-
-    curvature = jax.hessian(lambda z, w: w @ numbers(z)[0]) if exact_hessian else None
     least = jnp.asarray(tolerance, z0.dtype)
     limits = sqp_state.Limits(scaled.low, scaled.high, least, farthest(z0))
-    state = _at_once(
-        sqp_state.begin, z0, scaled.size, me, mi, scaled.blank, max_steps, check, limits
-    )
-    if before is not None:
-        state = _resumed(before, state)
-    last, interrupted = drive(
-        evaluate,
-        lambda s, evaluation: sqp.advance(s, evaluation, limits, curvature),
-        lambda s: sqp_state.unfinished(s, limits),
-        state,
-        progress,
-    )
-    minimum = _at_once(_minimum, last, limits, scaled.size, interrupted)
+    if optimiser == SQP:
+        method = _by_programmes(scaled, limits, max_steps, exact_hessian, check)
+    else:
+        method = _by_optax(scaled, limits, optimiser, max_steps, check)
+    state = method.state if before is None else _resumed(before, method.state)
+    last, interrupted = drive(method.evaluate, method.advance, method.unfinished, state, progress)
+    minimum = at_once(lambda last: minimum_of(method.end(last), last, limits, interrupted), last)
     history = minimum.history
     if before is not None:
         # Rows of steps not taken are NaN, and would separate the two searches.
@@ -80,76 +67,123 @@ def search(
     return eqx.tree_at(places, minimum, (x, held, history))
 
 
-def _at_once(f: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
-    """f(*args) as one compiled program where its numbers are known: otherwise each of its many
-    operations would be compiled separately."""
-    return f(*args, **kwargs) if is_traced(args) else eqx.filter_jit(f, **QUICK)(*args, **kwargs)
+def _derivatives(scaled: ScaledProblem) -> Callable[[Array], Any]:
+    """The Jacobian of the stacked numbers in z, and beside it the numbers and the criterion."""
+
+    def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
+        stacked, criterion = scaled.numbers(z)
+        return stacked, (stacked, criterion)
+
+    # Forward mode costs a run for each unknown; reverse mode costs several runs for each number,
+    # and compiles for longer.
+    mode = jax.jacfwd if scaled.start.size <= 16 * (1 + scaled.me + scaled.mi) else jax.jacrev
+    return mode(numbers, has_aux=True)
 
 
-def _minimum(
-    last: sqp_state.SqpState,
+def _by_programmes(
+    scaled: ScaledProblem,
     limits: sqp_state.Limits,
-    size: Float[Array, " n"],
-    interrupted: bool,
-) -> Minimum:
-    """The result of a search from its `last` state, in the units of the problem, with x as one
-    array."""
-    at = last.at
-    c, d = at.report.equal_zero, at.report.non_negative
-    weight = last.weight
-    y = last.y * weight[1 : 1 + last.y.size] / weight[0]
-    nu = last.nu * weight[1 + last.y.size :] / weight[0]
-    violation = jnp.zeros_like(last.gradient)
-    if c is not None:
-        violation = jnp.maximum(violation, jnp.max(jnp.abs(c)))
-    if d is not None:
-        violation = jnp.maximum(violation, jnp.max(-d))
-    missed = last.violation > limits.tolerance
-    finite = at.sound()
-    # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
-    # have a gradient of zero.
-    converged = (last.gradient <= limits.tolerance) & ~missed & finite
-    reason = stop_reason(
-        finite,
-        converged,
-        last.taken >= last.rows.shape[0],
-        missed & at_least_violation(last, limits),
-        sqp_state.diverged(last, limits),
-    )
-    # A wrong gradient and an interruption come first.
-    if interrupted:
-        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
-    reason = jnp.where(last.wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason)
-    return Minimum(
-        x=size * last.x,
-        criterion=at.report,
-        multipliers=Criterion(
-            jnp.ones_like(last.gradient),
-            None if c is None else y.reshape(c.shape),
-            None if d is None else nu.reshape(d.shape),
+    max_steps: int,
+    exact_hessian: bool,
+    check: bool,
+) -> Method:
+    derivatives = _derivatives(scaled)
+
+    def evaluate(s: sqp_state.SqpState) -> sqp_state.Evaluation:
+        jacobian, (values, criterion) = derivatives(s.trial)
+        return sqp_state.Evaluation(values, jacobian, criterion)
+
+    curvature = jax.hessian(lambda z, w: w @ scaled.numbers(z)[0]) if exact_hessian else None
+    return Method(
+        at_once(
+            sqp_state.begin,
+            scaled.start,
+            scaled.size,
+            scaled.me,
+            scaled.mi,
+            scaled.blank,
+            max_steps,
+            check,
+            limits,
         ),
-        gradient=last.gradient,
-        violation=violation,
-        steps=last.steps,
-        converged=converged,
-        gradient_error=last.wrong,
-        reason=reason.astype(int),
-        bound_multipliers=slope(at, last.y, last.nu) / (weight[0] * size),
-        history=last.rows,
-        search=last,
-        tolerance=limits.tolerance,
+        evaluate,
+        lambda s, evaluation: sqp.advance(s, evaluation, limits, curvature),
+        lambda s: sqp_state.unfinished(s, limits),
+        lambda s: End(
+            s.x, s.at, s.y, s.nu, s.pending.y, s.pending.nu, sqp_state.diverged(s, limits)
+        ),
     )
 
 
-def _resumed(before: Minimum, blank: sqp_state.SqpState) -> sqp_state.SqpState:
+def _by_optax(
+    scaled: ScaledProblem,
+    limits: sqp_state.Limits,
+    optimiser: Any,
+    max_steps: int,
+    check: bool,
+) -> Method:
+    derivatives = _derivatives(scaled)
+
+    # A line search differentiates the values once more: by the same mode as the search.
+    @jax.custom_jvp
+    def values(z: Array) -> Array:
+        return scaled.numbers(z)[0]
+
+    @values.defjvp
+    def by_jacobian(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+        jacobian, (stacked, _) = derivatives(*primals)
+        return stacked, jacobian @ tangents[0]
+
+    low, high = scaled.low, scaled.high
+    q0 = free(scaled.start, low, high) if scaled.bounded else scaled.start
+    point = (lambda q: inside(q, low, high)) if scaled.bounded else None
+    stepper = as_stepper(optimiser, q0, scaled.unravel)
+    counts = (scaled.me, scaled.mi)
+    setting = descent_state.Setting(
+        derivatives, values, point, stepper, limits, scaled.me, counts != (0, 0), check
+    )
+    z0 = q0 if point is None else point(q0)
+
+    def evaluate(s: descent_state.DescentState) -> sqp_state.Evaluation:
+        return descent.evaluate(s, setting)
+
+    def advance(s: Any, found: sqp_state.Evaluation) -> descent_state.DescentState:
+        return descent.advance(s, found, setting)
+
+    steps = (evaluate, advance)
+    if stepper.anew:
+        # A line search evaluates the problem within its step, which then is one program with it.
+        steps = (lambda s: advance(s, evaluate(s)), lambda s, after: after)
+    return Method(
+        at_once(
+            descent_state.begin,
+            q0,
+            z0,
+            scaled.size,
+            counts,
+            scaled.blank,
+            max_steps,
+            check,
+            stepper,
+            limits,
+        ),
+        *steps,
+        lambda s: descent_state.unfinished(s, limits),
+        lambda s: descent_state.end(s, limits),
+    )
+
+
+def _resumed(before: Minimum, blank: Any) -> Any:
     """The state in which a search ended, with space for as many further steps."""
     last = before.search
     # Another number of constraints means another problem; the rows are for the new limit of steps.
     if _shapes(last) != _shapes(blank):
-        raise InputError("start is a Minimum of another problem: start from its x.")
-    # What was pending when it ended is evaluated first.
-    return last._replace(rows=blank.rows, taken=jnp.asarray(0))
+        raise InputError(
+            "start is a Minimum of another problem, or by another optimiser: start from its x."
+        )
+    return last.resumed(blank.rows)
 
 
-def _shapes(state: Any) -> list[tuple[int, ...]]:
-    return [x.shape for x in jax.tree.leaves(state._replace(rows=None))]
+def _shapes(state: Any) -> tuple[Any, list[tuple[int, ...]]]:
+    leaves, structure = jax.tree.flatten(state._replace(rows=None))
+    return structure, [x.shape for x in leaves]

@@ -18,21 +18,34 @@ def scaled(evaluation: Evaluation, weight: Array, me: int) -> Values:
 
 def violation(at: Values) -> Float[Array, ""]:
     """The largest violation of an equality or an inequality."""
+    if not at.c.size + at.d.size:
+        return jnp.zeros_like(at.f)
     largest = jnp.max(jnp.abs(at.c), initial=0.0)
     return jnp.maximum(largest, jnp.max(-at.d, initial=0.0))
 
 
 def slope(at: Values, y: Array, nu: Array) -> Float[Array, " n"]:
     """The gradient of the Lagrangian f + y.c - nu.d."""
+    if not y.size + nu.size:
+        return at.g
     return at.g + at.J.T @ y - at.K.T @ nu
 
 
 def gradient(s: SqpState, limits: Limits) -> Float[Array, ""]:
+    """The gradient at x."""
+    return lagrangian_gradient(s.at, s.x, s.y, s.nu, limits)
+
+
+def lagrangian_gradient(
+    at: Values, x: Array, y: Array, nu: Array, limits: Limits
+) -> Float[Array, ""]:
     """The largest component of the projected gradient of the Lagrangian, or of nu d."""
     # Projected on the bounds: a component that pushes against a bound allows no descent. It is
     # x - clip(x - slope), without the difference of large x, which would lose a small slope.
-    free = jnp.clip(slope(s.at, s.y, s.nu), s.x - limits.upper, s.x - limits.lower)
-    loose = jnp.minimum(jnp.maximum(s.at.d, 0.0), s.nu)
+    free = jnp.clip(slope(at, y, nu), x - limits.upper, x - limits.lower)
+    if not nu.size:
+        return jnp.max(jnp.abs(free))
+    loose = jnp.minimum(jnp.maximum(at.d, 0.0), nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
 
 
@@ -66,20 +79,22 @@ def damped_bfgs(s: SqpState, trial: Values, p: Array, y: Array, nu: Array) -> Ar
     return jnp.where(usable, new, B)
 
 
-def at_least_violation(s: SqpState, limits: Limits) -> Bool[Array, ""]:
-    """Whether no step reduces the violation of the constraints to first order.
+def at_least_violation(
+    at: Values, x: Array, y: Array, nu: Array, limits: Limits
+) -> Bool[Array, ""]:
+    """Whether no step from x reduces the violation of the constraints to first order.
 
-    The violation is their sum, which the quadratic programmes reduce, or their sum of squares."""
-    at = s.at
+    The violation is their sum, which the quadratic programmes reduce, or their sum of squares; `y`
+    and `nu` are the multipliers with which a search ended."""
     holds = jnp.asarray(False)
-    free = (s.x > limits.lower) & (s.x < limits.upper)
+    free = (x > limits.lower) & (x < limits.upper)
     # Three sets of weights, because the first is inexact: the multipliers of the last programme, in
     # which the objective has become a small part, lose digits where its radius is small.
-    for y, nu in ((s.pending.y, s.pending.nu), _of_the_sum(at, free), (at.c, -at.d)):
-        y, nu = unit_weights(y, nu)
+    for pair in ((y, nu), _of_the_sum(at, free), (at.c, -at.d)):
+        y, nu = unit_weights(*pair)
         gradient, weighted = at.J.T @ y - at.K.T @ nu, at.c @ y - at.d @ nu
         ends = (limits.lower, limits.upper)
-        holds = holds | least_violation(s.x, gradient, weighted, s.violation, ends)
+        holds = holds | least_violation(x, gradient, weighted, violation(at), ends)
     return holds
 
 

@@ -23,7 +23,7 @@ class Values(NamedTuple):
     def sound(self) -> Bool[Array, ""]:
         """Whether all numbers and all derivatives are finite."""
         parts = (self.f, self.c, self.d, self.g, self.J, self.K)
-        return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in parts]))
+        return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in parts if x.size]))
 
 
 class Pending(NamedTuple):
@@ -45,7 +45,8 @@ class SqpState(NamedTuple):
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
     - `probed`: values at the probes; `wrong`: the error of the gradient against their differences;
       `worst`: the row of (f, c, d) where it is largest.
-    - `taken`: steps of this search; `steps`: also those of the searches that it continues."""
+    - `taken`: steps of this search; `steps`: also those of the searches that it continues;
+      `left_out`: those to a place whose numbers are not finite."""
 
     x: Float[Array, " n"]
     at: Values
@@ -70,6 +71,12 @@ class SqpState(NamedTuple):
     worst: Int[Array, ""]
     size: Float[Array, " n"]
     steps: Int[Array, ""]
+    left_out: Int[Array, ""]
+
+    def resumed(self, rows: Array) -> "SqpState":
+        """The state from which the search goes on, with space for further `rows`."""
+        # What was pending when it ended is evaluated first.
+        return self._replace(rows=rows, taken=jnp.asarray(0))
 
 
 class Evaluation(NamedTuple):
@@ -128,7 +135,7 @@ def begin(
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
         x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
-        zeros((PROBES, rows)), zeros(()), jnp.asarray(0), size, jnp.asarray(0),
+        zeros((PROBES, rows)), zeros(()), jnp.asarray(0), size, jnp.asarray(0), jnp.asarray(0),
     )  # fmt: skip
 
 

@@ -1,0 +1,230 @@
+"""Descent by an optimiser of optax, under constraints by the method of multipliers.
+
+    q <- q + share * update(grad L, state, q, value=L, grad=grad L, value_fn=L)
+
+A round is a descent of one augmented Lagrangian (`_lagrangian.py`); it ends where the gradient is
+small beside the violation, or where neither falls. The optimiser goes on through all rounds, with
+its moments and schedules; what it holds of a single function (curvature, the end of a line search)
+begins anew with each. A step to a place whose numbers are not finite is left out, counted, and
+tried again with a quarter of its length. The result is the place of the least exact penalty, for an
+optimiser of fixed steps does not fall at each of them.
+
+Files: `_optimiser.py` (what optax is given), `_descent_state.py`, `_free_numbers.py` (bounds). The
+loop is that of `_drive.py`.
+"""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+from jax import lax
+from jaxtyping import Array, Bool, Float
+
+from ._descent_state import (
+    LEAST_SHARE,
+    STILL_LINES,
+    STILL_STEPS,
+    DescentState,
+    Place,
+    Setting,
+    converged,
+    over,
+)
+from ._gradient_check import probed_error
+from ._lagrangian import FIRST_WEIGHT
+from ._scaling import weights
+from ._sqp_measures import lagrangian_gradient, penalty, scaled, slope, violation
+from ._sqp_state import Evaluation, probes_of
+
+# A round ends where the gradient is below this part of the violation: a descent to the last digit
+# is wasted while the multipliers are not right.
+ENOUGH = 0.1
+# After so many steps a round ends where its violation does not fall.
+LONG_ROUND = 50
+# Where the multipliers reduce the violation less than so, the weight has to grow.
+SLOW, GROWTH = 0.25, 4.0
+# The largest weight: a violation that no round reduces then is final.
+MOST_WEIGHT = 1e6
+
+
+def evaluate(s: DescentState, setting: Setting) -> Evaluation:
+    """Values and derivatives at `s.trial`."""
+    jacobian, (values, report) = setting.derivatives(_trial_point(s, setting))
+    return Evaluation(values, jacobian, report)
+
+
+def _trial_point(s: DescentState, setting: Setting) -> Float[Array, " n"]:
+    z = setting.point(s.trial)
+    # Probes of the gradient are points of the problem itself, other trials are free numbers.
+    return jnp.where(s.calls < 0, s.trial, z) if setting.check else z
+
+
+def advance(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
+    """The state after an evaluation at `s.trial`: a probe of the gradient, the start, the end of a
+    step, or the average of a schedule-free optimiser."""
+    z = _trial_point(s, setting)
+    if not setting.check and not setting.stepper.averages:
+        return _moved(s, found, z, setting=setting)
+    ways = [functools.partial(f, setting=setting) for f in (_moved, _probed, _averaged)]
+    way = jnp.where(s.calls < 0, 1, jnp.where(s.averaging == 1, 2, 0))
+    return lax.switch(way, ways if setting.stepper.averages else ways[:2], s, found, z)
+
+
+def _probed(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
+    del z
+    following = s.calls + 1
+    start = setting.point(s.q)
+    probes = probes_of(start, setting.limits)
+    place = start + probes.shares[following] * probes.direction
+    return s._replace(
+        probed=s.probed.at[s.calls].set(found.values),
+        calls=following,
+        trial=jnp.where(following < 0, place, s.q),
+    )
+
+
+def _averaged(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
+    place = _place(s, found, z, setting)
+    better = place.at.sound() & _no_worse(place, s.best)
+    better = better | converged(place, setting.limits)
+    best = jax.tree.map(functools.partial(jnp.where, better), place, s.best)
+    return s._replace(best=best, averaging=jnp.asarray(2))
+
+
+def _moved(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
+    """Accept the step or leave it out, and compute the next one."""
+    first = s.calls == 0
+    s = _started(s, found, setting)
+    place = _place(s, found, z, setting)
+    accepted = first | place.at.sound()
+    keep = functools.partial(jnp.where, accepted)
+    here = jax.tree.map(keep, place, s.here)
+    better = accepted & (first | _no_worse(place, s.best) | converged(place, setting.limits))
+    row = jnp.stack([here.at.f / s.weight[0], here.violation, here.gradient])
+    s = s._replace(
+        q=keep(s.trial, s.q),
+        here=here,
+        best=jax.tree.map(functools.partial(jnp.where, better), place, s.best),
+        # A shorter step than the optimiser's, until one is finite again.
+        share=keep(jnp.minimum(4.0 * s.share, 1.0), 0.25 * s.share),
+        left_out=s.left_out + jnp.where(accepted, 0, 1),
+        rows=jnp.where(first, s.rows, s.rows.at[s.taken].set(row)),
+        taken=s.taken + jnp.where(first, 0, 1),
+        steps=s.steps + jnp.where(first, 0, 1),
+        calls=s.calls + 1,
+    )
+    s = s._replace(stopped=s.stopped | (s.share < LEAST_SHARE))
+    # Under `vmap` both are computed, which changes nothing.
+    goes_on = accepted & ~over(s, setting.limits)
+    s = lax.cond(goes_on, lambda s: _stepped(s, setting), lambda s: s, s)
+    trial = s.q + s.share * s.step
+    if setting.stepper.averages:
+        ending = over(s, setting.limits) & ~converged(s.here, setting.limits)
+        trial = jnp.where(ending, setting.stepper.averaged(s.optimiser, s.q), trial)
+        s = s._replace(averaging=jnp.where(ending, 1, 0))
+    return s._replace(trial=trial)
+
+
+def _started(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
+    """At the start: the scales, and the error of the gradient where it was probed."""
+    first = s.calls == 0
+    weight = weights(found.values[0], jnp.max(jnp.abs(found.jacobian), axis=1))
+    weight = jnp.where(first, weight, s.weight)
+    if not setting.check:
+        return s._replace(weight=weight)
+    probes = probes_of(setting.point(s.q), setting.limits)
+    claimed = weight * (found.jacobian @ probes.direction)
+    wrong, worst = probed_error(weight * s.probed, probes, claimed)
+    checked = first & jnp.any(s.probed != 0.0)
+    return s._replace(
+        weight=weight,
+        wrong=jnp.where(checked, wrong, s.wrong),
+        worst=jnp.where(checked, worst, s.worst),
+    )
+
+
+def _place(s: DescentState, found: Evaluation, z: Array, setting: Setting) -> Place:
+    at = scaled(found, s.weight, setting.me)
+    now = s.multipliers.of(at.c, at.d)
+    gradient = lagrangian_gradient(at, z, now.y, now.nu, setting.limits)
+    return Place(z, at, now.y, now.nu, gradient, violation(at))
+
+
+def _no_worse(place: Place, best: Place) -> Bool[Array, ""]:
+    """Whether the exact penalty is no larger than at the best place."""
+    if not place.y.size + place.nu.size:
+        return place.at.f <= best.at.f
+    largest = jnp.max(jnp.abs(jnp.concatenate([place.y, place.nu])), initial=0.0)
+    # Above the multipliers, so that its minimum is that of the problem.
+    rho = jnp.maximum(FIRST_WEIGHT, 2.0 * largest)
+    least = best.at.f + rho * penalty(best.at.c, best.at.d)
+    return place.at.f + rho * penalty(place.at.c, place.at.d) <= least
+
+
+def _stepped(s: DescentState, setting: Setting) -> DescentState:
+    """The next step of the optimiser, in this round or at the start of the next one."""
+    # After a step that changed nothing, memory of the function is of no use.
+    anew = s.still > 0
+    if setting.constrained:
+        s, ended = _rounds(s, anew & setting.stepper.anew, setting)
+        anew = anew | ended
+    state = setting.stepper.restarted(s.optimiser, s.q, anew)
+
+    def function(q: Float[Array, " n"]) -> Array:
+        f, c, d = _numbers(s.weight * setting.values(setting.point(q)), setting.me)
+        value = s.multipliers.lagrangian(f, c, d)
+        # A line search turns back where the function is infinite, and not where it is none.
+        return jnp.where(jnp.isnan(value), jnp.inf, value)
+
+    at, now = s.here.at, s.multipliers.of(s.here.at.c, s.here.at.d)
+    g = slope(at, now.y, now.nu)
+    if setting.constrained:
+        g = s.multipliers.share * g
+    if setting.inside is not None:
+        g = g * jax.jvp(setting.inside, (s.q,), (jnp.ones_like(s.q),))[1]
+    value = s.multipliers.lagrangian(at.f, at.c, at.d)
+    step, after = setting.stepper.step(s.q, g, value, function, state)
+    sound = jnp.all(jnp.isfinite(step))
+    step = jnp.where(sound, step, 0.0)
+    if not setting.stepper.anew:
+        # Others begin anew after a step that changed nothing.
+        fresh = setting.stepper.begin(s.q)
+        after = jax.tree.map(functools.partial(jnp.where, sound), after, fresh)
+    change = jnp.max(jnp.abs(step) / jnp.maximum(jnp.abs(s.q), 1.0))
+    still = jnp.where(change <= 10.0 * jnp.finfo(s.q.dtype).eps, s.still + 1, 0)
+    most = STILL_LINES if setting.stepper.anew else STILL_STEPS
+    return s._replace(
+        step=step,
+        optimiser=after,
+        left_out=s.left_out + jnp.where(sound, 0, 1),
+        still=still,
+        stopped=s.stopped | (still >= most),
+        round_steps=s.round_steps + 1,
+    )
+
+
+def _numbers(values: Array, me: int) -> tuple[Array, Array, Array]:
+    return values[0], values[1 : 1 + me], values[1 + me :]
+
+
+def _rounds(
+    s: DescentState, stuck: Bool[Array, ""], setting: Setting
+) -> tuple[DescentState, Bool[Array, ""]]:
+    """The multipliers of the next round where this one ended, and whether it did."""
+    at, m = s.here.at, s.multipliers
+    left, (begun, last) = m.missed(at.c, at.d), s.missed
+    enough = s.here.gradient <= jnp.maximum(setting.limits.tolerance, ENOUGH * left)
+    long = s.round_steps >= LONG_ROUND
+    # With fixed steps the gradient may never be small: then the violation must have settled.
+    ended = enough | stuck | (long & (left > 0.9 * begun))
+    slow = ended & enough & (left > SLOW * last)
+    hopeless = slow & (m.rho >= MOST_WEIGHT) & (left > setting.limits.tolerance)
+    now = m.of(at.c, at.d)
+    now = now._replace(rho=jnp.where(slow, jnp.minimum(GROWTH * m.rho, MOST_WEIGHT), m.rho))
+    s = s._replace(
+        multipliers=jax.tree.map(functools.partial(jnp.where, ended), now, m),
+        missed=(jnp.where(ended | long, left, begun), jnp.where(ended, left, last)),
+        round_steps=jnp.where(ended | long, 0, s.round_steps),
+        stopped=s.stopped | hopeless,
+    )
+    return s, ended

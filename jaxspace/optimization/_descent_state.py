@@ -1,0 +1,169 @@
+"""State of a search by an optimiser of optax (`_descent.py`): its fields, its start and its end."""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int
+
+from ._gradient_check import GRADIENT_TOLERANCE, PROBES
+from ._lagrangian import FIRST_WEIGHT, Multipliers
+from ._optimiser import Stepper
+from ._result import End
+from ._sqp_state import Limits, Values, probes_of
+
+# Steps that change nothing, after which a search ends: an optimiser with a line search begins anew
+# after each of them, one with a schedule may begin with small steps.
+STILL_LINES, STILL_STEPS = 3, 25
+# A step that is not finite even with this share of its length has no finite neighbour.
+LEAST_SHARE = 1e-12
+
+
+class Place(NamedTuple):
+    """A point of the search: the scaled unknowns z, values and derivatives there, multipliers of c
+    and d, and the scaled gradient and violation that are compared with the tolerance."""
+
+    z: Float[Array, " n"]
+    at: Values
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
+    gradient: Float[Array, ""]
+    violation: Float[Array, ""]
+
+
+class DescentState(NamedTuple):
+    """State of the search between two steps.
+
+    - `q`, `here`: free numbers (`_free_numbers.py`), and what is known there.
+    - `best`: the place of the least exact penalty.
+    - `step`: the last update, of which `trial` takes a `share`.
+    - `multipliers`: of the augmented Lagrangian; `missed`: its violation at the start of the round
+      and of the last one; `round_steps`: steps of this round.
+    - `optimiser`: what optax holds.
+    - `still`: steps in sequence that changed nothing; `stopped`: whether none will.
+    - `left_out`: steps that were not finite.
+    - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
+    - `weight`, `size`, `rows`, `calls`, `probed`, `wrong`, `worst`, `taken`, `steps`: as in
+      `SqpState`."""
+
+    q: Float[Array, " n"]
+    here: Place
+    best: Place
+    step: Float[Array, " n"]
+    share: Float[Array, ""]
+    trial: Float[Array, " n"]
+    multipliers: Multipliers
+    missed: tuple[Float[Array, ""], Float[Array, ""]]
+    round_steps: Int[Array, ""]
+    optimiser: Any
+    still: Int[Array, ""]
+    stopped: Bool[Array, ""]
+    left_out: Int[Array, ""]
+    averaging: Int[Array, ""]
+    weight: Float[Array, " all"]
+    size: Float[Array, " n"]
+    rows: Float[Array, "steps 3"]
+    calls: Int[Array, ""]
+    probed: Float[Array, "4 all"]
+    wrong: Float[Array, ""]
+    worst: Int[Array, ""]
+    taken: Int[Array, ""]
+    steps: Int[Array, ""]
+
+    def resumed(self, rows: Array) -> "DescentState":
+        """The state from which the search goes on, with space for further `rows`."""
+        zero = jnp.asarray(0)
+        return self._replace(
+            rows=rows,
+            taken=zero,
+            still=zero,
+            stopped=jnp.asarray(False),
+            averaging=zero,
+            trial=self.q + self.share * self.step,
+        )
+
+
+class Setting(NamedTuple):
+    """What does not change during a search.
+
+    - `derivatives`: of the stacked values f, c, d in z, with the values and the report beside them;
+      `values`: the values alone, whose derivative is the former.
+    - `inside`: z of free numbers, or `None` without bounds.
+    - `stepper`: the optimiser; `me`: the number of equalities; `constrained`: whether there are
+      constraints; `check`: whether the gradient at the start is probed."""
+
+    derivatives: Callable[[Array], Any]
+    values: Callable[[Array], Array]
+    inside: Callable[[Array], Array] | None
+    stepper: Stepper
+    limits: Limits
+    me: int
+    constrained: bool
+    check: bool
+
+    def point(self, q: Float[Array, " n"]) -> Float[Array, " n"]:
+        """The z of free numbers."""
+        return q if self.inside is None else self.inside(q)
+
+
+def begin(
+    q: Float[Array, " n"],
+    z: Float[Array, " n"],
+    size: Float[Array, " n"],
+    counts: tuple[int, int],
+    report: Any,
+    max_steps: int,
+    check: bool,
+    stepper: Stepper,
+    limits: Limits,
+) -> DescentState:
+    """The state before the first evaluation; `counts`: of equalities and inequalities, the others
+    as in `_sqp_state.begin`."""
+    me, mi = counts
+    rows = 1 + me + mi
+    none = jnp.zeros((), q.dtype)
+    y, nu, n = jnp.zeros(me, q.dtype), jnp.zeros(mi, q.dtype), q.size
+    J, K = jnp.zeros((me, n), q.dtype), jnp.zeros((mi, n), q.dtype)
+    at = Values(none, y, nu, jnp.zeros_like(q), J, K, report)
+    place = Place(z, at, y, nu, jnp.inf + none, jnp.inf + none)
+    probed = probes_of(z, limits)
+    zero = jnp.asarray(0)
+    return DescentState(
+        q, place, place, jnp.zeros_like(q), none + 1.0,
+        z + probed.shares[0] * probed.direction if check else q,
+        Multipliers(y, nu, none + FIRST_WEIGHT), (none + jnp.inf, none + jnp.inf), zero,
+        stepper.begin(q), zero, jnp.asarray(False), zero, zero, jnp.ones(rows, q.dtype), size,
+        jnp.full((max_steps, 3), jnp.nan, q.dtype), jnp.asarray(-PROBES if check else 0),
+        jnp.zeros((PROBES, rows), q.dtype), none, zero, zero, zero,
+    )  # fmt: skip
+
+
+def converged(place: Place, limits: Limits) -> Bool[Array, ""]:
+    """Whether a place meets the tolerance."""
+    met = (place.gradient <= limits.tolerance) & (place.violation <= limits.tolerance)
+    return met & place.at.sound()
+
+
+def over(s: DescentState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the optimiser takes no further step."""
+    ended = converged(s.here, limits) | s.stopped | (s.taken >= s.rows.shape[0])
+    ended = ended | ~(s.wrong <= GRADIENT_TOLERANCE) | ~s.here.at.sound()
+    return (s.calls > 0) & (ended | diverged(s, limits))
+
+
+def unfinished(s: DescentState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the search needs another evaluation."""
+    return (s.averaging == 1) | ~over(s, limits)
+
+
+def diverged(s: DescentState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the unknowns are beyond `farthest`."""
+    return jnp.max(jnp.abs(s.here.z)) > limits.farthest
+
+
+def end(s: DescentState, limits: Limits) -> End:
+    """The place of the result: the best one."""
+    best = s.best
+    # Where the search came from a better place, it did not fall without bound.
+    falling = jnp.all(best.z == s.here.z)
+    return End(best.z, best.at, best.y, best.nu, best.y, best.nu, diverged(s, limits) & falling)

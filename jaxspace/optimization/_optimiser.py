@@ -1,0 +1,139 @@
+"""What `minimise` searches by: quadratic programmes, or an optimiser of optax.
+
+optax is imported where one of its optimisers is used, and not with the package.
+"""
+
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
+
+import jax
+import jax.numpy as jnp
+from jax.flatten_util import ravel_pytree
+from jax.tree_util import GetAttrKey, tree_leaves_with_path
+from jaxtyping import Array, Bool, Float
+
+from ..core import InputError
+
+if TYPE_CHECKING:
+    import optax
+
+    Optimiser: TypeAlias = optax.GradientTransformation | str
+else:
+    Optimiser: TypeAlias = Any
+
+SQP = "sqp"
+# Fields of what an optimiser holds of the function itself: differences of its gradients, and the
+# value at the end of a line search.
+OF_THE_FUNCTION = {"diff_params_memory", "value"}
+
+
+class Stepper(NamedTuple):
+    """An optimiser of optax, as a search uses it.
+
+    - `optimiser`: with extra arguments; `unravel`: a flat array as a tree like the unknowns, which
+      is what optax sees, so that it can treat its parts differently.
+    - `anew`: whether it holds values or curvature of one function, which are wrong for the next
+      Lagrangian; moments and counts of steps go on.
+    - `plateau`: whether it compares with a least value, which is that of one Lagrangian too.
+    - `averages`: whether its optimum is at other parameters than those of the gradients."""
+
+    optimiser: Any
+    unravel: Any
+    anew: bool
+    plateau: bool
+    averages: bool
+
+    def begin(self, q: Float[Array, " n"]) -> Any:
+        """The state of the optimiser at `q`."""
+        # optax mixes integer widths, which a caller's strict promotion would refuse.
+        with jax.numpy_dtype_promotion("standard"):
+            return jax.tree.map(_strong, self.optimiser.init(self.unravel(q)))
+
+    def restarted(self, state: Any, q: Float[Array, " n"], anew: Bool[Array, ""]) -> Any:
+        """The state for another function, where `anew`."""
+        if self.anew:
+            return jax.tree.map(lambda a, b: jnp.where(anew, a, b), self.begin(q), state)
+        if not self.plateau:
+            return state
+
+        def forgotten(path: Any, x: Array) -> Array:
+            named = path and getattr(path[-1], "name", "") == "best_value"
+            return jnp.where(anew, jnp.inf, x).astype(x.dtype) if named else x
+
+        return jax.tree_util.tree_map_with_path(forgotten, state)
+
+    def step(
+        self, q: Float[Array, " n"], g: Float[Array, " n"], value: Array, function: Any, state: Any
+    ) -> tuple[Float[Array, " n"], Any]:
+        """The update of `q` and the next state; `function` is one of flat numbers."""
+        grad, params = self.unravel(g), self.unravel(q)
+        with jax.numpy_dtype_promotion("standard"):
+            updates, after = self.optimiser.update(
+                grad,
+                state,
+                params,
+                value=value,
+                grad=grad,
+                value_fn=lambda tree: function(ravel_pytree(tree)[0]),
+            )
+        # A loop needs the types of the start.
+        after = jax.tree.map(lambda a, b: jnp.asarray(a).astype(b.dtype), after, state)
+        return ravel_pytree(updates)[0].astype(q.dtype), after
+
+    def averaged(self, state: Any, q: Float[Array, " n"]) -> Float[Array, " n"]:
+        """The parameters at which a schedule-free optimiser is to be evaluated."""
+        import optax
+
+        with jax.numpy_dtype_promotion("standard"):
+            params = optax.contrib.schedule_free_eval_params(_averages(state)[0], self.unravel(q))
+        return ravel_pytree(params)[0].astype(q.dtype)
+
+
+def as_stepper(optimiser: Any, q: Float[Array, " n"], unravel: Any) -> Stepper:
+    """The `optimiser` of `minimise` for numbers like `q`."""
+    import optax
+
+    made = Stepper(optax.with_extra_args_support(optimiser), unravel, False, False, False)
+    state = jax.eval_shape(made.begin, q)
+    held = {
+        key.name
+        for path, _ in tree_leaves_with_path(state)
+        for key in path
+        if isinstance(key, GetAttrKey)
+    }
+    return made._replace(
+        anew=bool(held & OF_THE_FUNCTION),
+        plateau="best_value" in held,
+        averages=bool(_averages(state)),
+    )
+
+
+def check_optimiser(optimiser: Any, exact_hessian: bool) -> None:
+    """Raise `InputError` for what is no optimiser, or takes no second derivatives."""
+    if isinstance(optimiser, str):
+        if optimiser != SQP:
+            raise InputError(
+                f"optimiser is {optimiser!r}: it must be {SQP!r} or an optimiser of optax, such as "
+                f"optax.adam(1e-2)."
+            )
+    elif not (callable(getattr(optimiser, "init", None)) and hasattr(optimiser, "update")):
+        raise InputError(
+            f"optimiser is a {type(optimiser).__name__}: it must be {SQP!r} or an optimiser of "
+            f"optax, such as optax.adam(1e-2)."
+        )
+    elif exact_hessian:
+        raise InputError("exact_hessian is given with an optimiser of optax, which has none.")
+
+
+def _averages(state: Any) -> list[Any]:
+    """The states of schedule-free optimisers within that of another one."""
+    import optax
+
+    kind = optax.contrib.ScheduleFreeState
+    leaves = jax.tree.leaves(state, is_leaf=lambda x: isinstance(x, kind))
+    return [x for x in leaves if isinstance(x, kind)]
+
+
+def _strong(x: Any) -> Array:
+    """An array whose type does not follow its neighbours', as a loop needs it."""
+    x = jnp.asarray(x)
+    return x.astype(x.dtype)

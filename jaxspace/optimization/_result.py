@@ -1,0 +1,80 @@
+"""The `Minimum` of a search, in the units of the problem."""
+
+from typing import Any, NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ._criterion import Criterion, Minimum, StopReason, stop_reason
+from ._gradient_check import GRADIENT_TOLERANCE
+from ._sqp_measures import at_least_violation, lagrangian_gradient, slope, violation
+from ._sqp_state import Limits, Values
+
+
+class End(NamedTuple):
+    """Where a search ended: scaled unknowns, values, multipliers; the weights of the violation that
+    the search reduced last; and whether it diverged."""
+
+    z: Float[Array, " n"]
+    at: Values
+    y: Float[Array, " equal"]
+    nu: Float[Array, " inequal"]
+    last_y: Float[Array, " equal"]
+    last_nu: Float[Array, " inequal"]
+    diverged: Bool[Array, ""]
+
+
+def minimum_of(end: End, last: Any, limits: Limits, interrupted: bool) -> Minimum:
+    """The result of a search from its `last` state, in the units of the problem, with x as one
+    array."""
+    at = end.at
+    c, d = at.report.equal_zero, at.report.non_negative
+    weight, size = last.weight, last.size
+    y = end.y * weight[1 : 1 + end.y.size] / weight[0]
+    nu = end.nu * weight[1 + end.y.size :] / weight[0]
+    gradient = lagrangian_gradient(at, end.z, end.y, end.nu, limits)
+    unscaled = jnp.zeros_like(gradient)
+    if c is not None:
+        unscaled = jnp.maximum(unscaled, jnp.max(jnp.abs(c)))
+    if d is not None:
+        unscaled = jnp.maximum(unscaled, jnp.max(-d))
+    missed = violation(at) > limits.tolerance
+    # Without constraints there is nothing to compile.
+    infeasible = jnp.zeros_like(missed)
+    if at.c.size + at.d.size:
+        infeasible = missed & at_least_violation(at, end.z, end.last_y, end.last_nu, limits)
+    finite = at.sound()
+    # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
+    # have a gradient of zero.
+    converged = (gradient <= limits.tolerance) & ~missed & finite
+    reason = stop_reason(
+        finite,
+        converged,
+        last.taken >= last.rows.shape[0],
+        infeasible,
+        end.diverged,
+    )
+    # A wrong gradient and an interruption come first.
+    if interrupted:
+        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
+    reason = jnp.where(last.wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason)
+    return Minimum(
+        x=size * end.z,
+        criterion=at.report,
+        multipliers=Criterion(
+            jnp.ones_like(gradient),
+            None if c is None else y.reshape(c.shape),
+            None if d is None else nu.reshape(d.shape),
+        ),
+        gradient=gradient,
+        violation=unscaled,
+        steps=last.steps,
+        converged=converged,
+        gradient_error=last.wrong,
+        reason=reason.astype(int),
+        bound_multipliers=slope(at, end.y, end.nu) / (weight[0] * size),
+        history=last.rows,
+        left_out=last.left_out,
+        search=last,
+        tolerance=limits.tolerance,
+    )
