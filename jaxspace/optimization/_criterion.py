@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from typing import Any, TypeAlias, final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
@@ -61,7 +62,7 @@ SENTENCES = {
         "The gradient at the start is not the slope of {wrong}: the search did not begin."
     ),
     StopReason.UNBOUNDED: (
-        "The unknowns pass {farthest:.0e} of their sizes after {steps} steps, where the objective "
+        "The unknowns are {farthest:.0e} of their sizes after {steps} steps, where the objective "
         "is {objective:.3g}: it may fall without bound. Give bounds, or a larger scale where the "
         "optimum is far."
     ),
@@ -77,11 +78,11 @@ MET = 1e-6
 FARTHEST = 1e10
 
 
-def farthest(z: Float[Array, " n"]) -> Float[Array, ""]:
+def farthest(z: Float[Array, " n"], most: float = FARTHEST) -> Float[Array, ""]:
     """Largest size of the scaled unknowns of a search that starts at z.
 
     Beyond it the objective most likely has no minimum, and rounding hides steps of unit size."""
-    most = min(FARTHEST, 1.0 / float(jnp.finfo(z.dtype).eps))
+    most = min(most, 1.0 / float(jnp.finfo(z.dtype).eps))
     return most * jnp.maximum(1.0, jnp.max(jnp.abs(z)))
 
 
@@ -171,7 +172,7 @@ class Minimum(eqx.Module):
             numbers=", ".join([numbers, listed(unmet)]) if unmet else numbers,
             steps=int(self.steps),
             objective=float(self.criterion.objective),
-            farthest=min(FARTHEST, 1.0 / float(jnp.finfo(self.gradient.dtype).eps)),
+            farthest=self._farthest(),
             unmet=listed(unmet),
             wrong=worst_number(self),
             infinite=self._infinite(),
@@ -179,6 +180,12 @@ class Minimum(eqx.Module):
             asked="" if self.tolerance is None else f" {float(self.tolerance):.1e}",
             wider=", compute in float64 (jaxspace.enable_x64)" if short else "",
         )
+
+    def _farthest(self) -> float:
+        """The largest of the unknowns, in its size."""
+        x = np.concatenate([np.ravel(np.asarray(x)) for x in jax.tree.leaves(self.x)])
+        size = np.ones_like(x) if self.search is None else np.asarray(self.search.size)
+        return float(np.max(np.abs(x / size)))
 
     def _infinite(self) -> str:
         """Clauses on the numbers that are not finite; or a note that a derivative is not."""

@@ -2,8 +2,9 @@
 
     minimise f(x)   subject to   c(x) = 0,   d(x) >= 0,   a <= x <= b
 
-Files: `_scaling.py`, `_search.py`, `_sqp.py`, `_bounds.py`. Valid for smooth functions of up to
-a few hundred unknowns. `f` may be infinite outside its domain: the search turns back.
+Files: `_scaling.py`, `_search.py`, `_sqp.py` (quadratic programmes), `_descent.py` (optimisers of
+optax), `_bounds.py`. Valid for smooth functions; the quadratic programmes for up to a few hundred
+unknowns. `f` may be infinite outside its domain: the search turns back.
 """
 
 import functools
@@ -46,14 +47,19 @@ def minimise(
     - `problem`: a function from a point to its `Criterion`.
     - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` whose search
       ended early, to be continued with the same options.
+    - `optimiser`: "sqp" for quadratic programmes, which need the fewest evaluations where there are
+      many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or `optax.lbfgs()`.
+      Its rates are in sizes of the unknowns; constraints are met by multipliers (an augmented
+      Lagrangian), and the best point is returned. Most take more steps than `max_steps` allows by
+      default.
     - `bounds`: a pair of lower and upper bounds, each a tree like `start`, a number or `None`.
     - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: the largest number of steps.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
       objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
       the search ends there with the reason `WRONG_GRADIENT`.
-    - `exact_hessian`: whether to take the curvature by second derivatives in place of BFGS, for
-      problems that are cheap to differentiate twice.
+    - `exact_hessian`: whether the quadratic programmes take the curvature by second derivatives in
+      place of BFGS, for problems that are cheap to differentiate twice.
     - `scale`: sizes of the unknowns, a tree like `start`; by default the range of the bounds, or
       the larger of the start and 1. Objective and constraints are scaled by their derivatives at
       the start.
@@ -65,8 +71,8 @@ def minimise(
     and its derivatives are compiled once; wrap the call in `jax.jit` where it is repeated.
 
     **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are not floats, a
-    problem that returns no `Criterion` of arrays, a `Minimum` of another problem, or a gradient
-    that is not the slope.
+    problem that returns no `Criterion` of arrays, a `Minimum` of another problem or optimiser, what
+    is no optimiser, or a gradient that is not the slope.
     """
     before = start if isinstance(start, Minimum) else None
     check_steps(max_steps)

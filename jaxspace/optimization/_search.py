@@ -17,10 +17,14 @@ from . import _sqp as sqp
 from . import _sqp_state as sqp_state
 from ._criterion import Criterion, Minimum, farthest
 from ._drive import Progress, at_once, drive
-from ._free_numbers import free, inside
+from ._free_numbers import free_numbers
 from ._optimiser import SQP, as_stepper
 from ._result import End, minimum_of
 from ._scaling import ScaledProblem
+
+# In sizes of the unknowns: a line search of optax goes on by its largest step, 1e6 at most, where
+# the objective falls without bound.
+FARTHEST_BY_OPTAX = 1e7
 
 
 class Method(NamedTuple):
@@ -48,8 +52,10 @@ def search(
     continue."""
     z0 = scaled.start
     least = jnp.asarray(tolerance, z0.dtype)
-    limits = sqp_state.Limits(scaled.low, scaled.high, least, farthest(z0))
-    if optimiser == SQP:
+    by_programmes = optimiser == SQP
+    most = farthest(z0) if by_programmes else farthest(z0, FARTHEST_BY_OPTAX)
+    limits = sqp_state.Limits(scaled.low, scaled.high, least, most)
+    if by_programmes:
         method = _by_programmes(scaled, limits, max_steps, exact_hessian, check)
     else:
         method = _by_optax(scaled, limits, optimiser, max_steps, check)
@@ -134,15 +140,15 @@ def _by_optax(
         jacobian, (stacked, _) = derivatives(*primals)
         return stacked, jacobian @ tangents[0]
 
-    low, high = scaled.low, scaled.high
-    q0 = free(scaled.start, low, high) if scaled.bounded else scaled.start
-    point = (lambda q: inside(q, low, high)) if scaled.bounded else None
+    q0, z0, point = scaled.start, scaled.start, None
+    if scaled.bounded:
+        free = free_numbers(scaled.start, scaled.low, scaled.high)
+        q0, z0, point = free.first(), free.start, free.inside
     stepper = as_stepper(optimiser, q0, scaled.unravel)
     counts = (scaled.me, scaled.mi)
     setting = descent_state.Setting(
         derivatives, values, point, stepper, limits, scaled.me, counts != (0, 0), check
     )
-    z0 = q0 if point is None else point(q0)
 
     def evaluate(s: descent_state.DescentState) -> sqp_state.Evaluation:
         return descent.evaluate(s, setting)

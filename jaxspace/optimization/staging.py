@@ -44,8 +44,8 @@ from ..core.types import as_float
 from ..integration.compiling import QUICK
 from ._criterion import Criterion
 from ._minimise import minimise
-from .optimisers import lbfgs
 from .fixed_masses import all_choices, choose_stages
+from .optimisers import lbfgs
 
 Stages: TypeAlias = Float[Array, "stages *#runs"]
 StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
