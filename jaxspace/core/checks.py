@@ -41,7 +41,8 @@ def is_concrete(x: object) -> bool:
     return (x if known else np.asarray(x)).dtype.kind in NUMBERS
 
 
-def _show(x: object) -> str:
+def shown(x: object) -> str:
+    """Numbers as a sentence shows them, on one line."""
     a = np.asarray(x)
     if a.ndim == 0:
         return f"{a.item():.6g}"
@@ -58,7 +59,7 @@ def check(ok: ArrayLike, field: str, value: object, allowed: str) -> None:
     - `ok`: of each number, whether it is allowed.
     - `field`, `value`, `allowed`: what the sentence names."""
     if not np.all(ok):
-        raise InputError(f"{field} is {_show(value)}: it must be {allowed}.")
+        raise InputError(f"{field} is {shown(value)}: it must be {allowed}.")
 
 
 def check_positive(field: str, value: object) -> None:

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 import equinox as eqx
 
 from .checks import InputError
-from .quantities import REQUIRED, Quantity
+from .quantities import REQUIRED, Quantity, check_shape
 
 _REFERENCE = "reference"
 
@@ -92,6 +92,7 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
             value = bound.get(name)
             # `None` stands for an optional argument that is absent.
             if isinstance(declared, Quantity) and value is not None:
+                check_shape(f"{owner}.{name}", value, declared)
                 declared.check(f"{owner}.{name}", value)
             if isinstance(declared, Choice) and name in bound and value not in declared.names:
                 raise InputError(

@@ -14,12 +14,13 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array
 
-from .checks import check, is_concrete
+from .checks import InputError, check, is_concrete, shown
 from .field_types import QUANTITY, check_types
 from .types import as_float, as_optional_float
 
@@ -39,6 +40,7 @@ class Quantity(NamedTuple):
       as "planet.mu".
     - `key`: the key in a scene file where it is not the name of the field.
     - `shape`: without the axis of runs; `None` stands for any length.
+    - `batched`: whether axes of runs may follow.
     - `least`: how many numbers a list of any length has in a scene file at least.
     - `whole`: whether it counts something.
     - `direction`: whether the components on its first axis have a direction, so that not all of
@@ -59,6 +61,20 @@ class Quantity(NamedTuple):
     least: int = 2
     whole: bool = False
     direction: bool = False
+    batched: bool = True
+
+    def fits(self, shape: tuple[int, ...]) -> bool:
+        """Whether an array of this shape has the declared axes, and beyond them runs alone."""
+        count = len(self.shape)
+        lengths = zip(self.shape, shape[:count], strict=False)
+        same = all(declared is None or declared == length for declared, length in lengths)
+        return same and (len(shape) >= count if self.batched else len(shape) == count)
+
+    def form(self) -> str:
+        """The shape in words, as the end of the sentence "it must have the shape ..."."""
+        axes = ["n" if length is None else str(length) for length in self.shape]
+        axes += ["*runs"] if self.batched else []
+        return f"({axes[0]},)" if len(axes) == 1 else f"({', '.join(axes)})"
 
     def allowed(self) -> str:
         """The range in words, as the end of the sentence "it must be ..."."""
@@ -170,7 +186,9 @@ def quantities(cls: type) -> Mapping[str, Quantity]:
     Their shapes are those of the annotations."""
     fields = dataclasses.fields(cls) if dataclasses.is_dataclass(cls) else ()
     return {
-        field.name: field.metadata[QUANTITY]._replace(shape=annotated_shape(field.type))
+        field.name: field.metadata[QUANTITY]._replace(
+            shape=annotated_shape(field.type), batched=takes_runs(field.type)
+        )
         for field in fields
         if QUANTITY in field.metadata
     }
@@ -189,16 +207,70 @@ def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     return ()
 
 
+def takes_runs(annotation: object) -> bool:
+    """Whether an annotation lets axes of runs follow those that it names; `True` where it is not
+    that of an array."""
+    for one in (annotation, *typing.get_args(annotation)):
+        dims = getattr(one, "dim_str", None)
+        if dims is not None:
+            return any(axis.startswith(("*", ".")) for axis in dims.split())
+    return True
+
+
+def check_shape(name: str, value: object, declared: Quantity) -> None:
+    """Raise `InputError` unless an array has the axes that its declaration names, the first ones,
+    so that no run is taken for a component.
+
+    **Arguments**
+
+    - `name`: of the value, in the sentence.
+    - `value`: numbers, a list of them, or an array, which may be traced; what is no number
+      passes.
+    - `declared`: its declaration."""
+    shape = _shape_of(value)
+    if shape is None or declared.fits(shape):
+        return
+    said = f"is {shown(value)}" if is_concrete(value) else f"has the shape {shape}"
+    raise InputError(f"{name} {said}: it must have the shape {declared.form()}.")
+
+
+def _shape_of(value: object) -> tuple[int, ...] | None:
+    """The shape of numbers in an array or in nested lists; `None` of anything else."""
+    if isinstance(value, bool | int | float):
+        return ()
+    if isinstance(value, jax.Array | np.ndarray | np.generic):
+        return tuple(value.shape)
+    if not isinstance(value, list | tuple):
+        return None
+    entries = [_shape_of(entry) for entry in value]
+    known = [entry for entry in entries if entry is not None]
+    if len(known) < len(entries):
+        return None
+    # Entries may have different axes of runs, of which the longest are those of the array.
+    return (len(value), *max(known, key=len, default=()))
+
+
+def check_kinds(module: object, *names: str) -> None:
+    """Raise `InputError` for a field with a value of another kind or without the axes that it
+    declares; arguments as of `check_declared`."""
+    check_types(module, *names)
+    for name, declared in quantities(type(module)).items():
+        value = getattr(module, name) if not names or name in names else None
+        # A placeholder of a tree transformation has no shape.
+        if isinstance(value, jax.Array | np.ndarray):
+            check_shape(f"{type(module).__name__}.{name}", value, declared)
+
+
 def check_declared(module: object, *names: str) -> None:
-    """Raise `InputError` for a field with a value of another kind or out of the range that it
-    declares.
+    """Raise `InputError` for a field with a value of another kind, without the axes or out of the
+    range that it declares.
 
     **Arguments**
 
     - `module`: whose class declares its numbers.
     - `names`: the fields to check, where a constructor computes the others from them; all without
       a name."""
-    check_types(module, *names)
+    check_kinds(module, *names)
     for name, declared in quantities(type(module)).items():
         if not names or name in names:
             declared.check(f"{type(module).__name__}.{name}", getattr(module, name))
@@ -207,9 +279,23 @@ def check_declared(module: object, *names: str) -> None:
 class AbstractParameters(eqx.Module):
     """A module whose numbers are declared by `quantity`, and checked when it is constructed.
 
-    Raises `InputError` for a value of another kind than its field declares, such as a text, and for
-    one outside its range; the sentence names class, field, value and what is allowed. Traced
-    numbers pass."""
+    Raises `InputError` for a value of another kind than its field declares, such as a text, for one
+    without the declared axes, and for one outside its range; the sentence names class, field, value
+    and what is allowed. Of traced numbers the axes alone are checked."""
+
+    def __init_subclass__(cls, **kwargs: Any) -> None:
+        super().__init_subclass__(**kwargs)
+        own = cls.__dict__.get("__check_init__")
+        if own is None:
+            return
+
+        # The check of a subclass comes before the one below, and may read axes that are not there.
+        @functools.wraps(own)
+        def check_init(self: AbstractParameters) -> None:
+            check_kinds(self)
+            own(self)
+
+        cls.__check_init__ = check_init
 
     def __check_init__(self):
         check_declared(self)
