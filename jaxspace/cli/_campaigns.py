@@ -2,6 +2,7 @@
 
 import functools
 import os
+import shlex
 import sys
 import warnings
 from collections.abc import Sequence
@@ -170,7 +171,7 @@ def _run_and_report(
     keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(f"store  {store}")
     # The cause of a failure comes first.
-    print_next(file, f"{'report' if result.good.all() else 'failures'} {store}")
+    print_next(file, "report" if result.good.all() else "failures", store)
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
 
@@ -199,7 +200,7 @@ def _left(store: str, untouched: bool) -> str:
     planned = there.planned_runs
     return (
         f"stopped: {there.runs} of {planned} runs are kept in {store}. "
-        f"`jaxspace resume {store}` computes the rest."
+        f"`jaxspace resume {shlex.quote(store)}` computes the rest."
     )
 
 
@@ -234,7 +235,7 @@ def replay(
     if show:
         show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
     else:
-        print_next(file, f"replay {store} --run {run} --show")
+        print_next(file, "replay", store, "--run", run, "--show")
     return 0 if result.status.good else 1
 
 

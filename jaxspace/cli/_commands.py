@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import sys
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -54,9 +55,9 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     if show:
         show_page(file, result, path_of(file, folder, "_run.html"))
     elif file.values["dispersion"] is not None:
-        print_next(file, f"disperse {path}")
+        print_next(file, "disperse", path)
     else:
-        print_next(file, f"run {path} --show")
+        print_next(file, "run", path, "--show")
     return 0 if Status(int(result.status)).good else 1
 
 
@@ -107,7 +108,7 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
     figure = path_of(file, folder, "_search.png")
     result.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
-    print_next(file, f"run {best}")
+    print_next(file, "run", best)
     # The file is written in any case: the code tells a script whether it is an optimum.
     return 0 if result.converged else 1
 
@@ -277,9 +278,15 @@ def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -
     print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
 
 
-def print_next(file: SceneFile, command: str) -> None:
-    """Print the command that most readers of a result give next."""
-    print(f"next   jaxspace {command}{''.join(f' --with {module}' for module in file.modules)}")
+def print_next(file: SceneFile, *command: object) -> None:
+    """Print the command that most readers of a result give next, as a shell reads it.
+
+    **Arguments**
+
+    - `file`: whose modules it names.
+    - `command`: its words."""
+    modules = [word for module in file.modules for word in ("--with", str(module))]
+    print(f"next   jaxspace {shlex.join([*map(str, command), *modules])}")
 
 
 def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:

@@ -119,7 +119,7 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     if importlib.util.find_spec("pyarrow") is not None:
         _attempt("table", f"{start}.parquet", result.to_parquet)
     if file is not None:
-        print_next(file, f"replay {path} --run 0 --show")
+        print_next(file, "replay", path, "--run", 0, "--show")
     return 0
 
 

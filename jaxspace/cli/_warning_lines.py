@@ -36,6 +36,8 @@ class warnings_as_lines:
 
         warnings.simplefilter("always", DamagedStore)
         warnings.filterwarnings("ignore", UNFINISHED)
+        # Of NumPy, about numbers that are not finite: the status of the run says so.
+        warnings.simplefilter("ignore", RuntimeWarning)
         warnings.showwarning = show
 
     def __exit__(self, *error: Any) -> None:

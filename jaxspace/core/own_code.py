@@ -41,16 +41,20 @@ def run_module(name: str, text: str) -> ModuleType:
     linecache.cache[name] = (len(text), None, text.splitlines(keepends=True), name)
     try:
         exec(compile(text, name, "exec"), module.__dict__)
-    except (Exception, SystemExit) as error:
+    # Whatever it is: only an interruption is no error of the file.
+    except BaseException as error:
         del sys.modules[module.__name__]
         lines = [
             frame.lineno
             for frame in traceback.extract_tb(error.__traceback__)
             if frame.filename == name
         ]
-        number = error.lineno if isinstance(error, SyntaxError) else lines[-1]
-        said = error.msg if isinstance(error, SyntaxError) else error
-        raise InputError(
-            f"{name} cannot be run: line {number} raises {type(error).__name__}: {said}"
-        ) from error
+        if isinstance(error, KeyboardInterrupt):
+            raise
+        wrong = isinstance(error, SyntaxError)
+        # A text with a zero byte has no line where it is wrong.
+        number = error.lineno if wrong else lines[-1]
+        where = f"line {number} raises " if number else ""
+        said = error.msg if wrong else error
+        raise InputError(f"{name} cannot be run: {where}{type(error).__name__}: {said}") from error
     return module

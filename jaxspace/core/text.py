@@ -1,6 +1,8 @@
-"""Rows of text as tables: aligned columns for a terminal, HTML for a notebook."""
+"""Rows of text as tables: aligned columns for a terminal, HTML for a notebook. Characters that a
+terminal shows."""
 
 import html
+import unicodedata
 from collections.abc import Sequence
 
 AXES = "xyz"
@@ -41,3 +43,14 @@ def html_table(rows: Sequence[Sequence[str]], left: int = 1, head: bool = True) 
         )
         lines.append(f"<tr>{''.join(cells)}</tr>")
     return f"<table>{''.join(lines)}</table>"
+
+
+def is_printable(text: str) -> bool:
+    """Whether a terminal shows each character of the text, and acts on none of them."""
+    # Spaces of other widths than the usual one can be printed, too.
+    return all(c.isprintable() or unicodedata.category(c) == "Zs" for c in text)
+
+
+def printable(text: str) -> str:
+    """The text with the codes of the characters that a terminal would act on."""
+    return "".join(c if is_printable(c) else ascii(c)[1:-1] for c in text)

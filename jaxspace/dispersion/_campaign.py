@@ -18,9 +18,9 @@ from ..integration.accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
 from ..simulation.mission_result import MissionResult
 from ._exact_parts import with_exact_parts
-from ._outputs import check_names
 from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
+from .names import check_names
 from .replay import Replay, replay
 
 Limits: TypeAlias = tuple[float | None, float | None]
@@ -108,6 +108,12 @@ class Campaign(eqx.Module):
             if not isinstance(distribution, AbstractDistribution):
                 raise InputError(
                     f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution."
+                )
+        for name, (low, high) in self.requirements:
+            if low is not None and high is not None and low > high:
+                raise InputError(
+                    f"Campaign.requirements[{name!r}] is from {low:g} to {high:g}: the least value "
+                    f"must not be above the greatest."
                 )
         check_finite("Campaign.start", self.start)
         if self.along < 2:

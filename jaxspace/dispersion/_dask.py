@@ -5,6 +5,7 @@ import queue
 from collections.abc import Iterator, Sequence
 from typing import Any, final
 
+from ..core import InputError
 from ..core.extras import extra
 from ._batch_runner import BatchRunner, cores
 from ._lock import StoreError
@@ -18,6 +19,8 @@ from ._work import (
     without_main,
 )
 
+# The kinds of connection that Dask knows.
+SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "inproc")
 # Interval of the checks that the scheduler is alive, s.
 PULSE = 2.0
 
@@ -33,11 +36,15 @@ class DaskCluster(AbstractEngine):
     - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster on this machine
       is started, which listens to this machine alone.
     - `workers`: of the cluster that is started.
-    - `retries`: how often a chunk may fail or be lost with its worker."""
+    - `retries`: how often a chunk may fail or be lost with its worker.
+
+    **Raises** `InputError` for an address that is none."""
 
     def __init__(
         self, address: str | None = None, *, workers: int | None = None, retries: int = RETRIES
     ):
+        if address is not None:
+            _check_address(address)
         self.address = address
         self._workers = cores() if workers is None else workers
         self.retries = retries
@@ -105,6 +112,19 @@ class DaskCluster(AbstractEngine):
                     f"The Dask cluster {where} failed ({type(error).__name__}: {error}). All "
                     f"chunks that had been finished are kept."
                 ) from error
+
+
+def _check_address(address: object) -> None:
+    """Raise `InputError` for what can be no address of a scheduler."""
+    kind, _, rest = str(address).partition("://")
+    host, _, port = rest.rpartition(":")
+    # A ticket of a process has a path in the place of the port.
+    known = kind in SCHEMES and (kind == "inproc" or host and port.isdecimal())
+    if not isinstance(address, str) or not known or kind != "inproc" and int(port) > 65535:
+        raise InputError(
+            f"engine is {address!r}: the address of a Dask scheduler must be "
+            f'{" or ".join(SCHEMES)}, its host and its port, such as "tcp://10.0.0.5:8786".'
+        )
 
 
 def _closed(client: Any) -> None:

@@ -75,9 +75,9 @@ def as_engine(engine: str | AbstractEngine) -> AbstractEngine:
     Raises `InputError` for anything else."""
     if isinstance(engine, AbstractEngine):
         return engine
-    if engine in ENGINES:
+    if isinstance(engine, str) and engine in ENGINES:
         return ENGINES[engine]()
-    if "://" in engine:
+    if isinstance(engine, str) and "://" in engine:
         return DaskCluster(engine)
     raise InputError(
         f"engine is {engine!r}: it must be one of {', '.join(ENGINES)}, or the address of a Dask "

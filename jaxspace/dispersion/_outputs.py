@@ -2,7 +2,7 @@
 
 import dataclasses
 import inspect
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -17,9 +17,7 @@ from ..integration.status import SimulationError, Status
 from ..simulation.mission_result import MissionResult
 from ..simulation.run_result import RunResult
 from ._isolation import RAISED, callbacks, isolate, reason
-
-RESERVED = ("run", "status", "evaluations")
-"""Names of the variables that every store has."""
+from .names import check_names
 
 # Relative change allowed in a row when other rows are replaced: the runs of a block share some
 # iterations, whose last digits then change.
@@ -32,23 +30,6 @@ class PilotRuns(NamedTuple):
 
     result: MissionResult
     samples: dict[str, Float[Array, " runs"]]
-
-
-def check_names(field: str, names: Iterable[object]) -> None:
-    """Raise `InputError` for a name that an array of a store cannot have.
-
-    `field`: the field with the names, for the sentence."""
-    for name in names:
-        if name in RESERVED:
-            raise InputError(
-                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
-            )
-        # Such names are reserved by Zarr and by the store.
-        if not isinstance(name, str) or not name or name.startswith((".", "__", "zarr.json")):
-            raise InputError(
-                f"{field} has the name {name!r}: it must be text that begins with no dot, with no "
-                f"two underscores, and not with zarr.json."
-            )
 
 
 def outputs_of(

@@ -1,8 +1,10 @@
 """Writing a store: its lock, its preparation, chunk after chunk."""
 
+import contextlib
 import hashlib
 import json
 import os
+import shlex
 import shutil
 import warnings
 from collections.abc import Mapping
@@ -48,6 +50,7 @@ class StoreWriter:
         self.resume = resume
         self.lock = Lock(self.store.path)
         self.host: int | None = None
+        self.prepared = False
 
     def __enter__(self) -> "StoreWriter":
         path = self.store.path
@@ -66,7 +69,11 @@ class StoreWriter:
             raise
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        # What was prepared in vain would refuse the next command, though it holds nothing.
+        if error is not None and self.prepared and not self.store.finished():
+            with contextlib.suppress(OSError):
+                self._clear()
         self.lock.release()
 
     def _check_content(self) -> None:
@@ -131,6 +138,7 @@ class StoreWriter:
             return self.join(columns, attributes)
         store = self.store
         self._clear()
+        self.prepared = True
         store.attributes = {**attributes, "form": FORM}
         store.columns = dict(columns)
         self._check_space()
@@ -261,9 +269,10 @@ class _disk:
         if isinstance(error, OSError):
             store = self.store
             done = sum(store.extent(k)[1] for k in store.finished())
+            command = f"jaxspace resume {shlex.quote(str(store.path))}"
             raise StoreError(
                 f"{store.path} cannot be written ({error.strerror}): {done} of {store.runs} runs "
-                f"are kept. Once that is mended, `jaxspace resume {store.path}` computes the rest."
+                f"are kept. Once that is mended, `{command}` computes the rest."
             ) from error
 
 

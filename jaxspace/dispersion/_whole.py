@@ -4,13 +4,16 @@ import numpy as np
 
 from ..core import InputError
 
+MOST = 2**31 - 1
+"""The largest whole number of a campaign, as in scene files: without double precision JAX has no
+wider integers."""
 
-def check_whole(name: str, value: object, least: int | None = None) -> None:
-    """Raise `InputError` unless `value` is a whole number, and at least `least` if that is given.
+
+def check_whole(name: str, value: object, least: int = 0) -> None:
+    """Raise `InputError` unless `value` is a whole number from `least` to `MOST`.
 
     A float such as 1.0 is refused too: a computed one may be off by rounding."""
     # In Python a bool is an integer, but here it can only be a mistake.
     whole = int(value) if isinstance(value, int | np.integer) else None
-    if whole is None or isinstance(value, bool) or (least is not None and whole < least):
-        more = "" if least is None else f", {least} or more"
-        raise InputError(f"{name} is {value!r}: it must be a whole number{more}.")
+    if whole is None or isinstance(value, bool) or not least <= whole <= MOST:
+        raise InputError(f"{name} is {value!r}: it must be a whole number from {least} to {MOST}.")

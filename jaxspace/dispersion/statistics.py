@@ -3,6 +3,7 @@
 __all__ = ["Failure"]
 
 import functools
+import shlex
 import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple, final
@@ -93,7 +94,8 @@ class Dispersion(eqx.Module):
             return ""
         # The command line builds campaigns of scene files alone.
         scene = "scene_file" in self.attributes
-        rest = f"jaxspace resume {self.store}" if scene else "disperse(..., resume=True)"
+        command = f"jaxspace resume {shlex.quote(str(self.store))}"
+        rest = command if scene else "disperse(..., resume=True)"
         return (
             f"{self.runs} of {self.planned_runs} planned runs are in the store: `{rest}` computes "
             f"the rest."

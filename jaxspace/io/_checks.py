@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import warnings
 from collections.abc import Hashable, Mapping
 
 from ..bodies import AbstractBody
@@ -245,6 +246,25 @@ def initial_errors(file: Parsed) -> list[str]:
         )
     if file.kind != "system" and not result and parts & ROTATION:
         result += _turning_errors("body", file)
+    return result or _orbit_errors(file)
+
+
+def _orbit_errors(file: Parsed) -> list[str]:
+    """What a maker of initial states does not accept although each number is in its range."""
+    result = []
+    for path, maker in file.makers.items():
+        # One that needs parts made by another is asked with them, where the state is built.
+        if not path.startswith("initial.") or needed_parts(maker):
+            continue
+        try:
+            # What is allowed and doubtful is said when the state is built.
+            with warnings.catch_warnings(action="ignore"):
+                file.building().make(path)
+        except InputError as error:
+            field, gap, rest = str(error).partition(" ")
+            known = field.rpartition(".")[2] in maker.entries
+            name = f"{path}.{field.rpartition('.')[2]}" if known else f"{path}: {field}"
+            result.append(f"{name}{gap}{rest}")
     return result
 
 

@@ -5,6 +5,7 @@ import json
 from collections.abc import Iterable
 
 from ..core import InputError
+from ..core.text import printable
 
 
 class SceneError(ValueError):
@@ -12,7 +13,7 @@ class SceneError(ValueError):
 
     def __init__(self, file: object, errors: str | Iterable[str]):
         lines = [errors] if isinstance(errors, str) else without_repetition(list(errors))
-        super().__init__("\n".join(f"{file}: {line}" for line in lines))
+        super().__init__("\n".join(printable(f"{file}: {line}") for line in lines))
 
 
 def without_repetition(lines: list[str]) -> list[str]:
@@ -33,7 +34,7 @@ def without_repetition(lines: list[str]) -> list[str]:
 def shown(value: object) -> str:
     """A value as a file writes it, cut short when it is long."""
     # JSON writes lists and text as TOML does; `default=str` serves dates, which JSON has not.
-    text = json.dumps(value, ensure_ascii=False, default=str)
+    text = printable(json.dumps(value, ensure_ascii=False, default=str))
     # Shortened, because a whole table may be in the place of a number.
     return text if len(text) <= 60 else text[:57] + "..."
 

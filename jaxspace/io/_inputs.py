@@ -229,11 +229,17 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
         raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
     path = files.path(entry["file"])
     column = entry.get("column")
+    for name in ("column", "unit"):
+        if not isinstance(entry.get(name, ""), str):
+            raise ValueError(wrong(f"{key}.{name}", entry[name], "text"))
     try:
         source = io.StringIO(files.text(entry["file"]), newline="")
     except ValueError as error:
         raise ValueError(f"{key}.file: {error}") from None
-    lines = list(csv.DictReader(source) if column else csv.reader(source))
+    try:
+        lines = list(csv.DictReader(source) if column else csv.reader(source))
+    except csv.Error as error:
+        raise ValueError(f"{key}.file: {path} cannot be read as CSV: {error}.") from None
     unit = entry.get("unit", "")
     values = []
     # The head of the columns is line 1.

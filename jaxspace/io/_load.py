@@ -1,6 +1,9 @@
 """Loading of a scene file: all checks that need no integration."""
 
+import errno
 import os
+import select
+import stat
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -26,6 +29,8 @@ LONGEST = 4_000_000
 """How many characters a scene file may have: those of a hundred thousand lines."""
 DEEPEST = 64
 """How deeply tables and lists of a file may be nested; no entry needs ten levels."""
+PATIENCE = 10.0
+"""Seconds in which the first of a text must come through a pipe."""
 LONGEST_NUMBER = 1023
 """Bits of a whole number that any float can hold."""
 
@@ -71,7 +76,7 @@ def load(
     reading = Reading(named)
     values = table.read(_with_empty_tables(data, known), "", reading)
     if reading.errors:
-        raise SceneError(path, reading.errors)
+        raise SceneError(path, map(named.discreet, reading.errors))
     source = (text, tuple(named.texts.items()), known.named)
     file = Parsed(kind_of(data), values, reading.makers, known, source)
     errors = check_parsed(file) + control_errors(file)
@@ -92,7 +97,7 @@ def load(
     if not errors and values["optimize"] is not None:
         task, errors = read_task(file, reading.units)
     if errors:
-        raise SceneError(path, errors)
+        raise SceneError(path, map(named.discreet, errors))
     return SceneFile(
         Path(path), text, file, inputs, outputs, reading.units, task, named, user_modules
     )
@@ -111,8 +116,7 @@ def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str
     try:
         # No more than needed to see that it is too long, because it may be endless.
         if text is None:
-            with open(path, encoding="utf-8") as file:
-                text = file.read(LONGEST + 1)
+            text = _text_of(path)
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not text in UTF-8"
         raise SceneError(path, f"cannot be read: {reason}.") from error
@@ -140,6 +144,19 @@ def _parsed(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str
             path, "has a whole number of more than 307 digits: it must have fewer."
         ) from None
     return data, text
+
+
+def _text_of(path: str | os.PathLike[str]) -> str:
+    """The text of a file, up to what shows that it is too long. Raises `OSError` also for a pipe
+    into which nobody writes, at which it would wait for ever."""
+    # Windows has neither such pipes nor the flag.
+    handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))
+    with open(handle, encoding="utf-8") as file:
+        if stat.S_ISFIFO(os.fstat(handle).st_mode):
+            if not select.select([handle], [], [], PATIENCE)[0]:
+                raise OSError(errno.EPIPE, "it is a pipe into which nobody writes")
+            os.set_blocking(handle, True)
+        return file.read(LONGEST + 1)
 
 
 def _check_nested(data: Values) -> None:

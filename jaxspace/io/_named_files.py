@@ -2,12 +2,17 @@
 a campaign, which then does not need the files."""
 
 import os
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from ..core import InputError
 from ..core.files import read_text
+
+# A text in quotation marks, as Python or JSON write it.
+QUOTED = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\"""")
+NOT_SHOWN = "not shown (the file lies outside of the folder of the scene)"
 
 
 @dataclass(frozen=True)
@@ -62,6 +67,20 @@ class NamedFiles:
         """The file that this entry of the scene names. Raises `ValueError` as `text` does."""
         self.entries[entry] = NamedFile(self.path(name), self.text(name))
         return self.entries[entry]
+
+    def discreet(self, sentence: str) -> str:
+        """The sentence without what it quotes of a file outside of the folder of the scene: who
+        sends a scene must not learn, by an error, what another file of its reader holds."""
+        for name in self.texts:
+            where = str(self.path(name))
+            start, found, rest = sentence.partition(where)
+            if found and not self._is_beside(name):
+                sentence = start + found + QUOTED.sub(NOT_SHOWN, rest)
+        return sentence
+
+    def _is_beside(self, name: str) -> bool:
+        """Whether a file lies in the folder of the scene, or below it."""
+        return self.path(name).resolve().is_relative_to(self.folder.resolve())
 
     def path(self, name: str) -> Path:
         """Where a file lies."""

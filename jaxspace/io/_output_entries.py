@@ -6,10 +6,11 @@ from typing import NamedTuple
 
 from ..bodies import BodyState
 from ..core.quantities import Quantity, quantities
+from ..dispersion.names import check_names
 from ..vehicles import LaunchSite
 from ._catalog import OutputFunction, output_methods, state_class
 from ._checks import Parsed
-from ._errors import hint, unknown, wrong
+from ._errors import hint, shown, unknown, wrong
 from ._flight import SITE, phases_of_flight
 from ._kinds import Values
 from ._objects import at
@@ -69,7 +70,13 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     # There is one site, so that its outputs need no name before theirs.
     default = f"{take}_{plain}" if take else plain if what.effect == SITE else name
     shown_name = entry.get("name", default)
+    check_names(f"{key}.name" if "name" in entry else key, [shown_name])
     low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
+    if low is not None and high is not None and low > high:
+        raise ValueError(
+            f"{key}.at_least is {shown(entry['at_least'])} and {key}.at_most is "
+            f"{shown(entry['at_most'])}: the least must not be above the most."
+        )
     return OutputSpec(
         *(shown_name, what.at, unit, factor, what.function, what.path, shared, (low, high)),
         *(what.effect, take, phases),

@@ -5,9 +5,13 @@ import math
 from dataclasses import dataclass
 
 from ..core.quantities import Quantity
+from ..core.text import is_printable
 from ._errors import hint, wrong
 from ._kinds import Kind, Reading, Schema, Value
 from .units import dimension, expected, read_number
+
+LONGEST_TEXT = 200
+"""Characters of a title or a name: a longer one is no line of a table and no head of a figure."""
 
 
 # A float, so that checks compare it like any number; only dispersions need the rest.
@@ -114,19 +118,19 @@ class OneName(Kind):
 
 @dataclass(frozen=True, eq=False)
 class Text(Kind):
-    """Any text."""
+    """A text of one line, which is printed and drawn as it is."""
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
-        if isinstance(value, str):
+        if isinstance(value, str) and len(value) <= LONGEST_TEXT and is_printable(value):
             return value
         reading.errors.append(wrong(path, value, self.expected()))
         return None
 
     def expected(self) -> str:
-        return "text"
+        return f"text of one line, at most {LONGEST_TEXT} characters that can be printed"
 
     def schema(self) -> Schema:
-        return {"type": "string"}
+        return {"type": "string", "maxLength": LONGEST_TEXT}
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from ..core import Scalar, Vector, argument, initial
+from ..core import Scalar, Vector, argument, check, initial
 from ..core.checks import is_concrete
 from .elements import ClassicalElements, state_from_elements
 
@@ -77,7 +77,13 @@ def orbit_from_altitude(
     - `mu`, m^3/s^2, and `elements`: as in `orbit_from_radius`.
 
     **Returns** position, m, and velocity, m/s, each (3, *runs). Warns of a periapsis inside the
-    planet."""
+    planet.
+
+    **Raises** `InputError` for a periapsis at or beyond the centre of the planet."""
+    if is_concrete(periapsis_altitude) and is_concrete(radius):
+        height, r = np.asarray(periapsis_altitude), np.asarray(radius)
+        centre = f"above -{float(np.min(r)):.6g} m, the centre of the planet"
+        check(height > -r, "periapsis_altitude", height, centre)
     if is_concrete(periapsis_altitude) and np.any(np.asarray(periapsis_altitude) < 0.0):
         # No error: a ballistic flight begins and ends on the ground.
         warnings.warn(

@@ -119,7 +119,11 @@ def _split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         # A unit in brackets belongs to the name before it.
         return re.split(r"\s+(?![(\[])", line.strip())
-    (fields,) = csv.reader([line.strip("\r\n ")], delimiter=separator, skipinitialspace=True)
+    try:
+        (fields,) = csv.reader([line.strip("\r\n ")], delimiter=separator, skipinitialspace=True)
+    except csv.Error:
+        # A field that no line of numbers has, of a hundred thousand characters: refused later.
+        fields = line.split(separator)
     while fields and not fields[-1].strip():
         fields.pop()
     return fields

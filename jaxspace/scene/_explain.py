@@ -10,6 +10,7 @@ from jax.stages import Compiled
 from ..bodies import BodyState
 from ..bodies.state import sample_state
 from ..core import AbstractSystem, Scalar, State
+from ..core.structure import once_per_structure
 from ._interface import AbstractScene
 
 
@@ -38,7 +39,7 @@ def compile_vector_field(system: AbstractSystem, t: Scalar, y: State) -> Compile
     """
     # The parameters are arguments, because the compiler would fold constants into the operations
     # that are to be counted.
-    arrays, rest = eqx.partition(system, eqx.is_array)
+    arrays, rest = eqx.partition(system, _has_shape)
     return (
         jax.jit(lambda arrays, t, y: eqx.combine(arrays, rest).vector_field(t, y))
         .lower(arrays, t, y)
@@ -46,8 +47,14 @@ def compile_vector_field(system: AbstractSystem, t: Scalar, y: State) -> Compile
     )
 
 
+def _has_shape(x: object) -> bool:
+    return eqx.is_array(x) or isinstance(x, jax.ShapeDtypeStruct)
+
+
+@once_per_structure
 def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
-    """Floating-point operations of one compiled evaluation; a transcendental function is one.
+    """Floating-point operations of one compiled evaluation; a transcendental function is one. The
+    phases of a mission are mostly scenes of one structure, which is compiled once.
 
     Arguments as in `compile_vector_field`."""
     cost = compile_vector_field(system, t, y).cost_analysis()

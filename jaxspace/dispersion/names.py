@@ -1,0 +1,37 @@
+"""Names of inputs and outputs: of arrays of a store, columns of tables, and lines of a terminal."""
+
+from collections.abc import Iterable
+
+from ..core import InputError
+from ..core.text import is_printable
+
+RESERVED = ("run", "status", "evaluations")
+"""Names of the variables that every store has."""
+# Such names are reserved by Zarr and by the store.
+HIDDEN = (".", "__", "zarr.json")
+# Programs for tables take a text that begins so for a formula, which they evaluate.
+FORMULAS = ("=", "+", "-", "@")
+
+
+def check_names(field: str, names: Iterable[object]) -> None:
+    """Raise `InputError` for a name that an array of a store or a column of a table cannot have.
+
+    **Arguments**
+
+    - `field`: the field with the names, for the sentence.
+    - `names`: of inputs or outputs."""
+    for name in names:
+        if name in RESERVED:
+            raise InputError(
+                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
+            )
+        if not isinstance(name, str) or not name or name.startswith(HIDDEN):
+            raise InputError(
+                f"{field} has the name {name!r}: it must be text that begins with no dot, with no "
+                f"two underscores, and not with zarr.json."
+            )
+        if name.startswith(FORMULAS) or not is_printable(name) or ".." in name.split("/"):
+            raise InputError(
+                f"{field} has the name {name!r}: it must be text that can be printed, that begins "
+                f"with none of {' '.join(FORMULAS)}, and that is no path."
+            )
