@@ -51,8 +51,8 @@ quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
 test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
 	@$(PYTEST) $(CHECKED) --no-programs
 
-beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests
-	@$(PYTEST) $(CHECKED) --part rest
+beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests, compiled as users do
+	@$(PYTEST) $(CHECKED) --part rest --optimised
 
 processors: $(VENV)/.test  ## every test, compiled as users do, with the instructions of other processors
 	@for set in $(INSTRUCTIONS); do XLA_FLAGS=--xla_cpu_max_isa=$$set $(PYTEST) --optimised || exit 1; done

@@ -68,7 +68,7 @@ def test_the_compiler_is_set_as_asked(pytestconfig):
     assert jax.config.values["jax_disable_most_optimizations"] is not optimised
 
 
-@pytest.mark.parametrize("target", ["processors", "sweep"])
+@pytest.mark.parametrize("target", ["beyond", "processors", "sweep"])
 def test_what_takes_longest_runs_the_programs_of_users(target):
     makefile = (TESTS.parent / "Makefile").read_text()
     (recipe,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
