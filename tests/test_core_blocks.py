@@ -98,7 +98,10 @@ def test_blocks_give_what_the_function_gives(states):
     for args in ((r, v, jnp.asarray(2.0)), (r, v[:, :1], jnp.arange(1.0, RUNS + 1.0))):
         blocks = jax.jit(lambda *args: core.blocks.in_blocks(work, (1, 1, 0), *args))
         found, expected = blocks(*args), work(*args)
-        jax.tree.map(np.testing.assert_array_equal, found, expected)
+        # Two programs round differently: a component of a product by its terms.
+        terms = core.vectors.norm(args[0]) * core.vectors.norm(args[1])
+        assert np.all(np.abs(found["momentum"] - expected["momentum"]) <= 1e-15 * terms)
+        np.testing.assert_allclose(found["size"], expected["size"], rtol=1e-15)
         assert "while" in blocks.lower(*args).compile().as_text()
     # Few runs stay in one piece.
     few = jax.jit(lambda *args: core.blocks.in_blocks(work, (1, 1, 0), *args))
