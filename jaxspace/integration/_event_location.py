@@ -44,19 +44,25 @@ class SoughtEvents(eqx.Module):
 
     - `events`: all of them end a run.
     - `rounding`: change of each condition for a relative change of one in all components of the
-      initial state."""
+      initial state, and `start_known` where that is not zero."""
 
     events: tuple[Event, ...]
     rounding: Float[Array, "events *#runs"]
 
     @classmethod
     def of(
-        cls, events: tuple[Event, ...], system: AbstractSystem, t0: Scalar, y0: State, run_axes: int
+        cls,
+        events: tuple[Event, ...],
+        system: AbstractSystem,
+        t0: Scalar,
+        y0: State,
+        run_axes: int,
+        start_known: Float[Array, "events *#runs"] | None = None,
     ) -> "SoughtEvents":
-        """The events of runs from the state `y0` at `t0`, s."""
+        """The events of runs from the state `y0` at `t0`, s; `start_known` as in `first_event`."""
         t = jnp.broadcast_to(t0, runs_of(y0, run_axes))
-        roundings = [rounding_change(event, system, t, y0, run_axes) for event in events]
-        return cls(events, jnp.stack(roundings))
+        rounding = jnp.stack([rounding_change(each, system, t, y0, run_axes) for each in events])
+        return cls(events, rounding if start_known is None else rounding + start_known)
 
 
 class Location(NamedTuple):
@@ -109,6 +115,7 @@ class Location(NamedTuple):
             hits & (self.which >= 0),
             self.sizes,
             self.y,
+            (segments.time(self.start), self.y0),
         )
 
     @classmethod
@@ -146,7 +153,10 @@ class FoundEvents(NamedTuple):
       start, s, infinite where it did not.
     - `hits`, `sizes`: of each event, whether it may happen together with the first one, and the
       largest value of its condition.
-    - `state`: the state at its time, if the search has integrated to it."""
+    - `state`: the state at its time, if the search has integrated to it.
+    - `step_start`: time, s, and state at which the step with the event begins, if steps were
+      searched; otherwise `times` and `spacings`: of the first zero of each condition, and between
+      its samples, s."""
 
     time: Scalar
     which: Int[Array, "*runs"]
@@ -155,6 +165,9 @@ class FoundEvents(NamedTuple):
     hits: Bool[Array, "events *#runs"]
     sizes: Float[Array, "events *#runs"]
     state: State | None = None
+    step_start: tuple[Scalar, State] | None = None
+    times: Float[Array, "events *#runs"] | None = None
+    spacings: Float[Array, "events *#runs"] | None = None
 
     def met(self, y: State) -> State:
         """The state `y` of a second run to the event, with the numbers that the search met there.

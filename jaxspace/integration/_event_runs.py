@@ -90,7 +90,8 @@ class Samples(NamedTuple):
     - `times`, `states`, `g`, `slopes`: of the samples, on the first axis; where the start is a
       zero, `g` has the sign that follows.
     - `candidate`: the intervals in which there may be a zero.
-    - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there.
+    - `at_zero`: whether the start is a zero, to rounding; `away`, the rate along the run there;
+      `counts_at_start`: whether such a zero is an event.
     - `size`: the largest condition; `unexplained`: the root mean square of the part of its change
       that its rates do not explain, relative to its own.
     - `ill`: time after the start, s, at which it is first not finite."""
@@ -101,6 +102,7 @@ class Samples(NamedTuple):
     slopes: Float[Array, "samples *#runs"]
     candidate: Bool[Array, "intervals *#runs"]
     at_zero: Bool[Array, "*runs"]
+    counts_at_start: Bool[Array, "*#runs"]
     away: Scalar
     size: Scalar
     unexplained: Scalar
@@ -124,14 +126,16 @@ class Zeros(NamedTuple):
     unresolved: Bool[Array, "*runs"]
 
 
-def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero:
-    """The first zero of the condition of each run between `t0` and `t1`, s."""
+def first_zero(
+    along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar, start_known: Scalar | None = None
+) -> Zero:
+    """The first zero of the condition of each run between `t0` and `t1`, s; `start_known` as in
+    `first_event`, of this event."""
     # Equal parts of the time, from the dense output of one integration.
     fractions = jnp.linspace(0.0, 1.0, along.event.samples + 1, dtype=jnp.result_type(t0))
     times = t0 + jnp.multiply.outer(fractions, t1 - t0)
-    samples = sampled(along, times, along.states(y0, t0, t1, fractions))
+    samples = sampled(along, times, along.states(y0, t0, t1, fractions), start_known)
     zeros = zeros_between(along, samples, 1, 1)
-    event = along.event
     at_zero = samples.at_zero
     hit = zeros.count > 0
     # Where there is none, the end of the run.
@@ -140,7 +144,7 @@ def first_zero(along: ConditionOnRun, y0: State, t0: Scalar, t1: Scalar) -> Zero
     eps = float(jnp.finfo(samples.g.dtype).eps)
     resolved = APART * eps * jnp.maximum(jnp.abs(t0), jnp.abs(when))
     # An event within the rounding of the time of the start, as of a ball at rest.
-    piled = at_zero & hit & (after <= resolved) & (not event.at_start)
+    piled = at_zero & hit & (after <= resolved) & ~samples.counts_at_start
     status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
     failed = jnp.where(piled | zeros.unresolved, after, jnp.inf)
     # If there are two reasons, the one that comes first along the run counts.
@@ -195,7 +199,8 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int
 
     ahead = next_candidates(samples.candidate)
     none = jnp.zeros(runs, bool)
-    at_start = samples.at_zero & (event.direction * samples.away >= 0.0) & event.at_start
+    admitted = event.direction * samples.away >= 0.0
+    at_start = samples.at_zero & admitted & samples.counts_at_start
     start = Zeros(
         times=rows_of(samples.times[0]),
         states=jax.tree.map(lambda x: rows_of(x[0]), samples.states),
@@ -208,8 +213,14 @@ def zeros_between(along: ConditionOnRun, samples: Samples, limit: int, rows: int
     return jax.lax.while_loop(lambda zeros: jnp.any(sought_in(zeros)), look, start)
 
 
-def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states: State) -> Samples:
-    """The condition at these times, s, and the states there, times first."""
+def sampled(
+    along: ConditionOnRun,
+    times: Float[Array, "samples *#runs"],
+    states: State,
+    start_known: Scalar | None = None,
+) -> Samples:
+    """The condition at these times, s, and the states there, times first; `start_known` as in
+    `first_event`, of this event."""
     system, event, _, run_axes = along
     t0, t1 = times[0], times[-1]
     y0 = jax.tree.map(lambda x: x[0], states)
@@ -218,13 +229,18 @@ def sampled(along: ConditionOnRun, times: Float[Array, "samples *#runs"], states
     dip = dips(times, g, slopes)
     size = jnp.max(jnp.abs(g), axis=0)
     span = jnp.maximum(jnp.abs(t0), jnp.abs(t1 - t0))
+    known = jnp.zeros_like(size) if start_known is None else start_known
     change = rounding_change(event, system, t0, y0, run_axes) + size + jnp.abs(slopes[0]) * span
+    change = change + known
     at_zero = jnp.abs(g[0]) <= ROUNDINGS * float(jnp.finfo(g.dtype).eps) * change
     ill = ill_after(g, states, times, run_axes)
     away = jnp.sign(t1 - t0) * slopes[0]
     unexplained = _change_unexplained(times, g, slopes)
     g, candidate = candidates(g, dip, at_zero, away, event.direction)
-    return Samples(times, states, g, slopes, candidate, at_zero, away, size, unexplained, ill)
+    counts = event.at_start & (known < jnp.inf)
+    return Samples(
+        times, states, g, slopes, candidate, at_zero, counts, away, size, unexplained, ill
+    )
 
 
 def _change_unexplained(times: Array, g: Array, slopes: Array) -> Scalar:

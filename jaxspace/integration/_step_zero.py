@@ -146,8 +146,8 @@ class _Search(NamedTuple):
 class Part(NamedTuple):
     """A part of a step, from `begin` to `end` in normalised time, that is searched for an event.
 
-    `at_start`: whether the run starts with it; `rounding`: of the condition; `start`, `duration`:
-    of the run, s."""
+    `at_start`: whether the run starts with it; `rounding`: of the condition, as in `SoughtEvents`;
+    `start`, `duration`: of the run, s."""
 
     along: AlongStep | AlongFlow
     begin: Float[Array, ""]
@@ -164,7 +164,7 @@ class Part(NamedTuple):
         part. If the step is not `going` on, one sampling tells these.
 
         `size`: of the condition so far."""
-        event, runs = self.along.event, self.along.runs
+        runs = self.along.runs
         no = jnp.zeros(runs, bool)
         zero = jnp.zeros(runs, self.begin.dtype)
         none = jnp.zeros(runs, size.dtype)
@@ -194,7 +194,7 @@ class Part(NamedTuple):
         after = jnp.abs(time - self.start)
         eps = float(jnp.finfo(none.dtype).eps)
         resolved = APART * eps * jnp.maximum(jnp.abs(self.start), jnp.abs(time))
-        piled = search.at_zero & hit & (after <= resolved) & (not event.at_start)
+        piled = search.at_zero & hit & (after <= resolved) & ~self._counts_at_start()
         status = jnp.where(piled, Status.EVENTS_PILE_UP, Status.EVENT_UNRESOLVED)
         failed = jnp.where(piled | search.active, when, jnp.inf)
         status = jnp.where(search.ill <= failed, Status.CONDITION_NOT_FINITE, status)
@@ -226,7 +226,7 @@ class Part(NamedTuple):
         inside = present & ~close
         first = jnp.where(search.inside, search.first, jnp.where(present, index, PARTS))
         if event.at_start:
-            now = at_zero & (event.direction * slopes[0] >= 0.0)
+            now = at_zero & (event.direction * slopes[0] >= 0.0) & self._counts_at_start()
             guess = jnp.where(now, self.begin, guess)
             hit = hit | now
         active = (present | search.inside) & ~hit & going
@@ -254,6 +254,10 @@ class Part(NamedTuple):
             going_on, new = barrier((search.active, new))
             new = jax.tree.map(lambda a, b: jnp.where(going_on, a, b), new, search)
         return new._replace(left=search.left - 1)
+
+    def _counts_at_start(self) -> Bool[Array, "*runs"]:
+        """Whether a zero at the start is an event: not where an event has acted at this zero."""
+        return self.along.event.at_start & (self.rounding < jnp.inf)
 
     def _starts_at_zero(
         self, node: Scalar, g: Scalar, slope: Scalar, size: Scalar

@@ -13,7 +13,7 @@ resolves each have a status.
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..solvers.tolerances import Tolerance
@@ -21,7 +21,6 @@ from ._event_location import FoundEvents, Location, SearchedStep, SoughtEvents, 
 from ._event_runs import ConditionOnRun, first_zero
 from ._step_zero import AlongFlow
 from .config import IntegrationConfig
-from .event_zero import ROUNDINGS, rounding_change
 from .events import Event
 from .integrate import integrate, locates_events
 from .normalised_time import OwnStep
@@ -36,17 +35,26 @@ def first_event(
     events: tuple[Event, ...],
     config: IntegrationConfig,
     run_axes: int,
+    start_known: Float[Array, "events *#runs"] | None = None,
 ) -> FoundEvents:
-    """The first event of each run between `t0` and `t1`, s. Not differentiable."""
-    system, y0, t0, t1, events = jax.tree.map(_fixed, (system, y0, t0, t1, events))
+    """The first event of each run between `t0` and `t1`, s. Not differentiable.
+
+    `start_known`, for a run that goes on after events: what is known of each condition at `t0`.
+    Infinite where it is a zero at which the event has acted, which is then no event even with
+    `Event.at_start`; minus infinity where it is no zero, however small; 0 where the search decides,
+    by the rounding of the condition."""
+    system, y0, t0, t1, events = jax.tree.map(fixed, (system, y0, t0, t1, events))
     if config.method == "closed_form":
-        return _first_on_flow(system, y0, t0, t1, events, run_axes)
+        return _first_on_flow(system, y0, t0, t1, events, run_axes, start_known)
     if locates_events(config, system, y0, t0):
-        result = integrate(system, y0, t0, t1, None, config, run_axes, until=events).found
-        assert result is not None
-        return result
+        result = integrate(
+            system, y0, t0, t1, None, config, run_axes, until=events, start_known=start_known
+        )
+        assert result.found is not None
+        return result.found
     along = [ConditionOnRun(system, event, config, run_axes) for event in events]
-    zeros = [first_zero(condition, y0, t0, t1) for condition in along]
+    starts = [None] * len(events) if start_known is None else list(start_known)
+    zeros = [first_zero(each, y0, t0, t1, start) for each, start in zip(along, starts, strict=True)]
     when = t1
     which = -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, zero in enumerate(zeros):
@@ -69,6 +77,8 @@ def first_event(
         failed,
         jnp.stack([zero.hit for zero in zeros]),
         jnp.stack([zero.size for zero in zeros]),
+        times=jnp.stack([zero.time for zero in zeros]),
+        spacings=jnp.stack([jnp.abs(t1 - t0) / event.samples for event in events]),
     )
 
 
@@ -79,6 +89,7 @@ def _first_on_flow(
     t1: Scalar,
     events: tuple[Event, ...],
     run_axes: int,
+    start_known: Array | None,
 ) -> FoundEvents:
     """`first_event` of a system in closed form, which is searched as a single step is."""
     finite = Tolerance(0.0, 0.0, run_axes)
@@ -92,7 +103,7 @@ def _first_on_flow(
     def along(event: Event) -> AlongFlow:
         return AlongFlow(event, segment, system, y0, alive.shape)
 
-    sought = SoughtEvents.of(events, system, t0, y0, run_axes)
+    sought = SoughtEvents.of(events, system, t0, y0, run_axes, start_known)
     none = Location.none_yet(sought, begin, y0, finite)
     step = SearchedStep(along, begin, end, y0, y0, end)
     yes = jnp.array(True)
@@ -100,32 +111,7 @@ def _first_on_flow(
     return location.found(segment, t0, t1)._replace(state=None)
 
 
-def happened_together(
-    system: AbstractSystem,
-    events: tuple[Event, ...],
-    found: FoundEvents,
-    t0: Scalar,
-    t: Scalar,
-    y: State,
-    run_axes: int,
-) -> Bool[Array, "events *#runs"]:
-    """Which of the events happen at the time `t`, s, of the first one, to rounding.
-
-    They include all events whose zero a run from there on would take for one at its start."""
-    system, t0, t, y, events = jax.tree.map(_fixed, (system, t0, t, y, events))
-    flags = []
-    for number, (event, hit, size) in enumerate(zip(events, found.hits, found.sizes, strict=True)):
-        value, slope = event.slope(system, t, y)
-        change = rounding_change(event, system, t, y, run_axes)
-        change = change + size + jnp.abs(slope) * jnp.maximum(jnp.abs(t), jnp.abs(t - t0))
-        eps = float(jnp.finfo(value.dtype).eps)
-        # Twice the limit for a zero at the start, so that no event is lost between two runs.
-        ahead = event.direction * jnp.sign(t - t0) * slope >= 0.0
-        also = hit & ahead & (found.which >= 0) & (jnp.abs(value) <= 2.0 * ROUNDINGS * eps * change)
-        flags.append((found.which == number) | also)
-    return jnp.stack(flags)
-
-
 # A system may hold functions among its leaves.
-def _fixed(x: object) -> object:
+def fixed(x: object) -> object:
+    """The leaf without its derivatives."""
     return jax.lax.stop_gradient(x) if eqx.is_array(x) else x

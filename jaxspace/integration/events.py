@@ -73,7 +73,11 @@ class Event(eqx.Module):
       the span at the save times, into at least `samples` parts.
     - `then`: with `terminal=False`, a function (t, y) -> y, as `Phase.then`, that replaces the
       state at each zero, such as a ball that bounces. `Trajectory.crossings` then holds the states
-      on both sides, and the run ends at the first zero beyond `capacity`.
+      on both sides, and the run ends at the first zero beyond `capacity`. Of events that are zero
+      at one time, within the resolution of the located time, all act in the order in which they are
+      listed, each on the state that the one before left; a terminal one ends the run after them.
+      Which these are is decided by the state before any jump: one that an earlier jump moves away
+      from its zero still acts, and one that it moves onto its zero does not.
     - `passed`: for `Phase.until`, whether a run that is beyond the zero where the phase starts, as
       below a height at which something opens on the way down, ends the phase at once. By default
       it waits for the next zero.

@@ -6,7 +6,6 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 
 import dataclasses
 from collections.abc import Callable
-from typing import cast
 
 import equinox as eqx
 import jax
@@ -58,6 +57,7 @@ def integrate(
     trimmed: bool = False,
     for_search: bool = False,
     until: tuple[Event, ...] = (),
+    start_known: Array | None = None,
 ) -> IntegrationResult:
     """Integrate a system from `t0` to `t1`, s.
 
@@ -79,6 +79,7 @@ def integrate(
     - `until`: events that end the runs, for a method that `locates_events`; their times have the
       derivatives of a fixed part of the run, which `newton_correct` makes those of the events.
       Differentiable where no states are saved on the way.
+    - `start_known`: of these events, as in `first_event`.
 
     **Returns** an `IntegrationResult`, differentiable with respect to `system`, `y0`, `t0` and
     `t1`."""
@@ -121,7 +122,7 @@ def integrate(
     sought = None
     if until:
         start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
-        sought = SoughtEvents.of(until, system, start, y, run_axes)
+        sought = SoughtEvents.of(until, system, start, y, run_axes, start_known)
     settings = _settings(
         config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
     )
@@ -173,8 +174,10 @@ def searches_steps(config: IntegrationConfig) -> bool:
     traits = solver_traits(config.solver)
     if not traits.replayable or traits.own_steps or traits.fixed_step:
         return False
-    interpolation = cast(type, config.solver.interpolation_cls)
-    return not traits.lands_on_save_times and issubclass(interpolation, AbstractDenseOutput)
+    # Some solvers of diffrax make theirs by a partial function.
+    interpolation = config.solver.interpolation_cls
+    dense = isinstance(interpolation, type) and issubclass(interpolation, AbstractDenseOutput)
+    return dense and not traits.lands_on_save_times
 
 
 def _at_once(function: Callable[[Array], State], rows: Array) -> State:

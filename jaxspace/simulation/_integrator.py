@@ -43,10 +43,16 @@ class Integrator(NamedTuple):
         return state_at(result.states, -1, self.run_axes), result
 
     def first_event(
-        self, y0: State, t0: Scalar, t1: Scalar, events: tuple[Event, ...]
+        self,
+        y0: State,
+        t0: Scalar,
+        t1: Scalar,
+        events: tuple[Event, ...],
+        start_known: Array | None = None,
     ) -> FoundEvents:
         """`first_event` of these events."""
-        return first_event(self.system, y0, t0, t1, events, self.config, self.run_axes)
+        along = self.system, y0, t0, t1, events, self.config, self.run_axes
+        return first_event(*along, start_known)
 
     def through(self, y0: State, times: Array) -> IntegrationResult:
         """States at `times`, (times, *runs), which differ between runs: interval by interval."""

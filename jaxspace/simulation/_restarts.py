@@ -20,6 +20,7 @@ from ..integration.event_zero import pick
 from ..integration.events import Event, newton_correct
 from ..integration.layout import runs_of, times_behind_components, with_start
 from ..integration.status import Status, combine_status
+from ._instants import Instant
 from ._integrator import Integrator, total_of
 
 
@@ -31,8 +32,8 @@ class Restarts(NamedTuple):
     - `which`: the number of the event, -1 behind the last one; `rising`: whether its
       condition rises.
     - `end`, `final`: the time at which the run ends, s, and the state there; `stopped_by`: the
-      number of the event that ended it, or -1. A run that failed ends with the last restart
-      before.
+      number of the event that ended it, or -1; `happened`: all events of that time. A run that
+      failed ends with the last restart before.
     - `counts`, `overflow`: of each event, its number of restarts, and whether its capacity was
       exceeded."""
 
@@ -44,6 +45,7 @@ class Restarts(NamedTuple):
     end: Float[Array, "*runs"]
     final: State
     stopped_by: Int[Array, "*runs"]
+    happened: Bool[Array, "events *#runs"]
     counts: Int[Array, "events *#runs"]
     overflow: Bool[Array, "events *#runs"]
     status: Int[Array, "*runs"]
@@ -51,62 +53,83 @@ class Restarts(NamedTuple):
 
 
 class _RunState(NamedTuple):
-    """Progress of a run: time, state, status, restarts of each event, and what ended it."""
+    """Progress of a run: time, state, status, restarts of each event, what ended it, and the events
+    of its last instant."""
 
     t: Array
     y: State
     status: Array
     counts: Array
     stopped_by: Array
+    instant: Instant
 
 
 def restarts_between(
     integrator: Integrator, y0: State, t0: Array, t1: Array, events: tuple[Event, ...]
 ) -> Restarts:
     """All restarts from `t0` to `t1`, s, (*runs,); events without `then` end the run, and so does a
-    restart beyond the capacity."""
-    system = integrator.system
-    runs = runs_of(y0, integrator.run_axes)
+    restart beyond the capacity.
+
+    Events that happen at one time each have a restart of their own, in the listed order
+    (`_instants`)."""
+    system, _, run_axes = integrator
+    runs = runs_of(y0, run_axes)
     axes = (1,) * len(runs)
     capacities = [0 if event.then is None else event.capacity for event in events]
     capacity = jnp.array(capacities, jnp.int32).reshape(-1, *axes)
     numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
     def one(run: _RunState, _: None) -> tuple[_RunState, tuple]:
-        # A run that has ended continues with intervals of no length, because the other runs need
-        # the loop.
+        # Runs that have ended, and those whose events of one time have yet to act, pass an interval
+        # of no length, because the other runs need the loop.
         stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
-        last = jnp.where(stopped, run.t, t1)
-        found = integrator.first_event(run.y, run.t, last, events)
+        idle = stopped | jnp.any(run.instant.waiting, axis=0)
+        last = jnp.where(idle, run.t, t1)
+        known = run.instant.start_known()
+        found = integrator.first_event(run.y, run.t, last, events, known)
         y, result = integrator.to(run.y, run.t, found.time)
-        t, y = newton_correct(system, events, found.which, found.time, found.met(y))
-        status = combine_status(run.status, combine_status(result.status, found.status))
+        found = found._replace(which=jnp.where(idle, -1, found.which))
+        t, y = found.time, found.met(y)
+        if found.state is None:
+            # To the zero itself; the derivatives are those of the correction below.
+            t, y = newton_correct(system, events, found.which, t, y)
+        ended = combine_status(result.status, found.status)
+        status = jnp.where(idle, run.status, combine_status(run.status, ended))
         # The end of an interval that failed is neither a restart nor the end of the run.
-        good = status <= Status.EVENT
-        hit = (found.which >= 0) & good
-        here = (numbers == found.which) & hit & (run.counts < capacity)
-        goes_on = jnp.any(here, axis=0)
+        good = (status <= Status.EVENT) & ~idle
+        t, y = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, y), (run.t, run.y))
+        found = found._replace(which=jnp.where(good, found.which, -1))
+        instant = run.instant.or_found(system, events, found, (run.t, run.y), (t, y), run_axes)
+        jumping = run.counts < capacity
+        acting = jnp.where(stopped, -1, instant.next_to_act(jumping))
+        here = numbers == acting
+        own = jnp.any(here & instant.kept & instant.ahead, axis=0)
+        t, y = newton_correct(system, events, jnp.where(own, acting, -1), t, y, located=True)
+        jumped = here & jumping
+        goes_on = jnp.any(jumped, axis=0)
         after = y
-        rising = jnp.zeros(runs, bool)
         for number, event in enumerate(events):
-            # Before the jump, which may reverse the sign of the slope.
-            slope = event.slope(system, t, y)[1]
-            rising = jnp.where(here[number], slope * jnp.sign(t1 - t0) > 0.0, rising)
             if event.then is not None:
                 moved = event.then(t, y)
-                after = jax.tree.map(lambda a, b, k=number: jnp.where(here[k], a, b), moved, after)
-        by = jnp.where(hit & ~goes_on, found.which, run.stopped_by)
-        row = (t, y, after, jnp.where(goes_on, found.which, -1), rising, result.stats)
-        t, after = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, after), (run.t, run.y))
-        return _RunState(t, after, status, run.counts + here.astype(jnp.int32), by), row
+                after = jax.tree.map(
+                    lambda a, b, k=number: jnp.where(jumped[k], a, b), moved, after
+                )
+        # Before the jumps, which may reverse the signs of the slopes.
+        rising = jnp.any(here & (instant.events.slopes * jnp.sign(t1 - t0) > 0.0), axis=0)
+        by = jnp.where((acting >= 0) & ~goes_on, acting, run.stopped_by)
+        instant = instant.after(here, system, events, t, after)
+        row = (t, y, after, jnp.where(goes_on, acting, -1), rising, result.stats)
+        counts = run.counts + jumped.astype(jnp.int32)
+        return _RunState(t, after, status, counts, by, instant), row
 
-    none = jnp.zeros((len(events), *runs), jnp.int32)
+    t0 = jnp.broadcast_to(t0, runs)
     start = _RunState(
-        jnp.broadcast_to(t0, runs),
+        t0,
         y0,
         jnp.zeros(runs, jnp.int32),
-        none,
+        jnp.zeros((len(events), *runs), jnp.int32),
         jnp.full(runs, -1, jnp.int32),
+        Instant.none_yet(events, t0),
     )
     # One pass more than restarts: the last one reaches the end, or exceeds the capacity.
     run, (ts, before, after, which, rising, stats) = jax.lax.scan(
@@ -114,9 +137,10 @@ def restarts_between(
     )
     # An event with a jump ends a run only where its capacity is exceeded.
     overflow = (numbers == run.stopped_by) & (capacity > 0)
+    happened = run.instant.events.happened & (run.stopped_by >= 0)
     return Restarts(
-        ts, before, after, which, rising, run.t, run.y, run.stopped_by, run.counts, overflow,
-        run.status, total_of(stats),
+        ts, before, after, which, rising, run.t, run.y, run.stopped_by, happened, run.counts,
+        overflow, run.status, total_of(stats),
     )  # fmt: skip
 
 

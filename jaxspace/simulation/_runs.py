@@ -17,11 +17,11 @@ from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings, crossings_between
-from ..integration.event_search import happened_together
 from ..integration.events import Event, closures_of_events, newton_correct
 from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
+from ..integration.simultaneous import simultaneous_events
 from ..integration.status import Status, combine_status
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
@@ -118,7 +118,8 @@ def _to_event(
     status = combine_status(result.status, found.status)
     hit = (which >= 0) & (status == Status.COMPLETED)
     status = jnp.where(hit, Status.EVENT, status)
-    together = happened_together(system, ending, found, asked[0], t_event, y_event, run_axes)
+    places = (asked[0], y0), (t_event, y_event)
+    together = simultaneous_events(system, ending, found, *places, run_axes).happened
     # Numbers among all events, as the caller gave them.
     happened = jnp.zeros((len(events), *which.shape), bool).at[jnp.array(numbers)].set(together)
     event = jnp.where(which >= 0, jnp.array(numbers)[which], -1).astype(jnp.int32)
@@ -185,9 +186,8 @@ def _straight_to_event(
     if len(events) == 1:
         happened = (found.which >= 0)[None]
     else:
-        happened = happened_together(
-            system, events, found, asked[0], found.time, found.state, run_axes
-        )
+        places = (asked[0], y0), (found.time, found.state)
+        happened = simultaneous_events(system, events, found, *places, run_axes).happened
     stopped, hit, status = barrier((stopped, hit, status))
     if ends_alone:
         # The state at the start stays, also where the run ends at once.
@@ -235,11 +235,9 @@ def _with_restarts(
     states = scaled(states, nan_unless(known))
     hit = (result.stopped_by >= 0) & (status == Status.COMPLETED)
     status = jnp.where(hit, Status.EVENT, status)
-    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * result.end.ndim)
-    happened = numbers == result.stopped_by
     event = result.stopped_by.astype(jnp.int32)
     crossings = collected(result, events, run_axes)
-    return RunResult(ts, states, status, event, happened, stats, None, None, crossings)
+    return RunResult(ts, states, status, event, result.happened, stats, None, None, crossings)
 
 
 def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:
