@@ -26,8 +26,16 @@ from jaxspace.orbits.outputs import speed_error
 from jaxspace.plots import accuracy_cost_figure, effect_budget_figure
 from jaxspace.scene import Custom, Scaled
 from jaxspace.simulation import SimulationError
-from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Regularised, Tsit5
+from jaxspace.solvers import (
+    DOP853,
+    RKN1210,
+    AdaptiveRegularised,
+    ExponentialRosenbrock,
+    Regularised,
+    Tsit5,
+)
 from jaxspace.studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
+from jaxspace.studies._cost_methods import default_methods, methods_by_name, tolerances_of
 from jaxspace.studies.budget_table import Influence
 from jaxspace.studies.cost_table import Cost
 
@@ -159,6 +167,19 @@ def test_the_methods_are_those_that_auto_may_take_and_a_file_may_name():
 
 
 @pytest.mark.sweep
+def test_the_methods_by_default_are_such_as_may_be_named():
+    """Also those of a long eccentric orbit, whose steps are in variables of the method."""
+    scene = Scene((PointGravity(MU), Oblateness(MU, RADIUS, J2)))
+    y0 = BodyState([7e6, 0.0, 0.0], [0.0, 9e3, 3e3])
+    ts = jnp.array([0.0, 10.0 * 86400.0])
+    methods = default_methods(scene, y0, ts, (1e-6, 1e-12))
+    assert AdaptiveRegularised() in methods
+    by_name = methods_by_name(scene, y0, ts, methods, 1e-12)
+    assert list(by_name.values()) == list(methods)
+    rows = tolerances_of(AdaptiveRegularised(), scene, y0, [1e-6, 1e-12])
+    assert rows == [1e-6, 1e-12]
+
+
 def test_fixed_steps_have_one_row_and_no_tolerance():
     scene = Scene([PointGravity(MU)])
     method = Regularised(steps=48)

@@ -221,7 +221,7 @@ def test_the_file_from_pad_to_orbit_holds_what_flies():
 def test_wrong_tables_are_refused():
     with pytest.raises(InputError, match=r"MachTable\.mach .* ascending"):
         MachTable([0.0, 0.0], [0.3, 0.4])
-    with pytest.raises(InputError, match=r"Wind\.heights\.north"):
+    with pytest.raises(InputError, match=r"Wind\.north has 1 nodes, and heights has 2"):
         Wind([0.0, 1.0], [1.0, 2.0], [1.0])
 
 

@@ -119,6 +119,10 @@ class Own(AbstractParameters):
             "ReactionWheels.axes is .*: it must be of another length than zero",
         ),
         (
+            lambda: ReactionWheels(np.eye(3), [1.0, 1.0], [0.0, 0.0, 0.0]),
+            "ReactionWheels.inertia has 2 wheels, and axes has 3: it must have as many",
+        ),
+        (
             lambda: FinSet(2.5, 0.1, 0.1, 0.1, 0.1, 0.1, 0.1),
             "FinSet.count is 2.5: it must be a whole number from 2 to 8",
         ),

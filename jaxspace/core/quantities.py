@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import math
 import typing
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -198,13 +198,17 @@ def annotated_shape(annotation: object) -> tuple[int | None, ...]:
     """The shape that an annotation such as `Float[Array, "3 *#runs"]` gives, without runs.
 
     A named axis of any length is `None`; `()` where the annotation is not that of an array."""
+    return tuple(int(axis) if axis.isdigit() else None for axis in _axes_of(annotation))
+
+
+def _axes_of(annotation: object) -> Sequence[str]:
+    """The axes that the annotation of an array names, without runs."""
     # Of an optional field, the array is one of the alternatives.
     for one in (annotation, *typing.get_args(annotation)):
         dims = getattr(one, "dim_str", None)
         if dims is not None:
-            axes = [axis for axis in dims.split() if not axis.startswith(("*", "."))]
-            return tuple(int(axis) if axis.isdigit() else None for axis in axes)
-    return ()
+            return [axis for axis in dims.split() if not axis.startswith(("*", "."))]
+    return []
 
 
 def takes_runs(annotation: object) -> bool:
@@ -274,6 +278,35 @@ def check_declared(module: object, *names: str) -> None:
     for name, declared in quantities(type(module)).items():
         if not names or name in names:
             declared.check(f"{type(module).__name__}.{name}", getattr(module, name))
+    _check_counts(module, *names)
+
+
+def _check_counts(module: object, *names: str) -> None:
+    """Raise `InputError` where two fields have different numbers along an axis of one name."""
+    first: dict[str, tuple[str, int]] = {}
+    for name, axes in _named_axes(type(module)).items():
+        value = getattr(module, name) if not names or name in names else None
+        if not isinstance(value, jax.Array | np.ndarray):
+            continue
+        for axis, length in zip(axes, value.shape, strict=False):
+            other, known = first.setdefault(axis, (name, length))
+            if axis and length != known:
+                raise InputError(
+                    f"{type(module).__name__}.{name} has {length} {axis}, and {other} has {known}: "
+                    f"it must have as many."
+                )
+
+
+@functools.cache
+def _named_axes(cls: type) -> Mapping[str, Sequence[str]]:
+    """The names of the axes of each declared field, without those of runs; empty for a number."""
+    result = {}
+    for field in dataclasses.fields(cls):
+        declared = field.metadata.get(QUANTITY)
+        axes = [] if declared is None else _axes_of(field.type)
+        if any(axis and not axis.isdigit() for axis in axes):
+            result[field.name] = ["" if axis.isdigit() else axis for axis in axes]
+    return result
 
 
 class AbstractParameters(eqx.Module):

@@ -73,7 +73,10 @@ def _has_error_estimate(method: Method) -> bool:
     """Whether it is a solver with an error estimate, for which a tolerance has a meaning."""
     if not isinstance(method, diffrax.AbstractSolver):
         return False
-    return isinstance(method, diffrax.AbstractAdaptiveSolver) or solver_traits(method).fixed_step
+    traits = solver_traits(method)
+    # One that chooses its steps itself does so by the tolerance, without an estimate of diffrax.
+    known = traits.fixed_step or traits.own_steps
+    return known or isinstance(method, diffrax.AbstractAdaptiveSolver)
 
 
 def tolerances_of(
