@@ -54,10 +54,10 @@ def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
     return outs, [x.ndim - 1 for x in outs]
 
 
-def _record_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
+def _record_batch(values: Leaves, dims: Dims, *, problem: Problem, moving: Moving) -> Batched:
     outs, out_dims = _solve_batch(values, dims, problem=problem)
     # The record of a mapped run is computed again where it is used, and this one is never read.
-    empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals]
+    empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals(moving)]
     return [*outs, *empty], [*out_dims, *[None] * len(empty)]
 
 
@@ -84,7 +84,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
 
             def one(*x: Array) -> list[Array]:
                 args, last = x[: len(arg_dims)], x[len(arg_dims) :]
-                _, record = problem.split_record(problem.solve(*args, recorded=True))
+                _, record = problem.split_record(problem.solve(*args, recorded=True, moving=moving))
                 return program(
                     *args, *record, *last, problem=problem, moving=moving, columns=columns
                 )
@@ -94,7 +94,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batch
         def block(parts: Parts, last: Leaves) -> list[Array]:
             inner = Problem(parts)
             args = arguments_of(parts)
-            _, record = inner.split_record(record_p.bind(*args, problem=inner))
+            _, record = inner.split_record(record_p.bind(*args, problem=inner, moving=moving))
             return primitive.bind(
                 *args, *record, *last, problem=inner, moving=moving, columns=columns
             )

@@ -44,8 +44,8 @@ def _solve(*args: Array, problem: Problem) -> list[Array]:
     return jaxpr_as_fun(problem.solve_jaxpr)(*args)
 
 
-def _record(*args: Array, problem: Problem) -> list[Array]:
-    return jaxpr_as_fun(problem.record_jaxpr)(*args)
+def _record(*args: Array, problem: Problem, moving: Moving) -> list[Array]:
+    return jaxpr_as_fun(problem.record_jaxpr(moving))(*args)
 
 
 def along(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
@@ -102,7 +102,9 @@ def _derivative_avals(*values: ShapedArray, function: Program, shapes: Avals) ->
 
 solve_p = _primitive("integrate", _solve, lambda *a, problem: problem.solve_jaxpr.out_avals)
 record_p = _primitive(
-    "integrate_recorded", _record, lambda *a, problem: problem.record_jaxpr.out_avals
+    "integrate_recorded",
+    _record,
+    lambda *a, problem, moving: problem.record_jaxpr(moving).out_avals,
 )
 along_p = _primitive("tangent_along_steps", along, _along_avals)
 back_p = _primitive("cotangent_along_steps", back, _back_avals)
@@ -140,18 +142,18 @@ def _jvp_in(
 def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tuple[Leaves, Tangents]:
     # JAX does not ask for a derivative that is zero.
     moving = _moving(tangents)
-    outs, record = problem.split_record(record_p.bind(*primals, problem=problem))
+    outs, record = problem.split_record(record_p.bind(*primals, problem=problem, moving=moving))
     given = [tangents[k] for k in moving]
     along = along_p.bind(*primals, *record, *given, problem=problem, moving=moving, columns=0)
     return outs, [*along, *_zeros(outs[problem.num_states :])]
 
 
 def _record_jvp(
-    primals: Leaves, tangents: Tangents, *, problem: Problem
+    primals: Leaves, tangents: Tangents, *, problem: Problem, moving: Moving
 ) -> tuple[Leaves, Tangents]:
     # Second-order rule: the recorded states move as well. The run is a small part of the work, but
     # written out most of the program.
-    values = problem.solve(*primals, recorded=True, small=True)
+    values = problem.solve(*primals, recorded=True, small=True, moving=moving)
     moving = _moving(tangents)
     outs, record = problem.split_record(values)
     given = [ad.instantiate_zeros(tangents[k]) for k in moving]

@@ -28,6 +28,7 @@ from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
 from ._record import Record, Recording, RecordLayout
 from ._replay import Replay
+from ._tangents import Probes
 from .field_trace import field_trace
 from .loop import LoopSettings, integrate_loop
 from .normalised_time import ScaledVectorField
@@ -76,6 +77,7 @@ class Problem:
         self.num_field = len(arguments_of(field))
         # Saved states have as many arrays as one state, and come first in an outcome.
         self.num_states = len(arguments_of(y0))
+        self._records: dict[Moving, ClosedJaxpr] = {}
 
     def parts(self, args: Sequence[PyTree]) -> Parts:
         """Field, initial state and settings from the arguments."""
@@ -83,9 +85,16 @@ class Problem:
 
     # The programs, as functions of flat arguments.
 
-    def solve(self, *args: Array, recorded: bool = False, small: bool = False) -> list[Array]:
+    def solve(
+        self,
+        *args: Array,
+        recorded: bool = False,
+        small: bool = False,
+        moving: Moving = (),
+    ) -> list[Array]:
         """The arrays of the outcome; of one that is `recorded`, then those of its record.
 
+        `moving`: the arguments by which a recorded run is differentiated.
         `small`: whether the steps of a single run are a small program, whatever its field."""
         field, y0, settings = self.parts(args)
         assert not recorded or settings.sought is None or settings.save_ts is None, (
@@ -102,10 +111,15 @@ class Problem:
         if self.field_operations >= LARGE:
             # The estimate of the first step is another copy of the field.
             settings = dataclasses.replace(settings, first_step=settings.first_step or FIRST_STEP)
+        probes = None
+        # Steps of a plan are not controlled.
+        if settings.derivative_control and settings.plan is None:
+            probes = Probes.of(field, y0, moving, settings.tolerance.run_axes)
         packing = self._packing(field, y0, settings)
         if packing is not None:
             field, y0, settings = packed(packing, field, y0, settings)
-        loop = integrate_loop(settings, field, y0, recorded=recorded)
+            probes = probes and probes.packed(packing.vector)
+        loop = integrate_loop(settings, field, y0, recorded=recorded, probes=probes)
         outcome = outcome_of(loop, settings)
         if packing is not None:
             outcome = outcome.unpacked(packing)
@@ -118,10 +132,12 @@ class Problem:
         """The traced `solve`."""
         return jax.make_jaxpr(self.solve)(*self.avals)
 
-    @functools.cached_property
-    def record_jaxpr(self) -> ClosedJaxpr:
-        """The traced `solve` of a run that is recorded."""
-        return jax.make_jaxpr(functools.partial(self.solve, recorded=True))(*self.avals)
+    def record_jaxpr(self, moving: Moving) -> ClosedJaxpr:
+        """The traced `solve` of a run that is recorded, and differentiated by some arguments."""
+        if moving not in self._records:
+            solve = functools.partial(self.solve, recorded=True, moving=moving)
+            self._records[moving] = jax.make_jaxpr(solve)(*self.avals)
+        return self._records[moving]
 
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
         """Whether the steps of a run, or of a `derivative`, are a small program."""
@@ -166,10 +182,9 @@ class Problem:
         """Shapes of the arrays of the outcome."""
         return cast(Avals, self.solve_jaxpr.out_avals)
 
-    @property
-    def record_avals(self) -> Avals:
+    def record_avals(self, moving: Moving) -> Avals:
         """Shapes of the arrays of the record."""
-        return cast(Avals, self.record_jaxpr.out_avals[len(self.outcome_avals) :])
+        return cast(Avals, self.record_jaxpr(moving).out_avals[len(self.outcome_avals) :])
 
     def split_record(self, results: Sequence[Array]) -> tuple[list[Array], list[Array]]:
         """Split the result of a recorded `solve` into the outcome and the record."""

@@ -78,6 +78,10 @@ class Accuracy(AbstractParameters):
       which forces act, but no torque. By default "auto" decides: it does so if the turns of this
       part would use many of `max_steps`, or if a first attempt ran out of steps. It does not under
       `jit` and in derivatives, where the numbers are unknown.
+    - `derivative_control`: whether the step control of a run that is differentiated looks at its
+      derivatives too, and repeats the run with shorter steps where those of the motion do not
+      resolve them: at rest, or where a parameter that is zero leaves nothing to resolve. Without it
+      a gradient takes a little less time.
 
     The tolerances and `max_step` are traced: changing them causes no new compilation.
 
@@ -105,6 +109,7 @@ class Accuracy(AbstractParameters):
         "s", positive=True, optional=True, converter=_known_float, doc="longest step"
     )
     decoupled: bool | None = eqx.field(static=True, default=None)
+    derivative_control: bool = eqx.field(static=True, default=True)
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)
@@ -164,6 +169,7 @@ def as_accuracy(accuracy: Any) -> Accuracy:
                 f"DirectAdjoint or ForwardMode."
             )
         _check_kind("decoupled", accuracy.decoupled, bool | None, "True, False or None")
+        _check_kind("derivative_control", accuracy.derivative_control, bool, "True or False")
         _check_kind("max_steps", accuracy.max_steps, int | np.integer, "a whole number")
         return accuracy
     if accuracy is None:

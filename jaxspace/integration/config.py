@@ -32,7 +32,7 @@ class IntegrationConfig(eqx.Module):
 
     - `rtol`, `atol`: tolerances in the precision of the state.
     - `method`: a solver, or "closed_form".
-    - `adjoint`, `max_steps`, `max_step`: as in `Accuracy`.
+    - `adjoint`, `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
     - `restarts`: whether a block whose steps run out starts again without its slow runs; false
       where the caller repeats those one by one.
     - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
@@ -46,6 +46,7 @@ class IntegrationConfig(eqx.Module):
     max_step: Float[Array | np.ndarray, ""] | None
     restarts: bool = eqx.field(static=True, default=False)
     decoupled: bool = eqx.field(static=True, default=False)
+    derivative_control: bool = eqx.field(static=True, default=True)
 
     def __repr__(self) -> str:
         # With their numbers: Equinox shows arrays by their shapes.
@@ -150,6 +151,7 @@ def resolve(
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
         restarts,
         decoupled=decoupled is not None,
+        derivative_control=accuracy.derivative_control,
     )
 
 

@@ -306,6 +306,7 @@ def _settings(
         sought,
         # The estimate would be another copy of the vector field beside that of the search.
         first_step=None if sought is None else FIRST_STEP,
+        derivative_control=config.derivative_control,
     )
 
 

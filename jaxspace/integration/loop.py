@@ -4,6 +4,7 @@ diffrax's own loop does the same work. This one is traced once where diffrax's i
 times, which halves the first call, and it records the steps for derivatives (`_record.py`).
 """
 
+import functools
 from typing import NamedTuple, final
 
 import diffrax
@@ -24,6 +25,7 @@ from ._event_location import Location, SearchedStep, SoughtEvents, located
 from ._record import Recording, RecordLayout, check_memory
 from ._slow_runs import nan_where, without_slow_runs
 from ._step_zero import AlongStep
+from ._tangents import Probes, ProbeState, StepTaken, TangentControl
 from .events import Event
 from .normalised_time import OwnStep, ScaledVectorField, Segments
 
@@ -42,7 +44,8 @@ class LoopSettings(eqx.Module):
     - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
     - `restarts`: whether a block that runs out of steps is repeated without its slow runs.
     - `sought`: the events that end the runs.
-    - `first_step`: as in `BatchStepController`."""
+    - `first_step`: as in `BatchStepController`.
+    - `derivative_control`: as in `Accuracy`."""
 
     method: diffrax.AbstractSolver
     tolerance: Tolerance
@@ -57,6 +60,7 @@ class LoopSettings(eqx.Module):
     restarts: bool = eqx.field(static=True)
     sought: SoughtEvents | None = None
     first_step: float | None = eqx.field(static=True, default=None)
+    derivative_control: bool = eqx.field(static=True, default=False)
 
     @property
     def start(self) -> Float[Array, ""]:
@@ -107,6 +111,7 @@ class LoopState(NamedTuple):
     - `made_jump`: whether the vector field jumped at `t`, so that the solver starts again.
     - `left_out`: runs that used up the shared steps, and without which the others went on.
     - `location`: of the first event of each run, where some are sought.
+    - `tangents`: that control the steps, of a run that is differentiated.
     """
 
     t: Float[Array, ""]
@@ -120,6 +125,7 @@ class LoopState(NamedTuple):
     buffers: Buffers
     left_out: Bool[Array, "*runs"]
     location: Location | None
+    tangents: ProbeState | None
 
 
 @eqx.filter_jit
@@ -133,7 +139,12 @@ TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumen
 
 
 def integrate_loop(
-    settings: LoopSettings, field: ScaledField, y0: State, *, recorded: bool = False
+    settings: LoopSettings,
+    field: ScaledField,
+    y0: State,
+    *,
+    recorded: bool = False,
+    probes: Probes | None = None,
 ) -> LoopState:
     """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
 
@@ -143,6 +154,7 @@ def integrate_loop(
     - `field`: the vector field, a `ScaledVectorField` or its hoisted form.
     - `y0`: the initial state, components first and runs last.
     - `recorded`: whether to record the steps for derivatives.
+    - `probes`: the tangents that the steps should resolve.
 
     **Returns** the last `LoopState`. If its `t` is `settings.end`, all runs are complete except
     those `left_out`. Otherwise the steps ran out, which the caller reports in the status."""
@@ -151,10 +163,19 @@ def integrate_loop(
         going = _going_on(settings, loop)
         return going if loop.location is None else going | jnp.any(loop.location.again)
 
-    def run(loop: LoopState) -> LoopState:
-        return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, field, loop), loop)
+    control = None
+    if probes is not None:
+        control = TangentControl.of(probes, settings.tolerance, settings.method, TERM)
 
-    start = _start(settings, field, y0, recorded)
+    def by_motion(loop: LoopState) -> LoopState:
+        return jax.lax.while_loop(
+            unfinished, lambda loop: _advance(settings, field, control, loop), loop
+        )
+
+    def run(loop: LoopState) -> LoopState:
+        return by_motion(loop) if control is None else control.run(loop, by_motion)
+
+    start = _start(settings, field, y0, recorded, control)
     # A single run does not wait for others, and a plan does not run out of steps.
     if not settings.restarts or start.left_out.size == 1 or settings.plan is not None:
         return run(start)
@@ -176,7 +197,13 @@ def _going_on(settings: LoopSettings, loop: LoopState) -> Bool[Array, ""]:
     return going
 
 
-def _start(settings: LoopSettings, field: ScaledField, y0: State, recorded: bool) -> LoopState:
+def _start(
+    settings: LoopSettings,
+    field: ScaledField,
+    y0: State,
+    recorded: bool,
+    control: TangentControl | None,
+) -> LoopState:
     """The loop before its first step, with the buffers that it fills."""
     solver, controller = settings.solver(), settings.controller()
     start, end = settings.start, settings.end
@@ -199,10 +226,16 @@ def _start(settings: LoopSettings, field: ScaledField, y0: State, recorded: bool
         buffers=settings.buffers(y0, end, end if recorded else None),
         left_out=jnp.zeros_like(settings.tolerance.alive(y0)),
         location=location,
+        tangents=None if control is None else control.probes.begin(settings.tolerance),
     )
 
 
-def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> LoopState:
+def _advance(
+    settings: LoopSettings,
+    field: ScaledField,
+    control: TangentControl | None,
+    loop: LoopState,
+) -> LoopState:
     """The loop after one more step, accepted or rejected; if every run waits at its event, after
     one more repetition of the steps that hold the events."""
     solver, controller = settings.solver(), settings.controller()
@@ -217,6 +250,7 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
         arrays, t0, t1 = barrier((arrays, t0, t1))
         field = eqx.combine(arrays, static)
     going = None
+    whole = field
     location = loop.location
     if location is not None:
         going = _going_on(settings, loop)
@@ -236,7 +270,17 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
     failed = result != diffrax.RESULTS.successful
     error = jax.tree.map(lambda e: jnp.where(failed, jnp.inf, e), error)
     order = solver.error_order(TERM)
-    accept, t_after, t_next, made_jump, controller_state, _ = controller.adapt_step_size(
+    adapt = controller.adapt_step_size
+    tangents = loop.tangents
+    if control is not None:
+        assert tangents is not None
+        motion = settings.tolerance.error(y0, y1, error)
+        step = StepTaken(t0, t1, y0, y1, motion, loop.num_accepted)
+        looked = True if going is None else going
+        tangents, of_tangents = control.look(whole, step, looked, tangents)
+        solver_state = solver_state[0], jnp.maximum(solver_state[1], of_tangents)
+        adapt = functools.partial(adapt, at_least=of_tangents)
+    accept, t_after, t_next, made_jump, controller_state, _ = adapt(
         loop.t, loop.t_next, y0, y1, field, error, order, loop.controller_state
     )
     accept = jnp.asarray(accept)
@@ -281,6 +325,7 @@ def _advance(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Loo
         num_rejected=jnp.where(rejected, loop.num_rejected + 1, loop.num_rejected),
         buffers=_filled(settings, loop, accept, y1, interpolation, location),
         location=location,
+        tangents=tangents,
     )
 
 

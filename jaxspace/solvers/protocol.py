@@ -11,6 +11,7 @@ __all__ = [
     "SolverTraits",
     "bind",
     "field_of_step",
+    "forward_mode",
     "refine",
     "small_program",
     "solver_traits",
@@ -292,6 +293,21 @@ def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, small_program(solver.solver))
     return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
+
+
+def forward_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The same method with stages that forward mode can differentiate, as its adjoint in diffrax
+    sets them: by default reverse mode alone goes through those of diffrax."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, forward_mode(solver.solver))
+    if getattr(solver, "scan_kind", "") is not None:
+        return solver
+    return eqx.tree_at(
+        lambda s: s.scan_kind,
+        solver,
+        "lax",
+        is_leaf=lambda x: x is None,
+    )
 
 
 def _wrapping(

@@ -115,13 +115,19 @@ class BatchStepController(diffrax.AbstractStepSizeController):
         y_error: State,
         error_order: Scalar,
         controller_state: StepControl,
+        *,
+        at_least: Float[Array, "*runs"] | None = None,
     ) -> Decision:
+        """As diffrax has it; `at_least`: further errors of the runs, such as of their tangents, in
+        units of the tolerance."""
         del args
         before, limiting = controller_state
         ds = t1 - t0
         errors = self.tolerance.error(y0, y1_candidate, y_error)
         # Without derivatives, because these hold the accepted steps fixed.
         errors = jax.lax.stop_gradient(jnp.where(self.tolerance.alive(y0), errors, 0.0))
+        if at_least is not None:
+            errors = jnp.maximum(errors, at_least)
         worst = jnp.max(errors)
         # In single precision, or after many segments, the rounding of the time is the limit.
         resolved = 16.0 * jnp.finfo(t0.dtype).eps * (1.0 + t0)

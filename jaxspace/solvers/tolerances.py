@@ -82,10 +82,21 @@ class Tolerance(eqx.Module):
         def ratio(b: Array, s: Array) -> Array:
             return self.length(b) / (self.atol + self.rtol * s)
 
-        ratios = jax.tree.leaves(jax.tree.map(ratio, blocks, scale))
+        return self._worst_block(jax.tree.map(ratio, blocks, scale))
+
+    def worst(
+        self, lengths: PyTree[Float[Array, "..."]], scale: PyTree[Float[Array, "..."]]
+    ) -> Float[Array, "*runs"]:
+        """`largest` of blocks of which the `lengths` are known."""
+        return self._worst_block(
+            jax.tree.map(lambda x, s: x / (self.atol + self.rtol * s), lengths, scale)
+        )
+
+    def _worst_block(self, ratios: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
+        leaves = jax.tree.leaves(ratios)
         if self.blocks:
-            return jnp.max(ratios[0], axis=0)
-        return functools.reduce(jnp.maximum, ratios)
+            return jnp.max(leaves[0], axis=0)
+        return functools.reduce(jnp.maximum, leaves)
 
     def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
         """The local error of each run in units of the tolerance; infinite where it is not finite.

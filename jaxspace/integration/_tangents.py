@@ -1,0 +1,319 @@
+"""Step control by derivatives, in a run that is differentiated.
+
+Steps that the motion alone chooses resolve the motion alone. Where it is at rest, or nearly a
+polynomial, they become as long as the run, and a derivative along them is that of a few steps of
+any accuracy: of a force that is zero, the derivative of a run without it. Some tangents are
+therefore integrated beside the motion, and have errors as it has.
+
+    d_j        tangent of the state along a direction of the inputs, for probe j = 1, 2, ...
+    |e_j|      estimate of the error that a step makes in d_j, of each block of the state
+    |d_j|      largest size of the tangent so far, of each block
+
+    |e_j| <= atol + rtol |d_j|
+
+Each array that is differentiated has a probe of its own, so that a large tangent hides no small
+one; of more than `MOST` arrays several share one. Its direction is fixed and pseudo-random, with
+each number changing by its own size, or by one where it is zero.
+
+Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
+steps by the motion alone, and looks at the tangents at its first steps, at every sixteenth, and
+where the error of the motion does not limit the step. Between these places a probe rests. Only if
+an error is `ALARM` times what is allowed, the run is repeated with the tangents in the control of
+every step.
+"""
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias, final
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ..core import State
+from ..solvers.protocol import bind, field_of_step, forward_mode, small_program
+from ..solvers.tolerances import Tolerance
+from ..solvers.vector_field import ScaledField
+
+MOST = 8
+"""Largest number of probes."""
+SINCE, EVERY = 2, 24
+"""The first of the steps at which the tangents are looked at whatever the motion does, and the
+distance of those that follow."""
+FREE = 1e-3
+"""Error of the motion, in units of the tolerance, that does not limit a step: steps of the ideal
+length leave more."""
+LONG = 0.02
+"""Shortest of the steps that the motion does not limit at which the tangents are looked at, as a
+fraction of a segment. Shorter ones are on their way to longer ones."""
+MOST_FREE = 16
+"""Number of such steps. More of them are limited by something else, such as `Accuracy.max_step`."""
+ALARM = 300.0
+"""Error of a tangent, in units of what is allowed, at which the run is repeated. That of tangents
+whose steps the motion chooses well is up to about ten."""
+SHORT = 1e-6
+"""Fraction of a segment. A tangent that is not finite after so short a step never is."""
+EXPECTED = 1e-3
+"""Part of its size in the first run that the size of a tangent is taken to be at least in the
+second one, so that its first traces are not resolved to all digits. The first run may be off by as
+much."""
+
+# A `LoopState`, whose module imports this one.
+Loop: TypeAlias = Any
+# The length of each block of the state, for each probe and run.
+Lengths: TypeAlias = PyTree[Float[Array, "probes ..."]]
+
+
+class ProbeState(NamedTuple):
+    """The tangents of the probes at one place of a run.
+
+    - `tangents`: of the state, with the probes on the first axis.
+    - `sizes`, `errors`: the largest of the tangents and of their errors so far.
+    - `expected`: sizes that are taken for granted.
+    - `count`: the number of steps that were looked at.
+    - `always`: whether every step is, and is controlled by it."""
+
+    tangents: State
+    sizes: Lengths
+    errors: Lengths
+    expected: Lengths
+    count: Int[Array, ""]
+    always: Bool[Array, ""]
+
+
+@final
+class Probes(eqx.Module):
+    """The directions of the inputs along which the tangents of a run are followed.
+
+    - `numbers`: of the arrays of the field that are differentiated.
+    - `directions`: of these arrays, with the probes on the first axis.
+    - `start`: of the initial state, likewise."""
+
+    numbers: tuple[int, ...] = eqx.field(static=True)
+    directions: list[Array]
+    start: State
+
+    @classmethod
+    def of(
+        cls, field: PyTree, y0: State, moving: tuple[int, ...], run_axes: int
+    ) -> "Probes | None":
+        """The probes of a run that is differentiated by the arrays `moving` of its field and its
+        initial state; `None` where there is none with a number."""
+        of_field = jax.tree.leaves(eqx.filter(field, eqx.is_array))
+        blocks, structure = jax.tree.flatten(y0)
+        inputs = [*map(jnp.asarray, of_field), *blocks]
+        moving = tuple(k for k in moving if k < len(inputs) and inputs[k].size)
+        if not moving:
+            return None
+        probe = {k: i % MOST for i, k in enumerate(moving)}
+
+        def rows(k: int) -> Array:
+            x = inputs[k]
+            every = jnp.zeros((min(len(moving), MOST), *x.shape), x.dtype)
+            if k not in probe:
+                return every
+            axes = x.ndim - (run_axes if k >= len(of_field) else 0)
+            return every.at[probe[k]].set(_direction(x, axes, k))
+
+        numbers = tuple(k for k in moving if k < len(of_field))
+        start = [rows(len(of_field) + k) for k in range(len(blocks))]
+        return cls(numbers, [rows(k) for k in numbers], jax.tree.unflatten(structure, start))
+
+    def packed(self, vector: Callable[[State], Array]) -> "Probes":
+        """The probes of a run whose state is a vector."""
+        return Probes(self.numbers, self.directions, jax.vmap(vector)(self.start))
+
+    def begin(self, tolerance: Tolerance) -> ProbeState:
+        """The tangents before the first step."""
+        sizes = _lengths(tolerance, self.start)
+        none = jax.tree.map(jnp.zeros_like, sizes)
+        return ProbeState(self.start, sizes, none, none, jnp.asarray(0), jnp.array(False))
+
+    def after(
+        self,
+        method: diffrax.AbstractSolver,
+        term: diffrax.AbstractTerm,
+        field: ScaledField,
+        step: "StepTaken",
+        tangents: State,
+    ) -> tuple[State, State]:
+        """The tangents after a step, and the estimates of their errors."""
+        arrays, static = eqx.partition(field, eqx.is_array)
+        leaves, structure = jax.tree.flatten(arrays)
+        t0, t1 = step.t0, step.t1
+
+        def of(moving: list[Array], y: State) -> tuple[State, State]:
+            every = list(leaves)
+            for k, x in zip(self.numbers, moving, strict=True):
+                every[k] = x
+            field = eqx.combine(jax.tree.unflatten(structure, every), static)
+            seen = field_of_step(method, field, t0, t1)
+            state = method.init(term, t0, t1, y, seen)
+            y1, error, *_ = method.step(term, t0, t1, y, seen, state, jnp.array(False))
+            return y1, error
+
+        moving = [leaves[k] for k in self.numbers]
+
+        def along(probe: tuple[list[Array], State]) -> tuple[State, State]:
+            return jax.jvp(of, (moving, step.y0), probe)[1]
+
+        # One after the other, in the layout of the motion. Together they would take several times
+        # as long for many runs, whose axis has to be the last one.
+        return jax.lax.map(along, (self.directions, tangents))
+
+
+class StepTaken(NamedTuple):
+    """A step of the motion: its start and end in normalised time, the states there, the error of
+    each run in units of the tolerance, and the number of the steps before it."""
+
+    t0: Float[Array, ""]
+    t1: Float[Array, ""]
+    y0: State
+    y1: State
+    motion: Float[Array, "*runs"]
+    number: Int[Array, ""]
+
+
+@final
+class TangentControl(eqx.Module):
+    """Step control by the tangents of `probes`.
+
+    - `method`: that of the run, as a small program, because most steps do without it.
+    - `term`: the vector field as the method takes it."""
+
+    probes: Probes
+    tolerance: Tolerance
+    method: diffrax.AbstractSolver
+    term: diffrax.AbstractTerm
+
+    @classmethod
+    def of(
+        cls,
+        probes: Probes,
+        tolerance: Tolerance,
+        method: diffrax.AbstractSolver,
+        term: diffrax.AbstractTerm,
+    ) -> "TangentControl":
+        """The control of a run by this method."""
+        # Nothing is saved within a step here.
+        axes = tolerance.run_axes
+        method = bind(small_program(method), tolerance=tolerance, save_ts=None, run_axes=axes)
+        return cls(probes, tolerance, forward_mode(method), term)
+
+    def look(
+        self, field: ScaledField, step: StepTaken, going: Bool[Array, ""] | bool, state: ProbeState
+    ) -> tuple[ProbeState, Float[Array, "*runs"]]:
+        """The tangents after this step, if it is accepted, and the errors by which they control it:
+        zero in the first run, and for a step that the motion rejects or is not `going` on."""
+        # A run that has failed, or waits at its event, has no error.
+        alive = self.tolerance.alive(step.y0)
+        least = jnp.min(jnp.where(alive, step.motion, jnp.inf))
+        most = jnp.max(jnp.where(alive, step.motion, 0.0))
+        free = (least < FREE) & (step.t1 - step.t0 > LONG) & (state.count < MOST_FREE)
+        some = (step.number % EVERY == SINCE) | free
+        # Nothing happens in a segment of no duration, whose ends a derivative would part.
+        lasting = field.duration(step.t0, step.t1 - step.t0) != 0.0
+        due = going & jnp.any(lasting) & (most <= 1.0) & (state.always | some)
+
+        def looked() -> tuple[ProbeState, Array]:
+            return self._looked(field, step, alive & lasting, state)
+
+        def skipped() -> tuple[ProbeState, Array]:
+            return state, jnp.zeros_like(step.motion)
+
+        return jax.lax.cond(due, looked, skipped)
+
+    def _looked(
+        self, field: ScaledField, step: StepTaken, alive: Bool[Array, "*runs"], state: ProbeState
+    ) -> tuple[ProbeState, Array]:
+        tolerance = self.tolerance
+        tangents, errors = self.probes.after(self.method, self.term, field, step, state.tangents)
+        counts = alive & tolerance.alive(step.y1)
+        sizes, errors = (
+            jax.tree.map(lambda x: jnp.where(counts, x, 0.0), _lengths(tolerance, d))
+            for d in (tangents, errors)
+        )
+        sizes = jax.tree.map(jnp.maximum, state.sizes, sizes)
+        ratios = self._ratios(errors, jax.tree.map(jnp.maximum, sizes, state.expected))
+        # A tangent that was finite, and is not after a long step, may be after a short one.
+        resolvable = step.t1 - step.t0 > SHORT
+        ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.where(resolvable, jnp.inf, 0.0))
+        known = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
+        control = jnp.max(jnp.where(known, ratios, 0.0), axis=0)
+        errors = jax.tree.map(jnp.maximum, state.errors, errors)
+        # Selected here and not beside the state of the loop, because most steps come without it.
+        taken = jnp.all(control <= 1.0)
+        tangents, sizes, errors = jax.tree.map(
+            lambda new, old: jnp.where(taken, new, old),
+            (tangents, sizes, errors),
+            (state.tangents, state.sizes, state.errors),
+        )
+        state = state._replace(tangents=tangents, sizes=sizes, errors=errors, count=state.count + 1)
+        return state, control.astype(step.motion.dtype)
+
+    def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "probes *#runs"]:
+        """The errors in units of what is allowed, of the worst block."""
+        return jax.vmap(self.tolerance.worst)(errors, sizes)
+
+    def run(self, start: Loop, run: Callable[[Loop], Loop]) -> Loop:
+        """The loop at its end, by steps that resolve the tangents.
+
+        **Arguments**
+
+        - `start`: the loop before its first step.
+        - `run`: takes all its steps."""
+
+        def attempt(carry: tuple[Loop, Array]) -> tuple[Loop, Array]:
+            before, repeat = carry
+            # Built again here, because a selection after the loop would be needed for every array.
+            tangents = start.tangents._replace(
+                always=repeat, expected=self._expected(before.tangents)
+            )
+            buffers = before.buffers.again(start.buffers)
+            loop = run(start._replace(buffers=buffers, tangents=tangents))
+            return loop, ~repeat & self._alarm(loop)
+
+        def unresolved(carry: tuple[Loop, Array]) -> Array:
+            loop, repeat = carry
+            return repeat | (loop.tangents.count < 0)
+
+        before = start.tangents._replace(count=jnp.asarray(-1))
+        first = start._replace(tangents=before), jnp.array(False)
+        return jax.lax.while_loop(unresolved, attempt, first)[0]
+
+    def _expected(self, before: ProbeState) -> Lengths:
+        """The least sizes of the tangents in a second run, by the first one."""
+
+        def leaf(size: Array) -> Array:
+            size = jnp.where(before.count > 0, EXPECTED * size, 0.0)
+            return jnp.where(jnp.isfinite(size), size, 0.0)
+
+        return jax.tree.map(leaf, before.sizes)
+
+    def _alarm(self, loop: Loop) -> Bool[Array, ""]:
+        """Whether the steps of a first run do not resolve the tangents."""
+        state = loop.tangents
+        # The tangents rest between the steps that were looked at.
+        part = jnp.maximum(loop.num_accepted, 1) / jnp.maximum(state.count, 1)
+        sizes = jax.tree.map(lambda x: x * part.astype(x.dtype), state.sizes)
+        return ~jnp.all(self._ratios(state.errors, sizes) <= ALARM)
+
+
+def _lengths(tolerance: Tolerance, tangents: State) -> Lengths:
+    """The length of each block of tangents."""
+    return jax.tree.map(jax.vmap(tolerance.length), tangents)
+
+
+def _direction(x: Array, axes: int, seed: int) -> Array:
+    """A pseudo-random change of each number by about its size.
+
+    A number that is zero changes as the largest one along the first `axes`, and where all are zero
+    by about one."""
+    size = jnp.where(jnp.isfinite(x), jnp.abs(x), 0.0)
+    largest = jnp.max(size, axis=tuple(range(axes)), keepdims=True)
+    size = jnp.where(size > 0.0, size, jnp.where(largest > 0.0, largest, 1.0))
+    random, shape = np.random.default_rng(seed), x.shape[:axes]
+    parts = np.asarray(random.uniform(0.5, 1.0, shape) * random.choice([-1.0, 1.0], shape))
+    return size * parts.reshape((*shape, *(1,) * (x.ndim - axes))).astype(x.dtype)
