@@ -184,6 +184,7 @@ ELEMENTWISE = {
     "max": lambda x, y: _number(x, y, operator.ge),
     "min": lambda x, y: _number(x, y, operator.le),
     "sqrt": _root,
+    "square_root": _root,
     "rsqrt": lambda x: _divide(mpf(1), _root(x)),
     "square": lambda x: x * x,
     "cbrt": lambda x: mp.sign(x) * mp.cbrt(abs(x)),

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 
 from ..bodies import BodyState
 from ..core import Scalar, Vector, event, output
+from ..core.square_roots import sqrt
 from ..rotations import Quaternion
 from ._state import vertical
 
@@ -38,6 +39,6 @@ def lies_flat(t: Scalar, y: BodyState) -> Scalar:
 def disk_triad(attitude: Quaternion) -> tuple[Vector, Vector, Scalar, Scalar]:
     """xi and eta in body axes, (3, *runs), and sine and cosine of theta."""
     Z = vertical(attitude)
-    s = jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1])
+    s = sqrt(Z[0] * Z[0] + Z[1] * Z[1])
     zero = jnp.zeros_like(s)
     return jnp.stack([Z[1], -Z[0], zero]) / s, jnp.stack([Z[0], Z[1], zero]) / s, s, Z[2]

@@ -46,6 +46,7 @@ from ..bodies import BodyState
 from ..core import AbstractClosedForm, Flag, Scalar, Vector
 from ..core.barrier import barrier
 from ..core.jacobi import Jacobi, jacobi
+from ..core.square_roots import inverse_sqrt
 from ..rotations import Quaternion, to_euler_angles
 from ._cayley_klein import conjugate, lowered, product, raised, times_i, turned
 from ._state import attitude_and_omega
@@ -138,7 +139,7 @@ class TopMotion(AbstractClosedForm):
         omega, q = (
             jnp.stack([jnp.broadcast_to(v, runs) for v in w]) for w in (omega, attitude.wxyz)
         )
-        q = q / jnp.sqrt(jnp.sum(q * q, axis=0))
+        q = q * inverse_sqrt(jnp.sum(q * q, axis=0))
         hangs = Wl < 0.0
         # A top that hangs is one that stands, seen upside down: one formula serves both.
         q = jnp.where(hangs, raised(q), q)

@@ -21,6 +21,7 @@ from typing import NamedTuple, final
 import jax.numpy as jnp
 
 from ..core import AbstractParameters, NumberField, Scalar, quantity
+from ..core.square_roots import sqrt
 
 GAS_CONSTANT = 8314.32  # J/(kmol K)
 MOLAR_MASS = 28.9644  # kg/kmol
@@ -50,7 +51,7 @@ def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
 
     - `temperature`: K; `pressure`: Pa."""
     per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
-    return Air(temperature, pressure, pressure / per_mass, jnp.sqrt(HEAT_RATIO * per_mass))
+    return Air(temperature, pressure, pressure / per_mass, sqrt(HEAT_RATIO * per_mass))
 
 
 def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
@@ -117,7 +118,7 @@ class ExponentialAtmosphere(AbstractAtmosphere):
         # The pressure is the weight of the air above: that of one scale height.
         per_mass = GRAVITY * self.scale_height + 0.0 * density
         temperature = per_mass * MOLAR_MASS / GAS_CONSTANT
-        return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
+        return Air(temperature, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
 
     def scaled(self, factor: Scalar) -> "ExponentialAtmosphere":
         return ExponentialAtmosphere(

@@ -37,6 +37,7 @@ from jaxtyping import Array, Float
 
 from ..core import Matrix, Scalar, Vector
 from ..core.shapes import check_components, with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.vectors import cross, dot, matvec, scale
 from ..rotations import Quaternion
 from .inertia import (
@@ -142,7 +143,7 @@ def inertia_ellipsoid(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     infinite, with derivatives of zero."""
     moments, axes = principal_axes(inertia)
     endless = moments <= 0.0
-    return jnp.where(endless, jnp.inf, 1.0 / jnp.sqrt(jnp.where(endless, 1.0, moments))), axes
+    return jnp.where(endless, jnp.inf, inverse_sqrt(jnp.where(endless, 1.0, moments))), axes
 
 
 class PivotImpact(NamedTuple):

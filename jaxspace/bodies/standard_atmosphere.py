@@ -42,6 +42,7 @@ from jax import lax
 from jaxtyping import PyTree
 
 from ..core import Choice, NumberField, Scalar, constructor, quantity
+from ..core.square_roots import sqrt
 from ..core.tables import within
 from ._upper_air import molar_mass_ratio, upper_changes
 from .atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
@@ -115,7 +116,7 @@ def _lower_air(height: Scalar, logarithm: Scalar, temperature: Scalar) -> Air:
     del height
     density = jnp.exp(logarithm)
     per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
-    return Air(temperature, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
+    return Air(temperature, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
 
 
 def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
@@ -129,7 +130,7 @@ def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
     per_mass = GAS_CONSTANT / MOLAR_MASS * of_layers
     # The layers' own quotient where it holds, so that no digit is lost to the molar mass.
     per_mass = jnp.where(warm, GAS_CONSTANT * kinetic / molar_mass, per_mass)
-    return Air(kinetic, density * per_mass, density, jnp.sqrt(HEAT_RATIO * per_mass))
+    return Air(kinetic, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
 
 
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:

@@ -40,12 +40,12 @@ if TYPE_CHECKING:
     from . import checks as checks
     from . import declarations as declarations
     from . import elliptic as elliptic
-    from . import inverse_sqrt as inverse_sqrt
     from . import jacobi as jacobi
     from . import quantities as quantities
     from . import safe as safe
     from . import shapes as shapes
     from . import special as special
+    from . import square_roots as square_roots
     from . import tables as tables
     from . import types as types
     from . import vectors as vectors

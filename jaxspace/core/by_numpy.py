@@ -262,6 +262,7 @@ RULES: dict[str, Rule] = {
     "reduce_or": _reduction(np.any),
     "argmax": _argument(np.argmax),
     "argmin": _argument(np.argmin),
+    "square_root": _with_params(np.sqrt),
     "inverse_sqrt": lambda x, *, power: (1.0 / np.sqrt(x)) ** power,
     "barrier": lambda *xs, **params: [*xs],
 }  # fmt: skip

@@ -22,6 +22,7 @@ import math
 import jax
 import jax.numpy as jnp
 
+from .square_roots import sqrt
 from .types import Scalar
 
 # The mean doubles its digits in every step once its two sides are near: eleven steps suffice for k'
@@ -72,7 +73,7 @@ def complete_third(total: Scalar, product: Scalar, p: Scalar) -> Scalar:
     - `p`: above zero, U^2.
 
     **Returns** R_J, 1/U^3; every step of Bulirsch's algorithm adds what is positive."""
-    root = jnp.sqrt(p)
+    root = sqrt(p)
     c = 2.0 * jnp.sqrt(product)
     carry = (1.0 / p, 2.0 / root, product / root + root, total, c, c * total)
 

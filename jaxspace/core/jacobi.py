@@ -41,6 +41,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import barrier
+from .square_roots import sqrt
 from .types import Scalar
 
 # A step takes the root of c d where both are small: three steps bring 1e-4 to order one, and six
@@ -80,7 +81,7 @@ def jacobi(t: Scalar, x: Scalar, y: Scalar, difference: Scalar) -> Jacobi:
     short = top * t * t < 1e-3
     still = top == 0.0
     top = jnp.where(still, 1.0, top)
-    n = jnp.sqrt(top)
+    n = sqrt(top)
     complement = jnp.where(still, 1.0, jnp.where(swapped, -difference, difference) / top)
     # Beyond k^2 = 1/2 the nome of k' is the smaller one, and its series the shorter.
     hyperbolic = complement < 0.5

@@ -28,6 +28,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 
+from .square_roots import inverse_sqrt, sqrt
 from .trigonometry import atan2
 from .types import Scalar
 
@@ -35,7 +36,7 @@ from .types import Scalar
 @jax.custom_jvp
 def safe_sqrt(x: Scalar) -> Scalar:
     """Square root, with derivative zero instead of infinity at x = 0; NaN for negative x."""
-    return jnp.sqrt(x)
+    return sqrt(x)
 
 
 @safe_sqrt.defjvp
@@ -44,7 +45,7 @@ def _safe_sqrt_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Sc
     (dx,) = tangents
     zero = x == 0.0
     # Its own root, so that a second derivative is zero there as well.
-    return safe_sqrt(x), jnp.where(zero, 0.0, 0.5 / jnp.sqrt(jnp.where(zero, 1.0, x))) * dx
+    return safe_sqrt(x), jnp.where(zero, 0.0, 0.5 * inverse_sqrt(jnp.where(zero, 1.0, x))) * dx
 
 
 def times_slope(slope: Scalar, tangent: Scalar) -> Scalar:
@@ -74,14 +75,14 @@ def end_sqrt(radicand: Callable[..., Scalar], *args: Scalar) -> Scalar:
     **Returns** the root. Its derivative at zero is inf times the sign of the radicand's along each
     of the `args`, and zero where that is zero.
     """
-    return jnp.sqrt(radicand(*args))
+    return sqrt(radicand(*args))
 
 
 @end_sqrt.defjvp
 def _end_sqrt_tangent(radicand, args, tangents):
     x = radicand(*args)
     end = x == 0.0
-    root = jnp.sqrt(jnp.where(end, 1.0, x))
+    root = sqrt(jnp.where(end, 1.0, x))
     total = jnp.zeros_like(root)
     for i, tangent in enumerate(tangents):
         # One argument at a time, because each slope has its own sign.
@@ -91,7 +92,7 @@ def _end_sqrt_tangent(radicand, args, tangents):
         _, partial_i = jax.jvp(along, (args[i],), (jnp.ones_like(args[i]),))
         endless = jnp.where(partial_i == 0.0, 0.0, jnp.copysign(jnp.inf, partial_i))
         total = total + times_slope(jnp.where(end, endless, 0.5 * partial_i / root), tangent)
-    return jnp.where(end, 0.0, jnp.sqrt(x)), total
+    return jnp.where(end, 0.0, sqrt(x)), total
 
 
 def safe_divide(a: Scalar, b: Scalar) -> Scalar:
@@ -151,8 +152,6 @@ def sinc_squared(z: Scalar) -> Scalar:
     # 0.1^9 / 19! is below rounding, also for the first derivatives.
     for k in range(8, 0, -1):
         series = 1.0 - s / (2 * k * (2 * k + 1)) * series
-    return jnp.where(
-        small,
-        series,
-        jnp.where(z > 0.0, jnp.sin(jnp.sqrt(p)) / jnp.sqrt(p), jnp.sinh(jnp.sqrt(n)) / jnp.sqrt(n)),
-    )
+    circular = jnp.sin(jnp.sqrt(p)) * inverse_sqrt(p)
+    hyperbolic = jnp.sinh(jnp.sqrt(n)) * inverse_sqrt(n)
+    return jnp.where(small, series, jnp.where(z > 0.0, circular, hyperbolic))

@@ -18,6 +18,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import barrier
+from .square_roots import sqrt
 from .types import Scalar
 
 # At |z| <= pi^2 / 16 the ninth term is below rounding.
@@ -74,7 +75,7 @@ def stumpff_near(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
 
 def _far_hyperbolic(z: Scalar) -> tuple[Scalar, Scalar, Scalar, Scalar]:
     """c2 to c5 for z <= -pi^2, by one exponential: nothing cancels that far out."""
-    s = jnp.sqrt(-z)
+    s = sqrt(-z)
     grown, s = barrier((jnp.exp(s), s))
     c2 = (0.5 * (grown + 1.0 / grown) - 1.0) / -z
     c3 = (0.5 * (grown - 1.0 / grown) - s) / (-z * s)

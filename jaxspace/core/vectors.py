@@ -26,9 +26,9 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from .barrier import barrier
-from .inverse_sqrt import inverse_sqrt
 from .safe import safe_divide
 from .shapes import check_components, with_rank
+from .square_roots import inverse_sqrt, sqrt
 from .types import Matrix, Scalar, Vector
 
 Tangent: TypeAlias = Array | SymbolicZero
@@ -156,7 +156,7 @@ def norm(a: Vector) -> Scalar:
 
     Raises `InputError` where the first axis does not hold three components."""
     check_components("norm: a", a, 3)
-    return jnp.sqrt(dot(a, a))
+    return sqrt(dot(a, a))
 
 
 @norm.defjvp

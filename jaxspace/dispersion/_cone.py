@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
 from ..core.safe import phi1
+from ..core.square_roots import sqrt
 from ..core.types import as_float
 from ._joint import AbstractJoint
 
@@ -67,7 +68,7 @@ class ConeDirection(AbstractJoint):
         return along * outer + across * (jnp.sum(self.vector**2) * jnp.eye(3) - outer)
 
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, "3"]:
-        length = jnp.sqrt(jnp.sum(self.vector**2))
+        length = sqrt(jnp.sum(self.vector**2))
         n = self.vector / length
         e1, e2 = _across(n)
         s = 0.5 * (z[0] ** 2 + z[1] ** 2)

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies.coordinates import Coordinates
 from ..studies.covariance import MeanCovariance, Noise, Uncertain
@@ -293,7 +294,7 @@ def _root(P: Array) -> Array:
         # Remainders below rounding are no variances: their roots would be noise, or of negative
         # numbers.
         good = d > least[j]
-        column = jnp.where(good, P[:, j], 0.0) / jnp.sqrt(jnp.where(good, d, 1.0))
+        column = jnp.where(good, P[:, j], 0.0) * inverse_sqrt(jnp.where(good, d, 1.0))
         columns.append(column)
         P = P - jnp.outer(column, column)
     return jnp.stack(columns, axis=1)
@@ -301,7 +302,7 @@ def _root(P: Array) -> Array:
 
 def _inverse(S: Array) -> Array:
     """The inverse, or of what is known exactly, the pseudo-inverse, in units of the diagonal."""
-    size = jnp.sqrt(jnp.where(jnp.diag(S) > 0.0, jnp.diag(S), 1.0))
+    size = sqrt(jnp.where(jnp.diag(S) > 0.0, jnp.diag(S), 1.0))
     # In units of the diagonal, because metres and radians in one matrix would decide its rank.
     unit = jnp.linalg.pinv(S / (size[:, None] * size[None]), hermitian=True)
     return unit / (size[:, None] * size[None])

@@ -30,6 +30,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
+from ..core.square_roots import sqrt
 from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests
@@ -242,7 +243,7 @@ def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> 
     if not stated:
         # With as many readings as parameters there is no residual, and no estimate of the noise.
         variance = chi_squared / jnp.maximum(freedom, 1.0)
-    columns = jnp.sqrt(jnp.sum(jacobian**2, axis=0))
+    columns = sqrt(jnp.sum(jacobian**2, axis=0))
     # A parameter of no influence keeps its unit, and shows as a singular value of zero.
     columns = jnp.where(columns > 0.0, columns, 1.0)
     _, singular, rows = jnp.linalg.svd(jacobian / columns, full_matrices=False)

@@ -22,6 +22,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.square_roots import inverse_sqrt
 
 
 class Earth(NamedTuple):
@@ -37,7 +38,7 @@ class Earth(NamedTuple):
         """M and N, m, at a latitude, rad."""
         e2 = self.flattening * (2.0 - self.flattening)
         w2 = 1.0 - e2 * jnp.sin(latitude) ** 2
-        across = self.radius / jnp.sqrt(w2)
+        across = self.radius * inverse_sqrt(w2)
         return across * (1.0 - e2) / w2, across
 
     def from_axis(self, latitude: Scalar, height: Scalar) -> tuple[Scalar, Scalar]:

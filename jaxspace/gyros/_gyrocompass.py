@@ -39,6 +39,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.square_roots import sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, rows
 
@@ -229,7 +230,7 @@ class Gyrocompass(AbstractSystem):
         of the bail; the moments of the inertias are smaller by the earth's rate over the spin,
         1e-7."""
         east, north, up = self.frame_rate
-        level = jnp.sqrt(east * east + north * north)
+        level = sqrt(east * east + north * north)
         H = self.spin_momentum
         across = 0.0 * level
         # Without damping the first step is exact, with it each one divides the error by 1e5.

@@ -33,6 +33,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
 from ..core.shapes import with_rank
+from ..core.square_roots import sqrt
 from ..core.types import as_float
 from ..core.vectors import cross
 from ..rotations import Quaternion
@@ -181,7 +182,7 @@ class InertialNavigator(AbstractSystem):
         first order for a body that keeps its heading on a parallel of a sphere."""
         felt = self.felt(t)
         p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
-        radius = jnp.sqrt(p * p + z * z)
+        radius = sqrt(p * p + z * z)
         faults = (self.accelerometer_bias, self.gyro_drift)
         turn = Quaternion.identity() if self.gimballed else felt.attitude
         bias, drift = (turn.rotate(x) for x in faults)

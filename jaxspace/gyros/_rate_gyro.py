@@ -28,6 +28,7 @@ from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.safe import phi2
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
 
@@ -88,7 +89,7 @@ class RateGyro(AbstractSystem):
     @property
     def damping_ratio(self) -> Scalar:
         """c / (2 sqrt(K A))."""
-        return 0.5 * self.damping / jnp.sqrt(self.spring * self.transverse_inertia)
+        return 0.5 * self.damping * inverse_sqrt(self.spring * self.transverse_inertia)
 
     @property
     def error_torque(self) -> Scalar:
@@ -125,7 +126,7 @@ class RateGyro(AbstractSystem):
         inside = z < 1.0
         under = jnp.where(inside, z, 0.0)
         # (1 - z) (1 + z), because 1 - z^2 loses its digits near critical damping.
-        share = jnp.exp(-jnp.pi * under / jnp.sqrt((1.0 - under) * (1.0 + under)))
+        share = jnp.exp(-jnp.pi * under * inverse_sqrt((1.0 - under) * (1.0 + under)))
         return jnp.where(inside, share, 0.0)
 
     def integrated_angle(self, t: Scalar) -> Scalar:

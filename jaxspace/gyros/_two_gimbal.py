@@ -37,6 +37,7 @@ from jaxtyping import Array
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
 from ..core.safe import end_sqrt
 from ..core.special import stumpff
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from .bearing import BearingFriction, RotorMotor
 from .gimbal_state import GimbalState
@@ -244,7 +245,7 @@ class TwoGimbalGyro(AbstractSystem):
         return (
             self.spin_momentum()
             * jnp.sin(theta)
-            / jnp.sqrt(self.outer_inertia(theta) * self.inner_inertia)
+            * inverse_sqrt(self.outer_inertia(theta) * self.inner_inertia)
         )
 
     def walk(self, theta: Scalar, theta_rate: Scalar) -> GimbalWalk:

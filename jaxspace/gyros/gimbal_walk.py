@@ -43,6 +43,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 from ..core.special import stumpff
+from ..core.square_roots import inverse_sqrt
 
 # The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
@@ -144,7 +145,7 @@ class GimbalWalk(eqx.Module):
         return (
             self.spin_momentum
             * jnp.sin(self.theta)
-            / jnp.sqrt(self.outer_inertia(self.theta) * self.inner_inertia)
+            * inverse_sqrt(self.outer_inertia(self.theta) * self.inner_inertia)
         )
 
     def outer_inertia(self, theta: Scalar) -> Scalar:
@@ -163,7 +164,7 @@ class GimbalWalk(eqx.Module):
             2.0
             * jnp.abs(self.spin_momentum)
             * rise
-            / jnp.sqrt(self.inner_inertia * self.outer_inertia_upright)
+            * inverse_sqrt(self.inner_inertia * self.outer_inertia_upright)
         )
 
     def _fall(self, deviation: Scalar) -> Scalar:
@@ -187,7 +188,7 @@ class GimbalWalk(eqx.Module):
     def _map(self, deviation: Scalar) -> tuple[Scalar, Scalar]:
         """X, rad/s, and its slope, 1/s, at theta_0 + deviation."""
         theta = self.theta + deviation
-        scale = self.spin_momentum / jnp.sqrt(self.inner_inertia * self.outer_inertia(theta))
+        scale = self.spin_momentum * inverse_sqrt(self.inner_inertia * self.outer_inertia(theta))
         slope = scale * (jnp.sin(theta) - self._bend(deviation))
         return scale * self._fall(deviation), slope
 

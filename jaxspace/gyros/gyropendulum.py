@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
 
 
@@ -97,7 +98,7 @@ class Gyropendulum(AbstractSystem):
         """Angular frequencies, rad/s, of the precession and of the nutation, without erection:
         (sqrt(H^2 + 4 A Wl) -+ H) / (2 A)."""
         H, A = self.spin_momentum, self.transverse_inertia
-        root = jnp.sqrt(H * H + 4.0 * A * self.weight_moment)
+        root = sqrt(H * H + 4.0 * A * self.weight_moment)
         # By the product of the roots, because their difference loses all digits of the slow one.
         return 2.0 * self.weight_moment / (root + H), (root + H) / (2.0 * A)
 

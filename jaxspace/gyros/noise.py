@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.square_roots import sqrt
 
 
 def gyro_noise(
@@ -38,7 +39,7 @@ def gyro_noise(
     """
     runs = jnp.broadcast_shapes(jnp.shape(angle_walk), jnp.shape(rate_walk), jnp.shape(step))
     white, wander = (jax.random.normal(k, (samples, *runs)) for k in jax.random.split(key))
-    root = jnp.sqrt(jnp.asarray(step, white.dtype))
+    root = sqrt(jnp.asarray(step, white.dtype))
     # The sum up to the previous step, so that the bias begins at zero.
     bias = rate_walk * root * (jnp.cumsum(wander, axis=0) - wander)
     return angle_walk / root * white + bias

@@ -29,6 +29,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
 from ..core.shapes import check_components
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
 
@@ -79,7 +80,7 @@ class PlatformAxis(AbstractSystem):
     @property
     def nutation_frequency(self) -> Scalar:
         """h / sqrt(J I), rad/s, without servo and damping (Thomson 6.8-4)."""
-        return self.spin_momentum / jnp.sqrt(self.platform_inertia * self.gyro_inertia)
+        return self.spin_momentum * inverse_sqrt(self.platform_inertia * self.gyro_inertia)
 
     def first_angle(self, t: Scalar) -> Scalar:
         """theta, rad, at a time `t`, s, much shorter than a nutation: T h t^3 / (6 I J) (Thomson

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.square_roots import inverse_sqrt
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
 from ._pendulums import state_of_pairs
@@ -45,7 +46,7 @@ def _swings(reach: Scalar, bar: Scalar, gravity: Scalar) -> tuple[Scalar, Scalar
     # A sum of squares, and the slow root from the product of both: nothing cancels.
     apart = jnp.sqrt((0.25 * reach - bar / 6.0) ** 2 + 0.125 * reach * bar)
     larger = gravity * (half + apart)
-    return gravity / jnp.sqrt(2.0 * larger), jnp.sqrt(12.0 * larger / (reach * bar))
+    return gravity * inverse_sqrt(2.0 * larger), jnp.sqrt(12.0 * larger / (reach * bar))
 
 
 @final

@@ -21,6 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.square_roots import sqrt
 
 
 @final
@@ -97,7 +98,7 @@ def foucault_motion(
     **Returns** position, m, and velocity, m/s, at `t`. The plane of the swing turns by -W.
     """
     w = vertical_rate
-    swing = jnp.sqrt(frequency * frequency + w * w)
+    swing = sqrt(frequency * frequency + w * w)
     # In axes at rest the motion is that of a pendulum of the frequency sqrt(p^2 + W^2).
     x, y = position
     still = jnp.stack([velocity[0] - w * y, velocity[1] + w * x])

@@ -31,6 +31,7 @@ import jax.numpy as jnp
 from ..core import Flag, Scalar
 from ..core.barrier import barrier
 from ..core.special import stumpff, stumpff_near
+from ..core.square_roots import sqrt
 
 _TURN = 2.0 * math.pi
 
@@ -70,7 +71,7 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     `p` follows from sigma and beta, but loses digits when it is computed from them."""
     closed = beta > 0.0
     zeta = 1.0 - beta
-    s = jnp.sqrt(jnp.maximum(jnp.abs(beta), 1e-20))
+    s = sqrt(jnp.maximum(jnp.abs(beta), 1e-20))
     # e^2 as a sum of squares on a closed orbit, and as 1 - beta p on an open one: each is the form
     # that does not cancel.
     e = barrier(jnp.sqrt(jnp.where(closed, zeta * zeta + beta * sigma * sigma, 1.0 - beta * p)))

@@ -25,6 +25,7 @@ from jaxtyping import Array
 
 from ..core import Flag, Scalar
 from ..core.barrier import barrier
+from ..core.square_roots import inverse_sqrt, sqrt
 from ._transfer_time import one_minus_plus, series_k, transfer_time
 
 Pair: TypeAlias = tuple[Scalar, Scalar]
@@ -135,7 +136,7 @@ def _slow_guess(t: Scalar, t0: Scalar, lam: Scalar, root: Scalar, more: Scalar) 
     short = lam > 0.0
     cube = jnp.maximum((t - t0) * (t + t0), 0.0) + jnp.where(short, 0.125 * more * more * more, 1.0)
     z = jnp.exp(-jnp.log(cube) / 3.0)
-    by_short = (0.5 * more * z - 1.0) / jnp.sqrt(jnp.where(short, 1.0 - lam * z, 1.0))
+    by_short = (0.5 * more * z - 1.0) * inverse_sqrt(jnp.where(short, 1.0 - lam * z, 1.0))
     g = jnp.maximum(1.0 - z, 0.0)
     b = t0 / (0.75 * math.pi)
     near = 2.0 * g / (b + jnp.sqrt(b * b + 4.0 * (1.0 - b) * g))
@@ -191,7 +192,7 @@ def _after(time: Scalar, lam: Scalar, kappa: Scalar, revolutions: int, low: bool
     def correction(x: Scalar) -> tuple[Scalar, Scalar]:
         value, slope, *_ = transfer_time(x, lam, kappa, revolutions)
         height2 = share(value, least)
-        height = jnp.sqrt(jnp.where(height2 > 0.0, height2, jnp.nan))
+        height = sqrt(jnp.where(height2 > 0.0, height2, jnp.nan))
         ahead = (1.0 - height2) * share(time, value) / (goal + height)
         return end * (value - time), ahead * 3.0 * value * height / ((1.0 - height2) * slope)
 

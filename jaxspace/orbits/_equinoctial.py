@@ -28,6 +28,7 @@ from ..core import AbstractParameters, InputError, NumberField, Scalar, Vector, 
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.trigonometry import atan2, sincos
 from ..core.vectors import dot, norm
 from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
@@ -100,7 +101,7 @@ def _of_state(
             "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: "
             "take ModifiedEquinoctialElements."
         )
-    longitude = _mean_longitude(x, alpha, r, dot(position, velocity) / jnp.sqrt(mu))
+    longitude = _mean_longitude(x, alpha, r, dot(position, velocity) * inverse_sqrt(mu))
     return EquinoctialElements(1.0 / alpha, x.g, x.f, x.k, x.h, longitude, retrograde)
 
 
@@ -117,7 +118,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     b = 1.0 / (1.0 + jnp.sqrt(1.0 - f1 * f1 - g1 * g1))
     X = jnp.where(closed, (1.0 - g1 * g1 * b) * c + f1 * g1 * b * s - f1, f)
     Y = jnp.where(closed, (1.0 - f1 * f1 * b) * s + f1 * g1 * b * c - g1, g)
-    u = 1.0 / jnp.sqrt(X * X + Y * Y)
+    u = inverse_sqrt(X * X + Y * Y)
     # An ellipse may be a circle: it gets a harmless direction in place of that of its periapsis.
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
     mean = jnp.where(closed, K + g1 * c - f1 * s, atan2(g2, f2))
@@ -142,7 +143,7 @@ def _mean_longitude(
         for v, w in ((f, 0.0), (g, 0.0), (alpha, 1.0), (x.semi_latus_rectum, 1.0))
     )
     # sqrt(1 - e^2), without the difference.
-    root = jnp.sqrt(p1 * alpha1)
+    root = sqrt(p1 * alpha1)
     b = 1.0 / (1.0 + root)
     L = x.true_longitude
     s, c = barrier(sincos(L))
@@ -151,5 +152,5 @@ def _mean_longitude(
     sine_K = g1 + ((1.0 - g1 * g1 * b) * Y - f1 * g1 * b * X) / root
     ellipse = atan2(sine_K, cosine_K) - sine
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
-    anomaly = jnp.arcsinh(sine / jnp.sqrt(f2 * f2 + g2 * g2))
+    anomaly = jnp.arcsinh(sine * inverse_sqrt(f2 * f2 + g2 * g2))
     return jnp.where(closed, ellipse, atan2(g2, f2) + sine - anomaly)

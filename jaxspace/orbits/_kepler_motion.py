@@ -8,6 +8,7 @@ import jax.numpy as jnp
 
 from ..bodies import BodyState
 from ..core import AbstractClosedForm, Flag, Scalar, Vector
+from ..core.square_roots import sqrt
 from ..core.vectors import cross, dot
 from .kepler import conic_flow
 
@@ -45,7 +46,7 @@ def _passes_centre(r: Vector, v: Vector, mu: Scalar, duration: Scalar) -> Flag:
 
     With E (or H) the eccentric anomaly of the straight ellipse (hyperbola), e = 1, the time since
     the passage is (E - sin E) / n, (sinh H - H) / n, and on the parabola sqrt(2 r^3/mu) / 3."""
-    distance = jnp.sqrt(dot(r, r))
+    distance = sqrt(dot(r, r))
     outwards = dot(r, v)
     alpha = 2.0 / distance - dot(v, v) / mu
     flat = jnp.abs(alpha) * distance < 1e-6

@@ -7,6 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.square_roots import sqrt
 from ..core.vectors import dot
 
 
@@ -16,7 +17,7 @@ def ks_parameters(r: Vector) -> Float[Array, "4 *#runs"]:
     # A circle of u belongs to one position. The u with u4 = 0 is taken where x >= 0, and the one
     # with u3 = 0 elsewhere, because the divisor below is then never close to zero.
     ahead = x >= 0.0
-    first = jnp.sqrt(0.5 * (jnp.sqrt(dot(r, r)) + jnp.where(ahead, x, -x)))
+    first = sqrt(0.5 * (jnp.sqrt(dot(r, r)) + jnp.where(ahead, x, -x)))
     b = 0.5 * y / first
     c = 0.5 * z / first
     zero = jnp.zeros_like(x)

@@ -27,9 +27,10 @@ from jaxtyping import Array, Float
 
 from ..bodies import BodyState
 from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector
+from ..core.square_roots import sqrt
 from ..core.structure import once_per_structure
 from ..core.tracing import depending_on
-from ..core.vectors import dot
+from ..core.vectors import dot, inverse_norm
 from ._ks_map import dot4, ks_map, ks_parameters, ks_transposed
 from ._ks_second_order import SecondOrderKS
 from .kepler import universal_anomaly
@@ -49,7 +50,7 @@ class KustaanheimoStiefel(AbstractRegularised):
 
     def to_regularised(self, y: BodyState) -> Array:
         u = ks_parameters(y.position)
-        energy = 0.5 * dot(y.velocity, y.velocity) - self.mu / jnp.sqrt(dot(y.position, y.position))
+        energy = 0.5 * dot(y.velocity, y.velocity) - self.mu * inverse_norm(y.position)
         return jnp.concatenate(
             [u, 0.5 * ks_transposed(u, y.velocity), jnp.stack([energy, jnp.zeros_like(energy)])]
         )
@@ -78,7 +79,7 @@ class KustaanheimoStiefel(AbstractRegularised):
         r = dot4(u, u)
         # r . v = dr/ds, because dt/ds = |r|.
         climb = 2.0 * dot4(u, w)
-        unit = jnp.sqrt(r / self.mu)
+        unit = sqrt(r / self.mu)
         beta = -2.0 * z[8] * r / self.mu
         sigma = climb / (unit * self.mu)
         # Rounding may leave a small negative number on a straight line, where p is zero.

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar, Vector
 from ..core.safe import safe_divide, safe_sqrt
+from ..core.square_roots import sqrt
 from ..core.vectors import dot
 
 
@@ -67,7 +68,7 @@ def _k(z: Scalar, rest: Scalar) -> Scalar:
     # 0.1^17 is below rounding.
     for n in range(17, 0, -1):
         series = 2.0 * n / (2.0 * n + 1.0) + s * series
-    root = jnp.sqrt(jnp.where(small, 0.25, z))
+    root = sqrt(jnp.where(small, 0.25, z))
     rest = jnp.where(small, 0.75, rest)
     # artanh x = log((1 + x)^2 / (1 - x^2)) / 2
     artanh = 0.5 * jnp.log((1.0 + root) * (1.0 + root) / rest)

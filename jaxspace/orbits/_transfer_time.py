@@ -28,6 +28,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.barrier import barrier
+from ..core.square_roots import sqrt
 
 # After five halvings of the angle S is so small that eight terms of the series reach rounding.
 _HALVINGS = 5
@@ -58,7 +59,7 @@ def transfer_time(x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int = 0) -
     less, more = one_minus_plus(lam, kappa)
     energy = (1.0 - x) * (1.0 + x)
     path = lam * x
-    y = jnp.sqrt(kappa + path * path)
+    y = sqrt(kappa + path * path)
     ahead = path > 0.0
     outward = x >= 0.0
     # eta = y - lambda x from the sum y + |lambda x|, because eta (y + lambda x) = kappa.
@@ -110,7 +111,7 @@ def series_k(s: Scalar, c2: Scalar, halvings: int, terms: int) -> Scalar:
     """K(S), c2 = 1 - S, from the first `terms` of its series after `halvings` of the angle."""
     factors = []
     for _ in range(halvings):
-        c = jnp.sqrt(c2)
+        c = sqrt(c2)
         factors.append(0.5 / (c + c2))
         s = s * c * factors[-1]
         c2 = 1.0 - s

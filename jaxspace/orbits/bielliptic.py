@@ -21,6 +21,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
 
 
@@ -73,10 +74,10 @@ def _root_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Scalar,
 
 def _excess(u: Scalar, x: Scalar) -> Scalar:
     """Q of the module: negative where three impulses are cheaper."""
-    circular = 1.0 / jnp.sqrt(x)
+    circular = inverse_sqrt(x)
     # At the smaller circle, at the impulse between (twice), at the larger circle: differences of
     # squares of speeds over their sums.
-    out = jnp.sqrt(2.0 * x / (u + x))
+    out = sqrt(2.0 * x / (u + x))
     leave = 2.0 * x / ((u + x) * (1.0 + x)) / (out + jnp.sqrt(2.0 * x / (1.0 + x)))
     slow = u * jnp.sqrt(2.0 / (x * (1.0 + u)))
     raise_ = (1.0 + 2.0 * u) / (x * (1.0 + u)) / (slow + circular)

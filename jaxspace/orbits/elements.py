@@ -62,9 +62,10 @@ from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
 from ..core.safe import safe_atan2, safe_divide
+from ..core.square_roots import sqrt
 from ..core.trigonometry import sincos
 from ..core.types import as_float
-from ..core.vectors import axis, cross, dot, norm, unit
+from ..core.vectors import axis, cross, dot, inverse_norm, norm, unit
 
 # In roundings: the greatest eccentricity that rounding gave to circles of any size and plane was
 # 7.6, the median 1.5.
@@ -79,7 +80,7 @@ def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
 
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
     - `mu`: gravitational parameter of the centre, m^3/s^2."""
-    return 0.5 * dot(velocity, velocity) - mu / jnp.sqrt(dot(position, position))
+    return 0.5 * dot(velocity, velocity) - mu * inverse_norm(position)
 
 
 def angular_momentum(position: Vector, velocity: Vector) -> Vector:
@@ -101,7 +102,7 @@ def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vecto
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
     - `mu`: gravitational parameter of the centre, m^3/s^2."""
     h = cross(position, velocity)
-    return cross(velocity, h) / mu - position / jnp.sqrt(dot(position, position))
+    return cross(velocity, h) / mu - inverse_norm(position) * position
 
 
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
@@ -262,7 +263,7 @@ def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
     per = 1.0 / jnp.where(flat, 1.0, size)
     x = jnp.where(flat, 1.0, -per * h[1])
     y = per * h[0]
-    root = jnp.sqrt(x * x + y * y)
+    root = sqrt(x * x + y * y)
     c, s = x / root, y / root
     across = jnp.where(flat, 0.0, size * root)
     w = jnp.stack([across, h[2]]) * safe_divide(1.0, norm(h))

@@ -29,6 +29,7 @@ import jax.numpy as jnp
 from ..core import Scalar, Vector
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from .rotating_earth import planet_frame
 
@@ -99,7 +100,7 @@ def position_of(
     f = as_float(flattening)
     s, c = jnp.sin(latitude), jnp.cos(latitude)
     shrink = (1.0 - f) * (1.0 - f)
-    normal = radius / jnp.sqrt(c * c + shrink * s * s)
+    normal = radius * inverse_sqrt(c * c + shrink * s * s)
     out = (normal + altitude) * c
     turned = longitude + angle
     parts = (out * jnp.cos(turned), out * jnp.sin(turned), (shrink * normal + altitude) * s)

@@ -33,6 +33,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractJump, BodyState
 from ..core import InputError, NumberField, Scalar, quantity
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import cross, scale, unit
 
@@ -127,7 +128,7 @@ def apse_line_impulse(
     unit_speed = jnp.sqrt(mu * near / p)
     # Both conics pass the same place, p'/p = near2/near: differences of square roots, as such.
     across = unit_speed * c * (e2 - e) / (jnp.sqrt(near2) + jnp.sqrt(near))
-    outwards = unit_speed * s * (e2 / jnp.sqrt(near2) - e / jnp.sqrt(near))
+    outwards = unit_speed * s * (e2 * inverse_sqrt(near2) - e * inverse_sqrt(near))
     return outwards, across
 
 

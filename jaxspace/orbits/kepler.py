@@ -48,6 +48,7 @@ from ..core.checks import check_non_negative, is_concrete
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
+from ..core.square_roots import sqrt
 from ..core.vectors import cross, dot
 from ._anomaly import Anomaly, anomaly_after
 from ._straight_motion import straight_motion
@@ -112,7 +113,7 @@ def _conic(
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position = with_rank(position, rank)
     velocity = with_rank(velocity, rank)
-    r0 = jnp.sqrt(dot(position, position))
+    r0 = sqrt(dot(position, position))
     # In units of |r0| and of the circular speed, so that no product leaves the range of float32.
     r0, speed_unit = barrier((r0, jnp.sqrt(mu / r0)))
     scale = 1.0 / (r0 * speed_unit)

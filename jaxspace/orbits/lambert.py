@@ -31,6 +31,7 @@ from ..core import InputError, Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.checks import check_positive
 from ..core.shapes import with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.tracing import is_traced
 from ..core.vectors import axis, cross, dot, norm, unit
 from ._conic_of_time import conic_of_time, least_time
@@ -220,7 +221,7 @@ def _along(
     noise = rounding_of_directions(n2)
     aligned = (n2 == 0.0) | ((n2 <= noise * noise) & (dot(i1, i2) < 0.0))
     way = jnp.where(turn < 0.0, -1.0, 1.0).astype(i1.dtype)
-    per_n = way / jnp.sqrt(jnp.where(aligned, 1.0, n2))
+    per_n = way * inverse_sqrt(jnp.where(aligned, 1.0, n2))
     h = barrier(jnp.where(aligned, unit(up - dot(up, i1) * i1), per_n * n))
     return *barrier((cross(h, i1), cross(h, i2))), way
 

@@ -16,11 +16,9 @@ __all__ = ["point_gravity", "point_gravity_potential"]
 
 from typing import ClassVar, final
 
-import jax.numpy as jnp
-
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import AbstractSystem, NumberField, Scalar, Vector
-from ..core.vectors import dot, inverse_norm, scale
+from ..core.vectors import inverse_norm, scale
 from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
 from ._planet import gravitational_parameter
@@ -44,7 +42,7 @@ def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
     **Arguments**
 
     - `r`, `mu`: as in `point_gravity`."""
-    return -mu / jnp.sqrt(dot(r, r))
+    return -mu * inverse_norm(r)
 
 
 @final

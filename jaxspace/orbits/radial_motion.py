@@ -44,6 +44,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, Vector
 from ..core.safe import safe_divide
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.vectors import cross, dot, norm
 
 Potential: TypeAlias = Callable[[Scalar], Scalar]
@@ -189,8 +190,8 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
     bend = _second_divided(t, jnp.zeros_like(x), near, jnp.where(close, x_2, 0.0))
     from_end = _divided(t, end, x) / jnp.where(close, 1.0, jnp.where(first, x - x_2, x))
     q = -2.0 * jnp.where(close, bend, from_end) / h_squared
-    inverse_root = 1.0 / jnp.sqrt(q)
-    h = jnp.sqrt(h_squared)
+    inverse_root = inverse_sqrt(q)
+    h = sqrt(h_squared)
     time = jnp.mean(jnp.exp(2.0 * x) * inverse_root, axis=0)
     return RadialMotion(
         jnp.pi * jnp.mean(inverse_root, axis=0),

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.shapes import with_rank
+from ..core.square_roots import sqrt
 from ..core.vectors import dot, inverse_norm, scale
 from .paths import Path
 
@@ -57,7 +58,7 @@ def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
     per_s = inverse_norm(s, 2)
     size, rise = dot(r, r) * per_s, dot(r, s) * per_s
     q = dot(r, r - 2.0 * s) * per_s
-    root = jnp.sqrt(1.0 + q)
+    root = sqrt(1.0 + q)
     # 1/d - 1/|s| = -q / (|s| root (1 + root)): the difference is formed as such; beside the centre
     # also what the rise, (size - q)/2, leaves of it.
     far = q / (root * (1.0 + root)) + rise

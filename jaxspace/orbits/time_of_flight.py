@@ -28,6 +28,7 @@ import jax.numpy as jnp
 from ..core import Scalar
 from ..core.barrier import barrier
 from ..core.special import stumpff
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
 from .kepler import universal_anomaly
 
@@ -121,7 +122,7 @@ def true_anomaly_after(
     per_time = rho * jnp.sqrt(mu * rho / p) / p
     chi = universal_anomaly(sigma, beta, duration * per_time, rho)
     # Each whole turn adds 2 pi / sqrt(beta) to the anomaly.
-    root = jnp.sqrt(jnp.where(beta > 0.0, beta, 1.0))
+    root = sqrt(jnp.where(beta > 0.0, beta, 1.0))
     turns = jnp.where(beta > 0.0, jnp.round(chi * root / _TURN), 0.0)
     half = 0.5 * (chi - turns * _TURN / root)
     c2, c3, *_ = stumpff(beta * half * half)
@@ -133,7 +134,7 @@ def true_anomaly_after(
 def _place(f: Scalar, e: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """p, sigma and beta of the module at the true anomaly `f`."""
     rho = 1.0 + e * jnp.cos(f)
-    return rho, e * jnp.sin(f) / jnp.sqrt(rho), (1.0 - e) * (1.0 + e) / rho
+    return rho, e * jnp.sin(f) * inverse_sqrt(rho), (1.0 - e) * (1.0 + e) / rho
 
 
 def _outwards(near: Scalar, far: Scalar, e: Scalar) -> Scalar:
@@ -160,7 +161,7 @@ def _anomaly(sine: Scalar, cosine: Scalar, beta: Scalar) -> Scalar:
     series = 1.0 / 27.0
     for n in range(12, -1, -1):
         series = 1.0 / (2 * n + 1) - w * series
-    root = jnp.sqrt(jnp.where(small, 1.0, jnp.abs(beta)))
+    root = sqrt(jnp.where(small, 1.0, jnp.abs(beta)))
     closed = beta > 0.0
     c = jnp.where(small, 1.0, cosine)
     angle = jnp.arctan2(root * sine, jnp.where(closed, c, 1.0))

@@ -38,6 +38,7 @@ from ..core import (
     quantity,
 )
 from ..core.shapes import with_rank
+from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
 from ._motor_file import read_motor_file
@@ -70,7 +71,7 @@ class Gimbal(AbstractParameters):
         about_y = self.gain * direction[0] - self.damping * y.omega[1]
         most = jnp.tan(self.limit)
         # Smooth, because a hard stop would be a kink that step control has to resolve.
-        held = jnp.sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
+        held = sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
         return about_x / held, about_y / held
 
 
@@ -216,7 +217,8 @@ class GimballedThrust(AbstractEffect):
         thrust = motor.thrust(t, y.mass)
         about_x, about_y = self.gimbal.tangents(t, y)
         # The nozzle turns the thrust without changing its length.
-        along = motor.net_thrust(thrust, y) / jnp.sqrt(1.0 + about_x * about_x + about_y * about_y)
+        length_squared = 1.0 + about_x * about_x + about_y * about_y
+        along = motor.net_thrust(thrust, y) * inverse_sqrt(length_squared)
         force_B = jnp.stack([-along * about_y, along * about_x, along])
         return Load(
             force_N=y.attitude.rotate(force_B),

@@ -26,6 +26,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, State, quantity
 from ..core.shapes import with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
 from .servo import servo_rate
@@ -102,7 +103,7 @@ class ThrottledEngine(AbstractEffect):
             net = jnp.where(burning, self.back_pressure.net(thrust, y), 0.0)
         # By the tangents the angles about both axes are those of the projected nozzle.
         side_x, side_y = jnp.tan(about_x), jnp.tan(about_y)
-        along = net / jnp.sqrt(1.0 + side_x * side_x + side_y * side_y)
+        along = net * inverse_sqrt(1.0 + side_x * side_x + side_y * side_y)
         force = jnp.stack([-along * side_y, along * side_x, along])
         zero = jnp.zeros_like(along)
         gimbal = jnp.stack([zero, zero, self.station + zero])

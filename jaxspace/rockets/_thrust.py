@@ -37,6 +37,7 @@ from ..core import (
     quantity,
 )
 from ..core.shapes import with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
@@ -262,7 +263,8 @@ class Thrust(AbstractEffect):
         if self.misalignment is None:
             return jnp.stack([0.0 * one, 0.0 * one, one])
         c = self.misalignment
-        return jnp.stack([c[0] * one, c[1] * one, one]) / jnp.sqrt(1.0 + c[0] * c[0] + c[1] * c[1])
+        length_squared = 1.0 + c[0] * c[0] + c[1] * c[1]
+        return jnp.stack([c[0] * one, c[1] * one, one]) * inverse_sqrt(length_squared)
 
     def switches(self) -> dict[str, str]:
         return {} if self.burnout_mass is None else {"Thrust.burnout_mass": "mass"}

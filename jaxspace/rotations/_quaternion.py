@@ -34,6 +34,7 @@ from ..core import AbstractGroupElement, Matrix, Scalar, Vector, check
 from ..core.checks import is_concrete
 from ..core.safe import safe_atan2, sinc_squared
 from ..core.shapes import check_components, with_rank
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import axis, components, cross, dot, norm, unit
 
@@ -118,7 +119,7 @@ class Quaternion(AbstractGroupElement):
         best = jnp.argmax(pivots, axis=0)
         wxyz = jnp.select([best == i for i in range(4)], [jnp.stack(row) for row in rows])
         # Each form is the quaternion times a factor of its own: the length is taken off.
-        return cls(wxyz / jnp.sqrt(jnp.sum(wxyz**2, axis=0)))
+        return cls(wxyz * inverse_sqrt(jnp.sum(wxyz**2, axis=0)))
 
     def xyzw(self) -> Float[Array, "4 *#runs"]:
         """The components stored scalar-last, (4, *runs)."""
@@ -133,7 +134,7 @@ class Quaternion(AbstractGroupElement):
 
     def normalised(self) -> "Quaternion":
         """The same orientation with unit length."""
-        return Quaternion(self._components() / jnp.sqrt(self.norm_squared))
+        return Quaternion(self._components() * inverse_sqrt(self.norm_squared))
 
     def inverse(self) -> "Quaternion":
         """The opposite turn: inertial components to body components."""

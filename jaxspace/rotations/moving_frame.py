@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
 from ..core.shapes import with_rank
+from ..core.square_roots import sqrt
 from ..core.vectors import cross, dot, norm
 from ._quaternion import Quaternion
 
@@ -133,6 +134,6 @@ def path_components(v: Vector, a: Vector) -> tuple[Scalar, Scalar, Scalar]:
     straight path. A point at rest has no path: NaN.
     """
     square = dot(v, v)
-    speed = jnp.sqrt(square)
+    speed = sqrt(square)
     across = norm(cross(v, a))
     return dot(v, a) / speed, across / speed, across / (square * speed)

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, Vector
+from ..core.square_roots import sqrt
 from ..core.vectors import axis
 from ._quaternion import Quaternion
 
@@ -69,7 +70,7 @@ def tilt_of_axis(s: Vector) -> Float[Array, "2 *#runs"]:
     for k in range(6, 0, -1):
         series = 1.0 + series * x * (2 * k - 1) ** 2 / (2 * k * (2 * k + 1))
     # A harmless argument where the series counts: the slope of the root at zero is infinite.
-    h = jnp.sqrt(jnp.where(small | (h2 == 0.0), 1.0, h2))
+    h = sqrt(jnp.where(small | (h2 == 0.0), 1.0, h2))
     ratio = jnp.arctan2(jnp.where(h2 == 0.0, 0.0, h), s[2]) / h
     ratio = jnp.where(small, series, jnp.where(h2 == 0.0, 0.0, ratio))
     return ratio * jnp.stack([-s[1], s[0]])

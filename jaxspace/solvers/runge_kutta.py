@@ -25,7 +25,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
-from ..core.inverse_sqrt import inverse_sqrt
+from ..core.square_roots import inverse_sqrt
 from . import tableaus as tableau
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits

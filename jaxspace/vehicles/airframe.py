@@ -44,12 +44,13 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.square_roots import sqrt
 from ..core.types import as_float
 
 
 def prandtl_factor(mach: Scalar) -> Scalar:
     """beta = sqrt(|1 - M^2|), held at 0.6 about Mach 1, where linear theory ends."""
-    return jnp.sqrt(jnp.maximum(jnp.abs(1.0 - mach * mach), 0.36))
+    return sqrt(jnp.maximum(jnp.abs(1.0 - mach * mach), 0.36))
 
 
 class AbstractSurface(AbstractParameters):

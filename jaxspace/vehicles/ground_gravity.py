@@ -20,6 +20,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import axis
 
@@ -37,7 +38,7 @@ def normal_gravity(latitude: Scalar, height: Scalar = 0.0) -> Scalar:
 
     - `latitude`: rad; `height`: above the ellipsoid, m, by the inverse square of the distance."""
     s = jnp.sin(as_float(latitude)) ** 2
-    surface = EQUATORIAL * (1.0 + SOMIGLIANA * s) / jnp.sqrt(1.0 - ECCENTRICITY_SQUARED * s)
+    surface = EQUATORIAL * (1.0 + SOMIGLIANA * s) * inverse_sqrt(1.0 - ECCENTRICITY_SQUARED * s)
     return surface * (RADIUS / (RADIUS + height)) ** 2
 
 

@@ -1,14 +1,24 @@
-"""The reciprocal root: its error, its ends, its derivatives, and the form that is compiled."""
+"""Square roots: their errors, their ends, their derivatives, and the form that is compiled."""
 
+import re
+
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from more_systems import MORE
 from mpmath import mp, mpf
+from systems import SAMPLES
 
-from jaxspace.core.inverse_sqrt import inverse_sqrt
+from jaxspace.core.square_roots import inverse_sqrt, sqrt
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
+from jaxspace.solvers import DOP853, RKN1210
 
 POWERS = 1, 2, 3, 5
+# What the compiler makes of a quotient by a root in double precision.
+SLOW = re.compile(r" = f64\[\S* rsqrt\(")
+on_cpu = pytest.mark.skipif(jax.default_backend() != "cpu", reason="of processors")
 EVERY_POWER = jax.jit(lambda x: [inverse_sqrt(x, n) for n in POWERS])
 
 
@@ -74,6 +84,16 @@ def test_derivatives_at_the_ends():
     ends = jnp.array([0.0, jnp.inf])
     for derivative in (jax.jacfwd, jax.grad):
         np.testing.assert_array_equal(jax.vmap(derivative(inverse_sqrt))(ends), [-jnp.inf, 0.0])
+        np.testing.assert_array_equal(jax.vmap(derivative(sqrt))(ends), [jnp.inf, 0.0])
+
+
+def test_the_root_is_that_of_jax():
+    x = jnp.array([0.0, 1e-300, 2.0, 3e5, jnp.inf, -1.0, jnp.nan])
+    np.testing.assert_array_equal(sqrt(x), jnp.sqrt(x))
+    x = x[1:4]
+    for order in (lambda f: f, lambda f: jax.vmap(jax.grad(f)), lambda f: jax.vmap(jax.hessian(f))):
+        # A few roundings of the products.
+        np.testing.assert_allclose(order(sqrt)(x), order(jnp.sqrt)(x), rtol=1e-14)
 
 
 def test_whole_numbers_and_numbers_of_python():
@@ -83,23 +103,65 @@ def test_whole_numbers_and_numbers_of_python():
     assert (inverse_sqrt(4.0) * jnp.float32(1.0)).dtype == jnp.float32
 
 
-def compiled(function, x) -> str:
-    """The optimised program, which tests are otherwise compiled without."""
-    options = {"xla_backend_optimization_level": 2, "xla_llvm_disable_expensive_passes": False}
-    return jax.jit(function).lower(x).compile(compiler_options=options).as_text() or ""
+def compiled(function, *args) -> str:
+    """The optimised program."""
+    return jax.jit(function).lower(*args).compile().as_text() or ""
 
 
+@on_cpu
 def test_the_compiler_keeps_the_quotient():
     x = jnp.ones(8)
-    if jax.default_backend() != "cpu":
-        pytest.skip("the quotient is for processors")
     # What is kept away: the compiler takes its own function for a plain quotient.
-    assert " rsqrt(" in compiled(lambda x: 2.0 / jnp.sqrt(x), x)
+    assert SLOW.search(compiled(lambda x: 2.0 / jnp.sqrt(x), x))
     for power in POWERS:
-        assert " rsqrt(" not in compiled(lambda x, k=power: 2.0 * inverse_sqrt(x, k), x)
-    assert " rsqrt(" in compiled(inverse_sqrt, x.astype(jnp.float32))
+        assert not SLOW.search(compiled(lambda x, k=power: 2.0 * inverse_sqrt(x, k), x))
+    assert not SLOW.search(compiled(lambda x: x / sqrt(x + 1.0), x))
+    assert not SLOW.search(compiled(lambda x: jax.vjp(sqrt, x)[1](x), x))
+    single = compiled(lambda x: (x / sqrt(x + 1.0), inverse_sqrt(x)), x.astype(jnp.float32))
+    assert single.count(" rsqrt(") == 2
 
 
 def test_other_devices_take_their_instruction():
-    text = jax.jit(inverse_sqrt).trace(jnp.ones(8)).lower(lowering_platforms=("cuda",)).as_text()
-    assert "stablehlo.rsqrt" in text and "divide" not in text
+    trace = jax.jit(lambda x: inverse_sqrt(x) + sqrt(x)).trace(jnp.ones(8))
+    text = trace.lower(lowering_platforms=("cuda",)).as_text()
+    assert "stablehlo.rsqrt" in text and "divide" not in text and "abs" not in text
+
+
+PROGRAMS = {
+    "Kepler": ("two_body", Accuracy(1e-9), 1),
+    "a run": ("oblate_orbit", Accuracy(1e-9, method=DOP853()), 1),
+    "a batch": ("oblate_orbit", Accuracy(1e-9, method=RKN1210()), 3),
+    "a rocket": ("tabulated_rocket", Accuracy(1e-6), 1),
+    "a rigid body": ("torqued_satellite", Accuracy(1e-9, method=DOP853()), 3),
+}
+
+
+@on_cpu
+@pytest.mark.parametrize("name", PROGRAMS)
+def test_programs_hold_no_slow_root(name):
+    sample, accuracy, runs = PROGRAMS[name]
+    sample = next(s for s in SAMPLES + MORE if s.name == sample)
+    ts = jnp.array([0.0, sample.span])
+
+    def end(y):
+        if runs == 1:
+            return simulate(sample.system, y, ts, accuracy=accuracy).final
+        return simulate_batch(sample.system, y, ts, accuracy=accuracy).final
+
+    state = sample.state
+    if runs > 1:
+        state = jax.tree.map(lambda x: jnp.stack([x] * runs, axis=-1), state)
+    assert not SLOW.search(compiled(end, state))
+
+
+@on_cpu
+@pytest.mark.sweep
+def test_no_system_has_a_slow_root():
+    for sample in SAMPLES + MORE:
+        arrays, rest = eqx.partition(sample.system, eqx.is_array)
+
+        def rate(arrays, y, rest=rest):
+            system = eqx.combine(arrays, rest)
+            return system.vector_field(0.1, y), system.invariants(0.1, y)
+
+        assert not SLOW.search(compiled(rate, arrays, sample.state)), sample.name
