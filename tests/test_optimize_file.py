@@ -16,6 +16,7 @@ from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.io import SceneError
 from jaxspace.io.report import optimum_report, sensitivity_report
+from jaxspace.optimization.optimisers import named_optimiser
 from jaxspace.simulation import Event, Mission, Phase, Status, simulate_compact
 
 MU, R1, R2, RADIAL = 3.986004418e14, 6.678137e6, 8.0e6, 1e3
@@ -87,6 +88,42 @@ def test_the_optimum_and_its_multipliers(found):
     assert "at least" in report and "Converged after" in report
 
 
+def test_the_optimiser_of_a_file_searches(tmp_path, monkeypatch):
+    asked = '[optimize]\noptimiser = "adam"\nrate = 0.03\nmax_steps = 7\n'
+    path = tmp_path / "transfer.toml"
+    path.write_text(TRANSFER.replace("[optimize]\n", asked))
+    given = {}
+
+    def minimise(problem, start, **options):
+        given.update(options)
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("jaxspace.io._optimise.minimise", minimise)
+    with pytest.raises(KeyboardInterrupt):
+        load(path).optimize()
+    assert given["optimiser"] is named_optimiser("adam", 0.03, 7)
+
+
+@pytest.mark.sweep
+@pytest.mark.parametrize(
+    "search",
+    [
+        'optimiser = "adam"\nrate = 0.03\nmax_steps = 3000\ntolerance = 1e-5',
+        'optimiser = "lbfgs"',
+    ],
+)
+def test_an_optimiser_of_optax_finds_it_too(tmp_path, search):
+    """A target, and a free number at its bound."""
+    path = tmp_path / "transfer.toml"
+    path.write_text(TRANSFER.replace("[optimize]\n", f"[optimize]\n{search}\n"))
+    best = load(path).optimize()
+    assert best.minimum.converged, best.minimum.sentence()
+    # The tolerance is 1e-5 of the sizes, 900 m/s.
+    expected = across(RADIAL, R1, R2, MU)
+    np.testing.assert_allclose(best.values["initial.velocity.1"], expected, atol=0.1)
+    np.testing.assert_allclose(best.values["initial.velocity.0"], RADIAL, atol=0.1)
+
+
 def test_sensitivities_are_those_of_the_optimum(found):
     best, _ = found
     slopes = best.sensitivities()
@@ -117,6 +154,9 @@ def test_the_file_of_the_optimum(found, tmp_path):
         ('high = "8.5 km/s"', 'high = "7 km/s"', "low must be below high"),
         ('low = "7.6 km/s"', 'low = "8.2 km/s"', "where the search would start"),
         ('at_least = "8000 km"', 'at_least = "8000 kg"', "optimize.constraint.0.at_least"),
+        ("[optimize]\n", '[optimize]\noptimiser = "adan"\n', "Did you mean adam?"),
+        ("[optimize]\n", "[optimize]\nrate = -1.0\n", "optimize.rate is -1.0: it must be a pos"),
+        ("[optimize]\n", '[optimize]\noptimiser = "lbfgs"\nrate = 0.1\n', "optimize.rate is 0.1"),
         ('at_least = "8000 km"', "", "one of equal, at_least, at_most"),
         ('output = "apoapsis_radius"', 'output = "apoapsis"', "Did you mean apoapsis_"),
     ],

@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..optimization import Progress, StopReason, minimise
+from ..optimization.optimisers import named_optimiser
 from ._optimize_table import Free, Task
 from ._optimum import Optimum
 from ._search_task import criterion, failed_phase
@@ -32,6 +33,7 @@ def optimise(
     result = minimise(
         lambda x: criterion(file, task, x, each),
         x0,
+        optimiser=named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
         bounds=bounds,
         tolerance=table["tolerance"],
         max_steps=table["max_steps"],

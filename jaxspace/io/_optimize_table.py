@@ -9,7 +9,9 @@ maximise = "final.mass"                         or minimise; an output as in [di
 output = "periapsis_altitude"
 at_least = "185 km"                             or at_most, or equal
 
-`circular_orbit = "300 km"` stands for the three constraints of a circle of that altitude.
+optimiser = "adam", rate = 0.02, max_steps = 2000 search by Adam of optax, whose rate falls to a
+thousandth over these steps. `circular_orbit = "300 km"` stands for the three constraints of a
+circle of that altitude.
 """
 
 from collections.abc import Mapping
@@ -17,6 +19,7 @@ from fnmatch import fnmatchcase
 from typing import NamedTuple
 
 from ..core import argument
+from ..optimization.optimisers import NAMES, named_optimiser
 from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
@@ -25,12 +28,13 @@ from ._objects import at
 from ._output_entries import read_output, unit_of
 from ._outputs import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
 from ._table_kinds import AnyTable, Table
-from ._value_kinds import ListOf, Measure, Number, Whole
+from ._value_kinds import ListOf, Measure, Number, OneName, Whole
 from .units import WrittenUnits, in_unit, read_number
 
 GOALS = ("minimise", "maximise")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
+RATE = Number(argument("", positive=True, fixed=True, doc="rate"))
 ALTITUDE = Number(argument("m", fixed=True, doc="altitude"))
 
 
@@ -114,6 +118,13 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
             "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
             "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
             "max_steps": Entry(Whole(), 200, doc="how many steps the search may take"),
+            "optimiser": Entry(
+                OneName(NAMES), NAMES[0], doc="quadratic programmes, or one of optax"
+            ),
+            # It falls to a thousandth over max_steps.
+            "rate": Entry(
+                RATE, None, doc="first length of its steps, in sizes of the free numbers"
+            ),
         }
     )
 
@@ -125,6 +136,10 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
     goals = [goal for goal in GOALS if table[goal] is not None]
     if len(goals) != 1:
         return None, ["optimize must have one of minimise and maximise."]
+    try:
+        named_optimiser(table["optimiser"], table["rate"], table["max_steps"])
+    except ValueError as error:
+        errors.append(f"optimize.{error}")
     # Errors are collected, so that one check of a file names every mistake.
     objective = None
     demands = []

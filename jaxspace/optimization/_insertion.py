@@ -32,6 +32,7 @@ from ..core.types import SingleNumberField, as_float
 from ..simulation import Mission, Phase, simulate_compact
 from ._criterion import Criterion, Minimum
 from ._minimise import minimise
+from ._optimiser import SQP, Optimiser
 from .ascent import AbstractThrustAcceleration
 from .laws import Law, corners, free_numbers
 
@@ -119,6 +120,7 @@ def optimise_insertion(
     steps: int = 24,
     tolerance: Scalar = 1e-7,
     max_steps: int = 200,
+    optimiser: Optimiser = SQP,
 ) -> InsertionOptimum:
     """The steering of a burn into an orbit, by gradients through the flight; for one run.
 
@@ -131,6 +133,7 @@ def optimise_insertion(
     - `form`: "time" for the least time to the orbit, "velocity" for the greatest velocity across at
       its radius in the given time.
     - `steps`: of the integration; `tolerance`, `max_steps`: of the search.
+    - `optimiser`: as in `minimise`.
 
     **Returns** an `InsertionOptimum`, which is not differentiable. An orbit out of reach ends with
     the least miss: `minimum.sentence()`.
@@ -141,7 +144,7 @@ def optimise_insertion(
         raise InputError(f"form is {form!r}: it must be one of {', '.join(FORMS)}.")
     T = as_float(duration)
     check_positive("duration", T)
-    return _search(insertion, law, T, form, steps, as_float(tolerance), max_steps)
+    return _search(insertion, law, T, form, steps, as_float(tolerance), max_steps, optimiser)
 
 
 @eqx.filter_jit
@@ -153,6 +156,7 @@ def _search(
     steps: int,
     tolerance: Scalar,
     max_steps: int,
+    optimiser: Optimiser,
 ) -> InsertionOptimum:
     target, (profile, made) = insertion.target(), free_numbers(law)
     radius, speed = target.radius, target.across
@@ -176,7 +180,12 @@ def _search(
         start["duration"] = jnp.ones_like(first)
     # The corners of the law are breaks of the burn: its gradient needs no check.
     minimum = minimise(
-        problem, start, tolerance=tolerance, max_steps=max_steps, check_gradient=False
+        problem,
+        start,
+        optimiser=optimiser,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        check_gradient=False,
     )
     T, end, error = minimum.criterion.report
     dual = minimum.multipliers.equal_zero

@@ -27,6 +27,7 @@ from ..core.types import as_float
 from ..simulation import Accuracy, simulate
 from ._criterion import Criterion
 from ._minimise import minimise
+from ._optimiser import SQP, Optimiser
 from .ascent import (
     AbstractThrustAcceleration,
     Ascent,
@@ -96,6 +97,7 @@ def optimise_steering(
     *,
     accuracy: Accuracy | Scalar = 1e-10,
     tolerance: Scalar = 1e-8,
+    optimiser: Optimiser = SQP,
 ) -> SteeringOptimum:
     """The steering and the release angle with the greatest velocity at the apex, for one run.
 
@@ -106,6 +108,7 @@ def optimise_steering(
     - `release_angle`: at which the search begins, rad.
     - `accuracy`: of the flight, as in `simulate`.
     - `tolerance`: for the scaled `violation` and `gradient` of the result.
+    - `optimiser`: as in `minimise`.
 
     **Returns** a `SteeringOptimum`, which is not differentiable.
 
@@ -116,7 +119,8 @@ def optimise_steering(
         raise InputError(
             "optimise_steering got several runs: it must get scalars and one list of nodes."
         )
-    return _search(ascent, start, as_float(release_angle), as_float(accuracy), as_float(tolerance))
+    numbers = (as_float(x) for x in (release_angle, accuracy, tolerance))
+    return _search(ascent, start, *numbers, optimiser)
 
 
 @eqx.filter_jit
@@ -126,6 +130,7 @@ def _search(
     release_angle: Scalar,
     accuracy: Accuracy | Scalar,
     tolerance: Scalar,
+    optimiser: Optimiser,
 ) -> SteeringOptimum:
     # Units of the problem, so that objective and constraints are of order one.
     speed = ascent.release_speed + velocity_gain(ascent)
@@ -152,6 +157,7 @@ def _search(
     minimum = minimise(
         problem,
         {"release": release_angle, "profile": profile},
+        optimiser=optimiser,
         tolerance=tolerance,
         check_gradient=False,
     )

@@ -39,6 +39,7 @@ from ..core.types import as_float
 from ..rockets import GravityTurnState
 from ._criterion import Criterion, Minimum
 from ._minimise import minimise
+from ._optimiser import SQP, Optimiser
 from .staged_flight import FIRST_SPEED, Goal, StageDesign, flown
 from .staging import optimal_staging
 
@@ -103,6 +104,7 @@ def staging_with_losses(
     rise_time: ArrayLike = 10.0,
     steps: int = 12,
     tolerance: Scalar = 1e-6,
+    optimiser: Optimiser = SQP,
 ) -> FlownStaging:
     """The stages with the least initial mass that bring a payload to a speed at burnout, with the
     losses of gravity, by gradients through the simulated flight; for one run.
@@ -115,6 +117,7 @@ def staging_with_losses(
     - `gravity`: at the ground, m/s^2; `radius`: of the planet, m, `None` for flat ground.
     - `rise_time`: before the kick, s; the first stage burns for longer.
     - `steps`: of the integration of each burn; `tolerance`: of the search.
+    - `optimiser`: as in `minimise`.
 
     **Returns** a `FlownStaging`, which is not differentiable. Where the stages cannot reach the
     speed, as with a thrust of an upper stage that is far below its weight, it is the flight of the
@@ -134,17 +137,17 @@ def staging_with_losses(
     top, round_earth = (None if x is None else as_float(x) for x in (height, radius))
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)
-    minimum = _search(goal, limit)
+    minimum = _search(goal, limit, optimiser)
     # A traced search cannot decide whether another one must follow it.
     if is_traced(minimum.converged) or bool(minimum.minimum.violation <= limit):
         return minimum
-    fastest = _search(goal, limit, fastest=True)
+    fastest = _search(goal, limit, optimiser, fastest=True)
     if not bool(fastest.converged):
         return minimum
     if bool(fastest.burnout.speed >= speed):
         # The speed is within reach, but far from the first guess: the fastest flight is a nearer
         # start.
-        return _search(goal, limit, (fastest.stage_mass, fastest.minimum.x))
+        return _search(goal, limit, optimiser, (fastest.stage_mass, fastest.minimum.x))
     return dataclasses.replace(
         fastest,
         converged=minimum.converged,
@@ -158,6 +161,7 @@ def staging_with_losses(
 def _search(
     goal: Goal,
     tolerance: Scalar,
+    optimiser: Optimiser,
     begin: tuple[Array, Unknowns] | None = None,
     *,
     fastest: bool = False,
@@ -176,13 +180,15 @@ def _search(
     minimum = minimise(
         _problem(goal, sizes, fastest),
         start,
+        optimiser=optimiser,
         bounds=(low, high),
         scale=scale,
         tolerance=tolerance,
         # The phases end where steps do: there are no kinks that a gradient could miss.
         check_gradient=False,
         # A flight in so few steps is cheap to differentiate twice.
-        exact_hessian=True,
+        exact_hessian=optimiser == SQP,
+        max_steps=200 if optimiser == SQP else 1000,
     )
     masses, flight = minimum.criterion.report
     prices = minimum.multipliers.equal_zero
