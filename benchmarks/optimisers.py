@@ -1,7 +1,8 @@
 """Thirty problems of Hock and Schittkowski (1981) and the five ascents and transfers of
 `examples/known_optima`: optima found, steps, evaluations of the problem and processor seconds with
-compilation, by `minimise` and by SLSQP and trust-constr of SciPy; by slsqp-jax and Ipopt where
-these are installed; and whether a search works inside of `jax.jit` and `jax.vmap`.
+compilation, by `minimise` with quadratic programmes and with L-BFGS of optax, by SLSQP and
+trust-constr of SciPy; by slsqp-jax and Ipopt where these are installed; and whether a search works
+inside of `jax.jit` and `jax.vmap`.
 
 Found is an optimum whose objective and constraints are right to 1e-6, and to 1e-5 of a published
 optimum. SciPy and Ipopt are given the compiled objective and constraints with their derivatives, of
@@ -27,6 +28,7 @@ from jax.flatten_util import ravel_pytree
 
 from jaxspace.core.tracing import is_traced
 from jaxspace.optimization import Criterion, minimise
+from jaxspace.optimization.optimisers import named_optimiser
 
 FREE = (None, None)
 TOLERANCE, MOST, CLOSE = 1e-9, 500, 1e-6
@@ -386,8 +388,7 @@ def sides(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
 
 
 def ours(problem: Problem, method: str) -> Found:
-    """By `minimise`."""
-    del method
+    """By `minimise`, with the optimiser of this name."""
     calls = []
 
     def criterion(x):
@@ -401,6 +402,7 @@ def ours(problem: Problem, method: str) -> Found:
     found = minimise(
         criterion,
         jnp.array(problem.start),
+        optimiser=named_optimiser(method),
         bounds=None if problem.bounds is None else sides(problem),
         tolerance=problem.tolerance,
         max_steps=MOST,
@@ -493,7 +495,8 @@ def _compiled_slsqp(problem: Problem, library: Any) -> Found:
 
 
 METHODS: dict[str, tuple[Callable[[Problem, str], Found], str]] = {
-    "ours": (ours, ""),
+    "ours": (ours, "sqp"),
+    "ours, optax.lbfgs": (ours, "lbfgs"),
     "SciPy, SLSQP": (scipys, "SLSQP"),
     "SciPy, trust-constr": (scipys, "trust-constr"),
     "Ipopt, limited memory": (scipys, "Ipopt"),

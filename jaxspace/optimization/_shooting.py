@@ -27,7 +27,7 @@ from ..core.types import as_float
 from ..simulation import Accuracy, simulate
 from ._criterion import Criterion
 from ._minimise import minimise
-from ._optimiser import SQP, Optimiser
+from ._optimiser import Optimiser
 from .ascent import (
     AbstractThrustAcceleration,
     Ascent,
@@ -37,6 +37,7 @@ from .ascent import (
     velocity_gain,
 )
 from .laws import Law, SteeringProfile, corners, free_numbers
+from .optimisers import lbfgs
 
 Unknowns: TypeAlias = dict[str, PyTree[Float[Array, "..."]]]
 
@@ -97,7 +98,7 @@ def optimise_steering(
     *,
     accuracy: Accuracy | Scalar = 1e-10,
     tolerance: Scalar = 1e-8,
-    optimiser: Optimiser = SQP,
+    optimiser: Optimiser | None = None,
 ) -> SteeringOptimum:
     """The steering and the release angle with the greatest velocity at the apex, for one run.
 
@@ -108,7 +109,7 @@ def optimise_steering(
     - `release_angle`: at which the search begins, rad.
     - `accuracy`: of the flight, as in `simulate`.
     - `tolerance`: for the scaled `violation` and `gradient` of the result.
-    - `optimiser`: as in `minimise`.
+    - `optimiser`: as in `minimise`; by default `optax.lbfgs()`.
 
     **Returns** a `SteeringOptimum`, which is not differentiable.
 
@@ -120,7 +121,7 @@ def optimise_steering(
             "optimise_steering got several runs: it must get scalars and one list of nodes."
         )
     numbers = (as_float(x) for x in (release_angle, accuracy, tolerance))
-    return _search(ascent, start, *numbers, optimiser)
+    return _search(ascent, start, *numbers, lbfgs() if optimiser is None else optimiser)
 
 
 @eqx.filter_jit
