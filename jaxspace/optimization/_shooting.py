@@ -120,8 +120,14 @@ def optimise_steering(
         raise InputError(
             "optimise_steering got several runs: it must get scalars and one list of nodes."
         )
-    numbers = (as_float(x) for x in (release_angle, accuracy, tolerance))
-    return _search(ascent, start, *numbers, lbfgs() if optimiser is None else optimiser)
+    return _search(
+        ascent,
+        start,
+        as_float(release_angle),
+        as_float(accuracy),
+        as_float(tolerance),
+        lbfgs() if optimiser is None else optimiser,
+    )
 
 
 @eqx.filter_jit
