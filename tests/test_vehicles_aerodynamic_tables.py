@@ -16,7 +16,7 @@ from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion, from_euler_angles
 from jaxspace.simulation import Status
 from jaxspace.vehicles import Aerodynamics, TabulatedAerodynamics
-from jaxspace.vehicles._hermite import cubic, with_slopes
+from jaxspace.vehicles._hermite import cubic, monotone_slopes
 from jaxspace.vehicles.aerodynamic_table import AerodynamicTable, read_aerodynamics
 from jaxspace.vehicles.coefficient import MachTable
 from jaxspace.vehicles.local_air import LocalAir
@@ -68,7 +68,7 @@ def test_the_cubic_is_that_of_scipy_with_its_slope():
     y = np.append(np.sort(rng.normal(size=5)), rng.normal(size=4))
     expected = PchipInterpolator(x, y)
     at = np.concatenate([x, rng.uniform(x[0], x[-1], 40)])
-    data = with_slopes(x, y[:, None])
+    data = jnp.asarray(np.stack([y, monotone_slopes(x, y)], axis=1))
     value, slope = jax.jit(
         jax.vmap(jax.value_and_grad(lambda q: cubic(jnp.asarray(x), data, q)[0]))
     )(jnp.concatenate([at, jnp.array([x[0] - 1.0, x[-1] + 1.0])]))

@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax.test_util import check_grads
+from scipy.interpolate import CubicHermiteSpline
 
 from jaxspace import Scene, load, simulate
 from jaxspace.bodies import BodyState, RigidBody
@@ -114,6 +115,57 @@ def test_a_sounding_of_the_standard_is_the_standard():
     np.testing.assert_allclose(twice.density, 2.0 * found.density, rtol=1e-14)
     for h in (-50.0, float(heights[7]), 12345.0, 40e3):
         check_grads(lambda h: jnp.log(air.air_at(h).density), (h,), 1, atol=1e-7, rtol=1e-5)
+
+
+UNEVEN = np.array([0.0, 300.0, 310.0, 2500.0, 3000.0, 5000.0])
+SHARES = np.array([1.0, 3.0, 3.0, 7.0, 4.0, -2.0])
+
+
+def chords(values):
+    """SciPy's cubic of Hermite with the slopes of the chords over both neighbours."""
+    low, high = np.r_[0, np.arange(5)], np.r_[np.arange(1, 6), 5]
+    slopes = (values[high] - values[low]) / (UNEVEN[high] - UNEVEN[low])
+    return CubicHermiteSpline(UNEVEN, values, slopes)
+
+
+@pytest.mark.parametrize("size", [0.0, 1e-300, 2.0])
+def test_derivatives_by_values_at_the_nodes_are_those_of_a_linear_interpolation(size):
+    """By a strength e of a wind, of its mean, of its deviation, of gusts, and by a lapse of the
+    temperature: at zero, next to it and far from it. All but the last are linear in e, so that the
+    derivative is the value at e = 1; the last is T = T_0 exp(e s)."""
+    at = jnp.array([150.0, 305.0, 310.0, 700.0, 2700.0, 4990.0])
+    zero, one = jnp.zeros(6), jnp.ones(6)
+    path = np.array(longitudinal(jnp.asarray(np.diff(UNEVEN) / 800.0), jnp.asarray(SHARES)))
+    pressure = 1e5 * np.exp(-UNEVEN / 8e3)
+
+    def east(e):
+        measured = MeasuredWind(UNEVEN, e * SHARES, zero)
+        mean = UncertainWind(UNEVEN, e * SHARES, zero, zero, 800.0, SHARES, zero)
+        spread = UncertainWind(UNEVEN, zero, zero, e * one, 800.0, SHARES, zero)
+        return [wind.at(at)[0] for wind in (measured, mean, spread)]
+
+    def gusts(e):
+        return DrydenGusts(3.0, 9.0 * e, e * jnp.ones(12), top=300.0).at(at)
+
+    def temperature(e):
+        air = MeasuredAtmosphere(UNEVEN, pressure, 250.0 * jnp.exp(0.01 * e * SHARES))
+        return jnp.log(air.air_at(at).temperature / 250.0) / 0.01
+
+    slopes = jax.jit(jax.jacfwd(lambda e: [*east(e), *gusts(e), temperature(e)]))
+    found = slopes(jnp.asarray(size))
+    by_shares = chords(SHARES)(at)
+    # A few roundings, of the logarithm of the temperature over its hundredth.
+    expected = [by_shares, by_shares, chords(path)(at), *gusts(1.0), by_shares]
+    np.testing.assert_allclose(np.stack(found), np.stack(expected), rtol=1e-12, atol=1e-12)
+
+
+def test_between_levels_the_wind_leaves_those_that_stay_by_a_quarter_of_the_next_change():
+    """Of two levels 10 m apart beside one of 2 km, where the slope of a parabola through three
+    levels would leave them by half of the whole change."""
+    for heights in ([0.0, 10.0, 2010.0, 2020.0], [0.0, 2000.0, 2010.0, 4010.0]):
+        wind = MeasuredWind(heights, [0.0, 1.0, 1.0, 0.0], np.zeros(4))
+        east, _ = wind.at(jnp.linspace(0.0, heights[-1], 4041))
+        assert -1e-12 <= east.min() and east.max() <= 1.25
 
 
 def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):

@@ -1,8 +1,11 @@
-"""Interpolation of measured values: piecewise cubic with a continuous slope, monotone between
-monotone values, on one axis or as a product on several.
+"""Interpolation of measured values: piecewise cubic with a continuous slope, on one axis or as a
+product on several.
 
     f(x) = (1 + 2s)(1 - s)^2 f_k + s^2 (3 - 2s) f_{k+1} + h s (1 - s)^2 d_k - h s^2 (1 - s) d_{k+1}
-    d_k = (w_1 + w_2) / (w_1 / m_{k-1} + w_2 / m_k),   0 where m_{k-1} m_k <= 0
+
+    d_k = (f_{k+1} - f_{k-1}) / (h_{k-1} + h_k)                                        chords
+
+    d_k = (w_1 + w_2) / (w_1 / m_{k-1} + w_2 / m_k),   0 where m_{k-1} m_k <= 0        monotone
     w_1 = 2 h_k + h_{k-1},   w_2 = h_k + 2 h_{k-1}
 
     symbol     meaning
@@ -10,13 +13,24 @@ monotone values, on one axis or as a product on several.
     f_k, d_k   value and slope at a node
     m_k        mean slope (f_{k+1} - f_k) / h_k
 
+Two kinds of slopes:
+
+- Chords, for air and wind. They are linear in the values, and so is all that is read: a derivative
+  by the values is exact, also where they vanish or stay the same. Whatever the distances of the
+  nodes, h d_k is at most the changes in both intervals beside the node: where the values stay, the
+  cubic leaves them by at most a quarter of the change next door.
+- Monotone, for coefficients, which are known when a table is made. The cubic is monotone between
+  monotone values, but the slopes have no derivative by the values where neighbours are alike: a
+  wind of zero that all nodes share out would get a wrong one.
+
 Outside of the nodes the value is that of the nearest one. Of several axes the slopes of the slopes
 are taken in turn: of a product of functions of one axis each, that is the product of their cubics.
 The first derivative is continuous, the second jumps at the nodes: within the table an adaptive
 integration loses no order that shows, and a gradient is that of what was flown.
 
-Source: Fritsch, Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300; de Boor, A Practical Guide to
-Splines, IV and XVII.
+Source: de Boor, A Practical Guide to Splines, IV and XVII; Catmull, Rom, in Computer Aided
+Geometric Design, 1974, 317 (chords); Fritsch, Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300
+(monotone).
 """
 
 import itertools
@@ -35,8 +49,18 @@ from ..core.shapes import with_rank
 Known: TypeAlias = Array | np.ndarray
 
 
+def chord_slopes(x: Known, y: Known) -> Known:
+    """The slopes of the chords over both neighbours, at the ends over the one; the arguments are
+    those of `monotone_slopes`."""
+    h, m = _mean_slopes(x, y)
+    xp = np if is_concrete(m) else jnp
+    inner = (h[:-1] * m[:-1] + h[1:] * m[1:]) / (h[:-1] + h[1:])
+    return xp.concatenate([m[:1], inner, m[-1:]])
+
+
 def monotone_slopes(x: Known, y: Known) -> Known:
-    """The slopes d at the nodes, along the first axis.
+    """The slopes d at the nodes, along the first axis, of a cubic that is monotone between monotone
+    values.
 
     **Arguments**
 
@@ -44,12 +68,8 @@ def monotone_slopes(x: Known, y: Known) -> Known:
 
     **Returns** the slopes, of the shape of `y`; at the ends those of the parabola through three
     nodes, held to three times the mean slope there and to its sign."""
-    # By NumPy where all is known, because jax would compile each operation for one call.
-    xp = np if is_concrete(x) and is_concrete(y) else jnp
-    x, y = xp.asarray(x), xp.asarray(y)
-    x = x.reshape(*x.shape, *(1,) * (y.ndim - x.ndim))
-    h = x[1:] - x[:-1]
-    m = (y[1:] - y[:-1]) / h
+    h, m = _mean_slopes(x, y)
+    xp = np if is_concrete(m) else jnp
     if y.shape[0] == 2:
         return xp.concatenate([m, m])
     alike = m[:-1] * m[1:] > 0.0
@@ -58,6 +78,16 @@ def monotone_slopes(x: Known, y: Known) -> Known:
     inner = xp.where(alike, (first + second) / (first / before + second / after), 0.0)
     ends = [_end_slope(xp, h[k], h[j], m[k], m[j])[None] for k, j in ((0, 1), (-1, -2))]
     return xp.concatenate([ends[0], inner, ends[1]])
+
+
+def _mean_slopes(x: Known, y: Known) -> tuple[Known, Known]:
+    """Length h of each interval and the mean slope m in it."""
+    # By NumPy where all is known, because jax would compile each operation for one call.
+    xp = np if is_concrete(x) and is_concrete(y) else jnp
+    x, y = xp.asarray(x), xp.asarray(y)
+    x = x.reshape(*x.shape, *(1,) * (y.ndim - x.ndim))
+    h = x[1:] - x[:-1]
+    return h, (y[1:] - y[:-1]) / h
 
 
 def _end_slope(xp: Any, h: Known, next_h: Known, m: Known, next_m: Known) -> Known:
@@ -120,13 +150,13 @@ def cubic(
 
 
 def with_slopes(x: Known, y: Known) -> Array:
-    """The values at the nodes and their slopes behind them, (nodes, 2 numbers, *runs), as `cubic`
-    takes them.
+    """The values at the nodes and the slopes of their chords behind them, as `cubic` takes them,
+    (nodes, 2 numbers, *runs).
 
     `x`: (nodes, *runs); `y`: (nodes, numbers, *runs)."""
     xp = np if is_concrete(x) and is_concrete(y) else jnp
     x = x[:, None] if x.ndim > 1 else x
-    return jnp.asarray(xp.concatenate([y, monotone_slopes(x, y)], axis=1))
+    return jnp.asarray(xp.concatenate([y, chord_slopes(x, y)], axis=1))
 
 
 def stacked(x: Array, *values: Array) -> Array:

@@ -8,10 +8,11 @@
     R, M_0         gas constant, molar mass of dry air    J/(kmol K), kg/kmol
     c, gamma       speed of sound, ratio of heats         m/s, 1
 
-Between the levels T, ln p and the wind are cubic with a continuous slope, monotone where the values
-are (`_hermite.py`). Beyond them the temperature and the wind stay, and the pressure falls as that
-of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is lighter by up to
-1.5 percent.
+Between the levels ln T, ln p and the wind are cubic with a continuous slope, linear in their values
+at the levels (`_hermite.py`): a derivative by these is exact, also at no wind and where the
+temperature stays. Beyond the levels the temperature and the wind stay, and the pressure falls as
+that of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is lighter by
+up to 1.5 percent.
 
 Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), Eqs. 33, 42, 50; World Meteorological
 Organization, Guide to Instruments, I.12 (soundings).
@@ -62,7 +63,9 @@ class MeasuredAtmosphere(AbstractAtmosphere):
         check_declared(self, "heights", "pressure", "temperature", "density_factor")
         name = "MeasuredAtmosphere.heights"
         check_nodes(name, self.heights, pressure=self.pressure, temperature=self.temperature)
-        self.data = stacked(self.heights, self.temperature, jnp.log(self.pressure))
+        # By logarithms no cubic between levels reaches zero.
+        logarithms = jnp.log(self.temperature), jnp.log(self.pressure)
+        self.data = stacked(self.heights, *logarithms)
 
     @classmethod
     @constructor(sets=("heights", "pressure", "temperature"), sounding=SOUNDING)
@@ -76,9 +79,9 @@ class MeasuredAtmosphere(AbstractAtmosphere):
         return self.air_at(height).density
 
     def air_at(self, height: Scalar) -> Air:
-        temperature, logarithm = cubic(self.heights, self.data, height)
+        temperature, pressure = jnp.exp(cubic(self.heights, self.data, height))
         beyond = height - interval(self.heights, height)[1]
-        pressure = jnp.exp(logarithm) * isothermal_ratio(beyond, temperature)
+        pressure = pressure * isothermal_ratio(beyond, temperature)
         return dry_air(temperature, self.density_factor * pressure)
 
     def scaled(self, factor: Scalar) -> "MeasuredAtmosphere":

@@ -9,7 +9,8 @@
     z        independent standard normal numbers                           1
 
 The recursion is exact: it is the Cholesky factor of that covariance, for the errors by height form
-a chain of Markov. East and north err independently.
+a chain of Markov. East and north err independently. Between the heights the wind is cubic, and
+linear in m, s and z (`_hermite.py`).
 
 Source: Gardiner, Handbook of Stochastic Methods, 4.4.
 """
