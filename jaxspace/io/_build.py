@@ -1,5 +1,6 @@
 """Systems, missions and initial states from the values of a file, for one run or for many."""
 
+import dataclasses
 from collections.abc import Callable, Mapping
 from typing import NamedTuple
 
@@ -176,6 +177,12 @@ def build_state(file: Parsed, building: Building, system: AbstractSystem | None 
 def system_errors(file: Parsed) -> list[str]:
     """Errors for parts of the initial state that the vector field of the system does not accept,
     without a computation."""
+    state = state_of(file)
+    if "initial" not in file.makers:
+        needed = [f.name for f in dataclasses.fields(state) if f.default is dataclasses.MISSING]
+        absent = [name for name in needed if name not in file.parts()]
+        if absent:
+            return [f"initial has no {name}: {state.__name__} needs it." for name in absent]
     # Shapes are enough, because the parts that a vector field needs do not depend on numbers.
     system, y0 = eqx.filter_eval_shape(
         lambda values: build_system(file, values, Runs()), replaced(file.values, {})

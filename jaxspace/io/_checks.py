@@ -7,7 +7,7 @@ from collections.abc import Hashable, Mapping
 
 from ..bodies import AbstractBody
 from ..core import AbstractParameters, InputError
-from ..core.quantities import REQUIRED, quantities
+from ..core.quantities import REQUIRED
 from ..scene.reading import Reading, read_effects
 from ._catalog import Catalog
 from ._ends import condition_of, end_kind, event_needs, is_event
@@ -186,7 +186,7 @@ def object_errors(file: Parsed) -> list[str]:
     """What a class or a named constructor does not accept although each number is in its range."""
     result = []
     for path, maker in file.makers.items():
-        # Ranges are checked already; only classes with a rule of their own can still refuse.
+        # The range of each number is checked already; the rules of the class are not.
         if not _checks_itself(maker) or path.startswith(("initial", "method")):
             continue
         try:
@@ -209,14 +209,10 @@ def object_errors(file: Parsed) -> list[str]:
 def _checks_itself(maker: Maker) -> bool:
     # A named constructor is bound to its class.
     cls = getattr(maker.make, "__self__", maker.make)
-    if not isinstance(cls, type) or not issubclass(cls, AbstractParameters) or maker.references:
-        return False
-    return "__check_init__" in vars(cls) or "." in maker.name or _has_direction(cls)
-
-
-def _has_direction(cls: type) -> bool:
-    # The numbers of a file are read one by one, and each of them may be zero.
-    return any(declared.direction for declared in quantities(cls).values())
+    # Every class does so in part: that a direction is not zero, and that it has as many inertias as
+    # axes, no number of the file shows alone.
+    is_parameters = isinstance(cls, type) and issubclass(cls, AbstractParameters)
+    return is_parameters and not maker.references
 
 
 def initial_errors(file: Parsed) -> list[str]:

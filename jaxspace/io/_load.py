@@ -8,6 +8,8 @@ import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
+import numpy as np
+
 from ..core.by_numpy import by_numpy
 from ._build import system_errors
 from ._catalog import Catalog, catalog
@@ -35,6 +37,8 @@ LONGEST_NUMBER = 1023
 """Bits of a whole number that any float can hold."""
 
 
+# A number that a check computes with need not be finite, and is then refused.
+@np.errstate(all="ignore")
 @by_numpy()
 def load(
     path: str | os.PathLike[str],

@@ -83,7 +83,12 @@ class ListOf(Kind):
         ):
             reading.errors.append(wrong(path, value, self.expected()))
             return None
-        return [self.kind.read(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
+        entries = [self.kind.read(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
+        rows = {len(entry) for entry in entries if isinstance(entry, list)}
+        if isinstance(self.kind, ListOf) and len(rows) > 1:
+            reading.errors.append(wrong(path, value, "lists of as many entries each"))
+            return None
+        return entries
 
     def expected(self) -> str:
         least = {0: "", 1: "one or more "}.get(self.least, f"at least {self.least} ")
