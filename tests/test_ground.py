@@ -7,14 +7,14 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace import Scene, load, simulate, simulate_batch
+from jaxspace import Mission, Phase, Scene, load, simulate, simulate_batch, simulate_mission
 from jaxspace.bodies import BodyState
 from jaxspace.cli import main
 from jaxspace.orbits import AtAltitude, Oblateness, PointGravity, SphereGravity
 from jaxspace.orbits.initial import orbit_from_radius
 from jaxspace.orbits.kepler import kepler_flow
-from jaxspace.scene.ground_check import ground_warning
-from jaxspace.simulation import Event
+from jaxspace.scene.ground_check import ground_warning, lowest_below_ground
+from jaxspace.simulation import Event, Status
 
 MU, RADIUS, J2 = 3.986e14, 6.378e6, 1.0826e-3
 SCENE = Scene([PointGravity(MU), Oblateness(MU, J2, RADIUS)])
@@ -60,16 +60,8 @@ def test_the_lowest_place_between_two_states():
     _, dense = along(1000, T, q, e, f)
     r = np.sqrt(np.sum(np.asarray(dense.position) ** 2, axis=0))
     lowest, end = r.min(axis=0), np.minimum(r[0], r[-1])
-    told = np.array(
-        [
-            bool(
-                ground_warning(
-                    ts[:, k], jax.tree.map(lambda x, k=k: x[..., k], ends), RADIUS, MU, ""
-                )
-            )
-            for k in range(n)
-        ]
-    )
+    told = np.isfinite(lowest_below_ground(ts, ends, RADIUS, MU))
+    assert bool(ground_warning(np.where(told, lowest, np.inf), RADIUS, "")) == np.any(told)
     # A state that is saved below the ground is not told until it is deep.
     deep = (end < 0.989 * RADIUS) | ((lowest < 0.998 * RADIUS) & (lowest < end - 1.0))
     high = (lowest > 0.9995 * RADIUS) | ((lowest > 0.991 * RADIUS) & (lowest == end))
@@ -81,7 +73,10 @@ def test_a_run_through_the_planet_is_told():
     """Saved at both ends alone, high above; a landing ends at the ground, and is not told."""
     y, ts = state(6.2e6, 0.1, 3.0), np.array([0.0, 6000.0])
     with pytest.warns(UserWarning, match=r"below the ground, 6\.\de\+06 m .*Oblateness.radius"):
-        simulate(SCENE, y, ts, accuracy=1e-6)
+        below = simulate(SCENE, y, ts, accuracy=1e-6)
+    # Not a failure: its states are there.
+    assert Status(int(below.status)) == Status.BELOW_GROUND and Status.BELOW_GROUND.good
+    assert np.all(np.isfinite(below.final.position)) and "below the ground" in repr(below)
     landing = simulate(SCENE, y, ts, accuracy=1e-6, events=(Event(AtAltitude(0.0, RADIUS)),))
     assert int(landing.status) == 1
     # From the ground, along the way on which it came.
@@ -92,7 +87,39 @@ def test_a_run_through_the_planet_is_told():
 def test_runs_through_the_planet_are_counted():
     y = state(jnp.array([6.2e6, 6.6e6, 6.3e6]), 0.1, 3.0)
     with pytest.warns(UserWarning, match="2 of 3 runs pass below the ground"):
-        simulate_batch(SCENE, y, np.array([0.0, 6000.0]), accuracy=1e-6)
+        batch = simulate_batch(SCENE, y, np.array([0.0, 6000.0]), accuracy=1e-6)
+    assert batch.status.tolist() == [Status.BELOW_GROUND, 0, Status.BELOW_GROUND]
+
+
+def test_the_phase_below_the_ground_has_the_status():
+    """And the mission: high above, then through the planet."""
+    y = state(6.2e6, 0.1, 0.9 * np.pi)
+    mission = Mission([Phase(SCENE, 100.0, name="high"), Phase(SCENE, 6000.0, name="low")])
+    with pytest.warns(UserWarning, match="below the ground"):
+        flight = simulate_mission(mission, y, accuracy=1e-6)
+    assert int(flight["high"].status) == 0
+    assert int(flight["low"].status) == int(flight.status) == Status.BELOW_GROUND
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_a_time_that_does_not_resolve_the_run_is_a_status(dtype):
+    """A hundred seconds around an epoch so far away that there are less than sixteen numbers of the
+    time between start and end; one of a batch leaves the others as they are."""
+    far = 0.1 * 100.0 / np.finfo(dtype).eps
+    y = jax.tree.map(lambda x: jnp.asarray(x, dtype), state(7e6, 0.1, 0.3))
+    scene = jax.tree.map(lambda x: jnp.asarray(x, dtype), SCENE)
+    starts = np.array([0.0, far, 1e20, 1e3], dtype)
+    ts = jnp.asarray(np.stack([starts, starts + np.asarray([100.0, 100.0, 100.0, 0.0], dtype)]))
+    batch = simulate_batch(
+        scene, jax.tree.map(lambda x: x[:, None] * np.ones(4, dtype), y), ts, accuracy=1e-4
+    )
+    lost = int(Status.TIME_UNRESOLVED)
+    assert batch.status.tolist() == [0, lost, lost, 0]
+    assert np.all(np.isfinite(batch.states.position[..., [0, 3]]))
+    assert np.all(np.isnan(batch.final.position[..., 1:3]))
+    mission = Mission([Phase(scene, dtype(100.0), name="coast")])
+    flight = simulate_mission(mission, y, dtype(far), accuracy=1e-4, throw=False)
+    assert int(flight.status) == lost
 
 
 def test_what_moves_the_state_besides_leaves_the_saved_states_alone():

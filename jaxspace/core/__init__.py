@@ -9,6 +9,7 @@ from ._system import AbstractRegularised as AbstractRegularised
 from ._system import AbstractSecondOrderForm as AbstractSecondOrderForm
 from ._system import AbstractSplit as AbstractSplit
 from ._system import AbstractSystem as AbstractSystem
+from ._system import RunWarning as RunWarning
 from .checks import InputError as InputError
 from .checks import check as check
 from .declarations import Choice as Choice

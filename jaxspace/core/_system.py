@@ -7,14 +7,26 @@ effects.
 """
 
 from abc import abstractmethod
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+import numpy as np
+from jaxtyping import Array, Bool, Float
 
 from .quantities import AbstractParameters
 from .types import Flag, Scalar, State
+
+
+class RunWarning(NamedTuple):
+    """What is probably a mistake in finished runs.
+
+    - `words`: a sentence about it.
+    - `runs`: the runs that it is about, (*runs,)."""
+
+    words: str
+    runs: Bool[np.ndarray, "*runs"]
 
 
 class AbstractClosedForm(eqx.Module):
@@ -216,9 +228,9 @@ class AbstractSystem(AbstractParameters):
         del t, y
         return None
 
-    def warning(self, ts: Array, states: State, undisturbed: bool) -> str:
-        """A sentence about a finished run that is probably a mistake, such as a path through the
-        ground; empty, the default, where there is nothing to say.
+    def warning(self, ts: Array, states: State, undisturbed: bool) -> RunWarning | None:
+        """What is probably a mistake in finished runs, such as a path through the ground; `None`,
+        the default, where there is nothing to say.
 
         Asked after a run outside of `jit`, of known numbers.
 
@@ -228,7 +240,7 @@ class AbstractSystem(AbstractParameters):
         - `undisturbed`: whether nothing but the system moves the state between them, such as a jump
           or a command."""
         del ts, states, undisturbed
-        return ""
+        return None
 
     def check_values(self, t: Scalar, y: State) -> None:
         """Raise `InputError` for what the numbers of the system and of the first state `y`, at the

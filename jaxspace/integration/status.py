@@ -5,15 +5,16 @@ from collections.abc import Callable
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Bool, Int
+from jaxtyping import Array, Bool, Float, Int
 
 
 class Status(enum.IntEnum):
     """Status of a finished run.
 
     `sentence` says what happened and what to do. A status above `EVENT` is a failure: the states
-    that the run did not reach are NaN."""
+    that the run did not reach are NaN. Below `COMPLETED` the states are there, and doubtful."""
 
+    BELOW_GROUND = -1
     COMPLETED = 0
     EVENT = 1
     TOLERANCE_MISSED = 2
@@ -28,6 +29,7 @@ class Status(enum.IntEnum):
     SAMPLES_TOO_FEW = 11
     RAISED = 12
     COMMAND_NOT_FINITE = 13
+    TIME_UNRESOLVED = 14
 
     @property
     def sentence(self) -> str:
@@ -41,6 +43,10 @@ class Status(enum.IntEnum):
 
 
 _SENTENCES = {
+    Status.BELOW_GROUND: (
+        "The run reached its end within the tolerance, but on its way it passed below the ground "
+        "of the planet: end it there by an event, such as AtAltitude, or raise the orbit."
+    ),
     Status.COMPLETED: "The run reached its end within the tolerance.",
     Status.EVENT: "The run stopped at its event, located to the tolerance.",
     Status.TOLERANCE_MISSED: (
@@ -86,6 +92,10 @@ _SENTENCES = {
         "The controller gave a command that is NaN or infinite: check its parameters, its memory "
         "and what its sensors read in this run."
     ),
+    Status.TIME_UNRESOLVED: (
+        "The run is too short for the precision of its time: count the seconds from an epoch that "
+        "is close to it."
+    ),
 }
 
 
@@ -96,6 +106,21 @@ class SimulationError(RuntimeError):
 def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[Array, "..."]:
     """The status of two runs in sequence: the first failure stays, else the second counts."""
     return jnp.where(first > Status.EVENT, first, second)
+
+
+def time_unresolved(
+    t0: Float[Array, "*#runs"], duration: Float[Array, "*#runs"], *, rounded: bool
+) -> Bool[Array, "*#runs"]:
+    """Whether a run from `t0`, s, has a `duration`, s, of fewer than sixteen numbers of the time.
+
+    - `rounded`: whether the duration is the difference of two times. Then that of a run far from
+      the epoch may be zero by rounding."""
+    spacing = jnp.finfo(t0.dtype).eps * (jnp.abs(t0) + jnp.abs(duration))
+    # Close to the epoch a run of no length is meant: a phase that is left out.
+    meant = duration == 0.0
+    if rounded:
+        meant = meant & (spacing < 1.0)
+    return (jnp.abs(duration) < 16.0 * spacing) & ~meant
 
 
 def raise_on_failure(status: Array, where: Callable[[], str] | None = None) -> None:

@@ -19,7 +19,7 @@ from ..core.by_numpy import by_numpy
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
 from ..scene import Scene
-from ..scene.ground_check import ground_warning
+from ..scene.ground_check import ground_warning, lowest_below_ground
 from ..simulation import (
     Accuracy,
     Event,
@@ -30,6 +30,7 @@ from ..simulation import (
     simulate_mission,
 )
 from ..simulation.either import run_either
+from ..simulation.finish import Result, with_doubts
 from ..simulation.legs import legs_of
 from ..vehicles import LaunchSite
 from ._build import build_mission, replaced
@@ -218,8 +219,7 @@ class SceneFile:
             num_saved=num_saved,
             throw=throw,
         )
-        self._warn_of_ground(run, stacklevel=2)
-        return run
+        return self._warned_of_ground(run, stacklevel=2)
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
         """Mission and initial states of many runs.
@@ -323,16 +323,16 @@ class SceneFile:
         run = simulate_mission(
             self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
         )
-        self._warn_of_ground(run, stacklevel=2)
-        return run
+        return self._warned_of_ground(run, stacklevel=2)
 
-    def _warn_of_ground(self, run: Trajectory | MissionTrajectory, stacklevel: int) -> None:
-        """Warn of a run that passes below the ground of the planet of the file, where no effect
-        states it, so that no other warning does."""
+    def _warned_of_ground(self, run: Result, stacklevel: int) -> Result:
+        """The run with the status of one that passes below the ground of the planet of the file,
+        of which it warns, where no effect states it, so that no other warning does."""
         planet = self.values.get("planet") or {}
         mu, radius = planet.get("mu"), planet.get("radius")
         if mu is None or radius is None:
-            return
+            return run
+        below = False
         for phase in run.phases if isinstance(run, MissionTrajectory) else (run,):
             parts = (phase.system, *getattr(phase.system, "effects", ()))
             # Over flat ground the origin is no centre.
@@ -340,9 +340,11 @@ class SceneFile:
             known = any(isinstance(e, AbstractEffect) and e.ground() is not None for e in parts)
             if about_centre and not known and isinstance(phase.states, BodyState):
                 within = mu if phase.undisturbed else None
-                words = ground_warning(phase.ts, phase.states, radius, within, "planet.radius")
-                if words:
+                lowest = lowest_below_ground(phase.ts, phase.states, radius, within)
+                if words := ground_warning(lowest, radius, "planet.radius"):
                     warnings.warn(words, stacklevel=stacklevel + 1)
+                    below = True
+        return with_doubts(run, jnp.asarray(below)) if below else run
 
     def nominal_outputs(
         self, nominal: Trajectory | MissionTrajectory | LoopRun, every: bool = False

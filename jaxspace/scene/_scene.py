@@ -32,6 +32,7 @@ from ..core import (
     AbstractSplit,
     Flag,
     InputError,
+    RunWarning,
     Scalar,
     State,
     Vector,
@@ -42,7 +43,7 @@ from ._conserved import conserved
 from ._custom import Custom
 from ._explain import explain
 from ._interface import AbstractScene
-from .ground_check import ground_warning
+from .ground_check import ground_warning, lowest_below_ground
 from .reading import ROTATION, TRANSLATION, Reading, read_effects
 
 
@@ -226,17 +227,19 @@ class Scene(AbstractScene):
         slack = max(1e-6, 1e3 * float(jnp.finfo(y.mass.dtype).eps))
         return y.mass < (1.0 - slack) * least
 
-    def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> str:
-        """The warning where a run passes below the ground that an effect states
-        (`AbstractEffect.ground`); an empty text where none does."""
+    def warning(self, ts: Array, states: BodyState, undisturbed: bool) -> RunWarning | None:
+        """The runs that pass below the ground that an effect states (`AbstractEffect.ground`);
+        `None` where none does."""
         # By their classes: each method of an instance is a module of its own, slow to make.
         grounds = [(e, r) for e in self.effects if (r := type(e).ground(e)) is not None]
         if not grounds:
-            return ""
+            return None
         # The lowest: an effect that goes on inside of the planet says zero.
         effect, radius = min(grounds, key=lambda ground: np.asarray(ground[1]).min())
         mu = _sole_attraction(self) if undisturbed else None
-        return ground_warning(ts, states, radius, mu, f"{type(effect).__name__}.radius")
+        lowest = lowest_below_ground(ts, states, radius, mu)
+        words = ground_warning(lowest, radius, f"{type(effect).__name__}.radius")
+        return RunWarning(words, np.isfinite(lowest)) if words else None
 
     def with_effects(self, effects: Sequence[AbstractEffect], carry: Sequence[str] = ()) -> "Scene":
         """The scene of the same body under other `effects`, with other parts to `carry`."""

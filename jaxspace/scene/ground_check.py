@@ -36,19 +36,22 @@ AT_PERIAPSIS = 1e-6
 """Mean anomaly, rad, at which a run starts at the periapsis, to rounding."""
 
 
-def ground_warning(
-    ts: ArrayLike, states: BodyState, radius: Scalar, mu: Scalar | None, source: str
-) -> str:
-    """A sentence where a run passes below the ground of a planet; empty where it does not.
+def lowest_below_ground(
+    ts: ArrayLike, states: BodyState, radius: Scalar, mu: Scalar | None
+) -> np.ndarray:
+    """How deep each run passes below the ground of a planet.
 
     **Arguments**
 
     - `ts`: s, (times,) or (times, *runs); `states`: those there, about the planet's centre.
-    - `radius`: of the ground, m, (*runs,); `source`: who states it, for the sentence.
+    - `radius`: of the ground, m, (*runs,).
     - `mu`: of the planet, m^3/s^2, (*runs,); `None` where what lies between the times is not known,
-      as beside a controller."""
+      as beside a controller.
+
+    **Returns** the least distance from the centre, m, (*runs,); infinite where a run stays above
+    the ground, or has no place."""
     if states.position is None or states.velocity is None:
-        return ""
+        return np.asarray(np.inf)
     x, v, t, R = (np.asarray(a, float) for a in (states.position, states.velocity, ts, radius))
     t = t.reshape(*t.shape, *(1,) * (x.ndim - 1 - t.ndim))
     # What is not finite, of a run that failed, compares as false.
@@ -58,6 +61,17 @@ def ground_warning(
         if mu is not None:
             passed = _lowest_passed(t, x, v, r, np.asarray(mu, float), (1.0 - GRAZING) * R)
             lowest = np.minimum(lowest, passed)
+    return np.asarray(lowest)
+
+
+def ground_warning(lowest: np.ndarray, radius: Scalar, source: str) -> str:
+    """A sentence where runs pass below the ground of a planet; empty where none does.
+
+    **Arguments**
+
+    - `lowest`: of each run, as `lowest_below_ground` returns it, m.
+    - `radius`: of the ground, m, (*runs,); `source`: who states it, for the sentence."""
+    R = np.asarray(radius, float)
     count = np.count_nonzero(np.isfinite(lowest))
     if not count:
         return ""

@@ -101,7 +101,7 @@ def simulate_batch(
     if is_concrete(result.status) and not traced:
         result, config = _repeated(result, batched, run, config, config_for, dense)
     trajectory = trajectory_of(result, whole[0], accuracy, config, 1)
-    warn_after(trajectory, stacklevel=2)
+    trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory
 
 

@@ -79,5 +79,5 @@ def simulate_mission_batch(
             again = functools.partial(run, configs=exactly)
             result = repeated(result, rows, batched, again)
     trajectory = mission_trajectory_of(result, mission, given, configs, 1)
-    warn_after(trajectory, stacklevel=2)
+    trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory

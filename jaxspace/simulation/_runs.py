@@ -22,7 +22,7 @@ from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
 from ..integration.simultaneous import simultaneous_events
-from ..integration.status import Status, combine_status
+from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
 from .run_result import RunResult, known_crossings, nan_unless, reached, scaled
@@ -43,17 +43,27 @@ def run_system(
     collected. States that a failed run did not reach are NaN."""
     if run_axes:
         y0 = broadcast_state(system, ts[0], y0)
+    result = _run_of_kind(Integrator(system, config, run_axes), y0, ts, events, dense)
+    lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
+    status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
+    return reached(result._replace(status=status))
+
+
+def _run_of_kind(
+    integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...], dense: bool
+) -> RunResult:
+    """The run by the way that its events ask for."""
+    system, config, run_axes = integrator
     runs = runs_of(y0, run_axes)
     asked = of_each_run(ts, runs)
-    integrator = Integrator(system, config, run_axes)
     events = closures_of_events(events, asked[0], y0)
     if any(event.then is not None for event in events):
-        return reached(_with_restarts(integrator, y0, asked, events))
+        return _with_restarts(integrator, y0, asked, events)
     if any(event.terminal for event in events):
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
         if straight and locates_events(config, system, y0, asked[0]):
-            return reached(straight_to_event(integrator, y0, ts, events))
-        return reached(_to_event(integrator, y0, asked, events, dense))
+            return straight_to_event(integrator, y0, ts, events)
+        return _to_event(integrator, y0, asked, events, dense)
     if events:
         result, crossings = _with_crossings(integrator, y0, ts, events, dense)
     else:
@@ -62,7 +72,7 @@ def run_system(
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((len(events), *runs), bool)
     left = (result.states, result.status, which, happened, result.stats, result.dense, None)
-    return reached(RunResult(asked, *left, crossings))
+    return RunResult(asked, *left, crossings)
 
 
 def _with_crossings(

@@ -90,8 +90,7 @@ def simulate(
         return _run_system(system, y0, ts, events, config, 0, dense)
 
     trajectory = finish(run, system, config, given, config_by, dense, throw)
-    warn_after(trajectory, stacklevel=2)
-    return trajectory
+    return warn_after(trajectory, stacklevel=2)
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.

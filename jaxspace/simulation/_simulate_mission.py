@@ -71,7 +71,7 @@ def simulate_mission(
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = mission_trajectory_of(result, mission, given, configs, 0)
-    warn_after(trajectory, stacklevel=2)
+    trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 
 

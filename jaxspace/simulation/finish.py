@@ -6,7 +6,9 @@ import warnings
 from collections.abc import Callable
 from typing import TypeVar
 
+import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..core import AbstractSystem, InputError
 from ..core.checks import is_concrete
@@ -149,18 +151,42 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
     return loud(result) if traced else result
 
 
-def warn_after(result: Trajectory | MissionTrajectory, stacklevel: int) -> None:
-    """Issue the warnings of the systems about their run (`AbstractSystem.warning`), if its numbers
-    are known. `stacklevel` is that of the caller."""
-    phases = result.phases if isinstance(result, MissionTrajectory) else (result,)
-    for run in phases:
-        # Those of a traced system are traced, too.
-        if is_traced((run.ts, run.states)):
-            return
-        # By its class: the method of an instance is a module of its own, slow to make.
-        words = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)
-        if words:
-            warnings.warn(words, stacklevel=stacklevel + 1)
+def warn_after(result: Result, stacklevel: int) -> Result:
+    """The result with the status `BELOW_GROUND` for completed runs of which their system warns
+    (`AbstractSystem.warning`), if its numbers are known; the warnings are issued.
+
+    `stacklevel` is that of the caller."""
+    if not isinstance(result, MissionTrajectory):
+        doubtful = _warned(result, stacklevel + 1)
+        return result if doubtful is None else with_doubts(result, doubtful)
+    phases, every = [], False
+    for run in result.phases:
+        doubtful = _warned(run, stacklevel + 1)
+        phases.append(run if doubtful is None else with_doubts(run, doubtful))
+        every = every if doubtful is None else every | doubtful
+    if every is False:
+        return result
+    return with_doubts(dataclasses.replace(result, phases=tuple(phases)), every)
+
+
+def _warned(run: Trajectory, stacklevel: int) -> Array | None:
+    """Issue the warning of a run; the runs of which it warns, (*runs,), or `None`."""
+    # Those of a traced system are traced, too.
+    if is_traced((run.ts, run.states)):
+        return None
+    # By its class: the method of an instance is a module of its own, slow to make.
+    warning = type(run.system).warning(run.system, run.ts, run.states, run.undisturbed)
+    if warning is None:
+        return None
+    warnings.warn(warning.words, stacklevel=stacklevel + 1)
+    return jnp.asarray(warning.runs)
+
+
+def with_doubts(result: Result, doubtful: Array) -> Result:
+    """The result with the status of completed runs that are `doubtful`."""
+    doubtful = doubtful & (result.status == Status.COMPLETED)
+    status = jnp.where(doubtful, Status.BELOW_GROUND, result.status).astype(jnp.int32)
+    return dataclasses.replace(result, status=status)
 
 
 def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:

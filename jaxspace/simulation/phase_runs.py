@@ -16,7 +16,7 @@ from ..integration.events import Event, closures_of_events, newton_correct
 from ..integration.integrate import locates_events, of_each, searches_steps
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
-from ..integration.status import Status, combine_status
+from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator
 from ._mission import Phase
 from ._runs import SoughtCondition, straight_to_event
@@ -85,7 +85,11 @@ def run_to_end(
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
     if not isinstance(until, Event):
-        return _saved(integrator, y0, t0, t1, num_saved, plan=plan, record_steps=record_steps)
+        run = _saved(integrator, y0, t0, t1, num_saved, plan=plan, record_steps=record_steps)
+        duration = jnp.broadcast_to(jnp.asarray(until, dtype), runs)
+        lost = time_unresolved(t0, duration, rounded=False)
+        status = jnp.where(lost, Status.TIME_UNRESOLVED, run.status).astype(jnp.int32)
+        return run._replace(status=status)
     check_events((until,), system, y0, t0, run_axes, "Phase.until")
     (until,) = closures_of_events((until,), t0, y0)
     beyond = until.beyond(t0, y0)

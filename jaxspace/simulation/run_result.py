@@ -25,6 +25,7 @@ WITHOUT_BOUND = (
     Status.OUTSIDE_MODEL,
     Status.SAMPLES_TOO_FEW,
     Status.COMMAND_NOT_FINITE,
+    Status.TIME_UNRESOLVED,
 )
 # Failures after which it is unknown up to which time the zeros of a condition are complete.
 CROSSINGS_UNKNOWN = (Status.TOLERANCE_MISSED, Status.OUTSIDE_MODEL, Status.SAMPLES_TOO_FEW)
