@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 
     Optimiser: TypeAlias = optax.GradientTransformation | str
 else:
-    Optimiser: TypeAlias = Any
+    # Without the import; `check_optimiser` says what is allowed.
+    Optimiser: TypeAlias = object
 
 SQP = "sqp"
 # Fields of what an optimiser holds of the function itself: differences of its gradients, and the

@@ -24,7 +24,7 @@ from .mission_result import MissionResult, MissionTrajectory
 from .run_result import RunResult
 from .trajectory import Trajectory
 
-Result = TypeVar("Result", Trajectory, MissionTrajectory)
+Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 
 
 def trajectory_of(
