@@ -2,8 +2,10 @@
 
 import dataclasses
 import inspect
+import pickle
 import re
 
+import cloudpickle
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -11,12 +13,13 @@ from systems import Integrated
 from unchecked import unchecked
 from wrong_values import NODES, NOT_MADE, arguments_of, parameter_classes
 
-from jaxspace import Event, Mission, Phase
+from jaxspace import Event, Mission, Phase, orbits
 from jaxspace.attitude import ReactionWheels, TorqueFreeBody
 from jaxspace.control import ClosedLoop
 from jaxspace.core import AbstractParameters, InputError, Table
 from jaxspace.core.quantities import quantities
-from jaxspace.orbits import Drag, PointGravity, TwoBody
+from jaxspace.orbits import Drag, PointGravity, TwoBody, transfers
+from jaxspace.orbits.transfers import hohmann_transfer
 from jaxspace.rockets import Separation
 from jaxspace.vehicles import FinSet, MeasuredWind, Rail
 
@@ -149,6 +152,26 @@ class Own(AbstractParameters):
 def test_wrong_values_get_a_sentence(call, sentence):
     with unchecked(), pytest.raises(InputError, match=sentence):
         call()
+
+
+@pytest.mark.parametrize("wrong", [-7e6, 0.0, np.nan, "7000 km", 1.0j, None])
+@pytest.mark.parametrize("place", range(3))
+def test_a_transfer_between_no_circles_is_refused(wrong, place):
+    """By the name of its argument; under `jit` and for runs side by side it is NaN in their row."""
+    right = [7e6, 4.2e7, 4e14]
+    name = ("start", "end", "mu")[place]
+    with unchecked(), pytest.raises(InputError, match=f"^{name} is .*: it must be .*above zero"):
+        hohmann_transfer(*right[:place], wrong, *right[place + 1 :])
+
+
+def test_a_module_that_is_called_says_what_to_write():
+    """A function of this name stood there, or might."""
+    with pytest.raises(TypeError, match=r"jaxspace\.orbits\.transfers is a module: call one .*\("):
+        transfers(7e6, 4.2e7, 4e14)
+    with pytest.raises(TypeError, match=r"jaxspace\.orbits is a module: call one of its"):
+        orbits()
+    # Functions that use it can be sent to other processes.
+    assert pickle.loads(cloudpickle.dumps(transfers)) is transfers
 
 
 def test_users_classes_take_what_their_annotations_mean():

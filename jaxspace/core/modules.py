@@ -3,11 +3,39 @@
 The root of a package holds what a user needs first. The rest stands in modules named by their
 subject, each with its names in `__all__`; a module is imported when it is first used."""
 
+import difflib
+import inspect
 import pkgutil
 import sys
 import types
 from collections.abc import Callable
 from importlib import import_module
+
+
+class _Subject(types.ModuleType):
+    """A module that says what to write where it is called, as its function might be."""
+
+    def __call__(self, *args: object, **kwargs: object) -> None:
+        del args, kwargs
+        names = sorted(getattr(self, "__all__", ()))
+        functions = [name for name in names if inspect.isfunction(getattr(self, name))]
+        last = self.__name__.rpartition(".")[2]
+        near = difflib.get_close_matches(last, functions, n=1, cutoff=0.0)
+        such = f", such as {self.__name__}.{near[0]}(...)" if near else ""
+        raise TypeError(f"{self.__name__} is a module: call one of its functions{such}.")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # By its name, as libraries that send functions to other processes do with plain modules.
+        return import_module, (self.__name__,)
+
+
+class _Root(_Subject):
+    """The root of a package, whose modules are such ones as soon as they are imported."""
+
+    def __setattr__(self, name: str, value: object) -> None:
+        if type(value) is types.ModuleType and value.__name__ == f"{self.__name__}.{name}":
+            value.__class__ = _Subject
+        super().__setattr__(name, value)
 
 
 def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callable[[], list[str]]]:
@@ -19,6 +47,11 @@ def modules_of(package: str) -> tuple[Callable[[str], types.ModuleType], Callabl
     - `package`: the `__name__` of the root.
 
     **Returns** the two functions."""
+    root = sys.modules[package]
+    root.__class__ = _Root
+    # Those that the root has imported above.
+    for name, thing in list(vars(root).items()):
+        setattr(root, name, thing)
 
     def module(name: str) -> types.ModuleType:
         if name in _files(package):

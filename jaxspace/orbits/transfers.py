@@ -26,9 +26,12 @@ import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar
+from ..core import InputError, Scalar, check
+from ..core.checks import is_concrete
+from ..core.field_types import is_real, shown
 from ..core.types import as_float
 
 
@@ -65,7 +68,10 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
     - `mu`: gravitational parameter, m^3/s^2.
 
     **Returns** the increment along the velocity, m/s, (*runs,).
+
+    **Raises** `InputError` for a number that is not above zero.
     """
+    _check_positive(radius=radius, before=before, after=after, mu=mu)
     r = as_float(radius)
     s = as_float(before)
     s2 = as_float(after)
@@ -76,6 +82,15 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
     share = (t2 - t) / ((r + t2) * (r + t))
     share = jnp.where(open_s2, 1.0 / (r + t), jnp.where(open_s, -1.0 / (r + t2), share))
     return 2.0 * mu * share / speeds
+
+
+def _check_positive(**given: Scalar) -> None:
+    """Raise `InputError` for a known number that is not above zero; a radius may be infinite."""
+    for name, value in given.items():
+        if not is_real(value):
+            raise InputError(f"{name} is {shown(value)}: it must be a number above zero.")
+        if is_concrete(value):
+            check(np.asarray(value) > 0.0, name, value, "above zero")
 
 
 def _apsis_speed(r: Scalar, s: Scalar, mu: Scalar) -> Scalar:
@@ -109,7 +124,11 @@ def coaxial_transfer(
     - `mu`: gravitational parameter, m^3/s^2.
 
     **Returns** two impulses and the duration between them.
+
+    **Raises** `InputError` for a number that is not above zero.
     """
+    _check_positive(departure=departure, departure_opposite=departure_opposite, mu=mu)
+    _check_positive(arrival=arrival, arrival_opposite=arrival_opposite)
     impulses = (
         apsidal_impulse(departure, departure_opposite, arrival, mu),
         apsidal_impulse(arrival, departure, arrival_opposite, mu),
@@ -126,7 +145,10 @@ def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfe
     - `mu`: gravitational parameter, m^3/s^2.
 
     **Returns** two impulses and the duration between them.
+
+    **Raises** `InputError` for a number that is not above zero.
     """
+    _check_positive(start=start, end=end, mu=mu)
     return coaxial_transfer(start, start, end, end, mu)
 
 
@@ -142,7 +164,10 @@ def bielliptic_transfer(
     - `mu`: gravitational parameter, m^3/s^2.
 
     **Returns** three impulses and the durations of the two arcs.
+
+    **Raises** `InputError` for a number that is not above zero.
     """
+    _check_positive(start=start, between=between, end=end, mu=mu)
     impulses = (
         apsidal_impulse(start, start, between, mu),
         apsidal_impulse(between, start, end, mu),
