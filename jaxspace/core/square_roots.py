@@ -86,7 +86,7 @@ def _sqrt_tangent(
     (dx,) = tangents
     root = sqrt_p.bind(x)
     if isinstance(dx, ad.Zero):
-        return root, ad.Zero.from_primal_value(root)
+        return root, _no_tangent(root)
     return root, 0.5 * inverse_sqrt_p.bind(x, power=1) * dx
 
 
@@ -97,9 +97,14 @@ def _inverse_sqrt_tangent(
     (dx,) = tangents
     p = inverse_sqrt_p.bind(x, power=power)
     if isinstance(dx, ad.Zero):
-        return p, ad.Zero.from_primal_value(p)
+        return p, _no_tangent(p)
     # From the relative change, because a higher power would leave the range of float32.
     return p, (-0.5 * power * p) * (inverse_sqrt_p.bind(x, power=2) * dx)
+
+
+def _no_tangent(x: Array) -> ad.Zero:
+    # The stub of the module does not have it.
+    return ad.Zero.from_primal_value(x)  # pyright: ignore[reportAttributeAccessIssue]
 
 
 def _shape(x: ShapedArray, **params: Any) -> ShapedArray:
