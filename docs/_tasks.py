@@ -148,7 +148,7 @@ TASKS = {
         "AbstractDecoupled AbstractSecondOrderForm AbstractGroupElement known_time",
         "Declare for files": "constructor event initial output declarations",
         "Refuse a wrong input": "InputError MissingExtra check checks",
-        "Compute": "vectors inverse_sqrt shapes safe special elliptic jacobi Table Spline tables "
+        "Compute": "vectors square_roots shapes safe special elliptic jacobi Table Spline tables "
         "types",
     },
     "solvers": {
