@@ -8,7 +8,10 @@ them:
     share_j = mean(u f_j),      sum_j share_j = R^2
 
 The shares add up to R^2 exactly; of independent inputs share_j is
-beta_j^2 + gamma_j^2 mean(q_j^2).
+beta_j^2 + gamma_j^2 mean(q_j^2). Of inputs that depend on each other no share is that of one alone:
+what one adds another may take away, and share_j may be negative. They stand as a group, whose share
+is the sum of theirs: what of the variance goes if all of the group are held.
+
 The rest, 1 - R^2, is due to products of inputs, to higher powers and to what is no input. The
 squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law
 describes.
@@ -34,11 +37,15 @@ import numpy as np
 from ..core import InputError
 from ._rounding import scatters
 
+LEAST_CORRELATION = 0.1
+"""Inputs that correlate by less count as independent."""
+
 
 class Contributors(NamedTuple):
     """The contributors to the variance of an output.
 
-    - `shares`: of the variance, by input, largest first.
+    - `shares`: of the variance, by input, largest first; of inputs that depend on each other one
+      share, by all their names, "a + b".
     - `r_squared`: the part of the variance that all inputs explain together.
     """
 
@@ -86,9 +93,34 @@ def contributors(
     # Covariances with what each input does, which add up to R^2, while squares of coefficients
     # do not in a sample, where the regressors are not quite orthogonal.
     parts = coefficients * products / u.size
-    shares = parts[: len(columns)] + parts[len(columns) :]
-    order = sorted(zip(columns, shares, strict=True), key=lambda pair: -pair[1])
-    return Contributors(output, {name: float(share) for name, share in order}, r_squared)
+    each = parts[: len(columns)] + parts[len(columns) :]
+    names = list(columns)
+    shares = {
+        " + ".join(names[k] for k in group): float(np.sum(each[group]))
+        for group in dependent_groups(regressors)
+    }
+    order = sorted(shares.items(), key=lambda pair: -pair[1])
+    return Contributors(output, dict(order), r_squared)
+
+
+def dependent_groups(regressors: np.ndarray) -> list[np.ndarray]:
+    """The inputs in groups of those that depend on each other, by their numbers.
+
+    - `regressors`: of n inputs, z_j and then q_j, (2 n, runs); both have the mean zero."""
+    count, runs = len(regressors) // 2, regressors.shape[1]
+    # An input of two values has squares without scatter, which depend on nothing.
+    size = np.sqrt(np.mean(regressors**2, axis=1))
+    scaled = regressors / np.where(size > 1e-9, size, np.inf)[:, None]
+    correlation = np.abs(scaled @ scaled.T) / runs
+    blocks = correlation.reshape(2, count, 2, count).max(axis=(0, 2))
+    # Four standard deviations of a correlation by chance; a smaller true one moves a share by less
+    # than its square.
+    # SciPy is slow to import.
+    from scipy.sparse.csgraph import connected_components
+
+    linked = blocks > max(LEAST_CORRELATION, 4.0 / np.sqrt(runs))
+    _, labels = connected_components(linked, directed=False)
+    return [np.flatnonzero(labels == label) for label in dict.fromkeys(labels)]
 
 
 def _significant(r_squared: float, regressors: int, runs: int) -> bool:
