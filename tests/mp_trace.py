@@ -222,6 +222,8 @@ ELEMENTWISE = {
     "not": lambda x: not x if isinstance(x, bool | np.bool_) else ~x,
     "stop_gradient": lambda x: x,
     "copy": lambda x: x,
+    # Only of units, which any number near them is.
+    "reduce_precision": lambda x: x,
 }
 
 

@@ -17,6 +17,7 @@ from jaxspace.gyros import (
     RateGyro,
     RateGyroState,
 )
+from jaxspace.gyros._linear import stacked
 from jaxspace.gyros.navigation_errors import NavigationErrors, coupled_rates
 from jaxspace.gyros.noise import allan_of_walks, allan_variance, gyro_noise
 from jaxspace.gyros.platform import gimbal_lock_margin
@@ -222,3 +223,42 @@ def test_the_exponential_is_that_of_scipy_between_powers_of_two():
         whole[:4, :4], whole[:4, 4] = linear.matrix, linear.drive
         exact = scipy.linalg.expm(whole * float(t)) @ [0.02, -0.01, 0.6, 0.02, 1.0]
         np.testing.assert_allclose(state, exact[:4], rtol=0.0, atol=1e-13)
+
+
+def gyro_of(spring):
+    return RateGyro(2e-6, 1e-4, 0.005, spring=spring, input_rate=0.1)
+
+
+NAVIGATOR = NavigationErrors(
+    6.4e6, 9.8, [0.0, 5e-5, 5e-5], [0.0, 0.1, 9.8], altitude_rate_gain=0.01
+)
+ERRORS = NAVIGATOR.errors(*jnp.array([[100.0, 20.0, 3.0], [0.1, 0.2, 0.3], [1e-4, 2e-4, 3e-4]]))
+REST = RateGyroState(jnp.zeros(()), jnp.zeros(()))
+FLOWS = {
+    "gyro": (gyro_of(0.3), REST, 0.003),
+    "later gyro": (gyro_of(0.3), REST, 0.03),
+    "stiff gyro": (gyro_of(3e3), REST, 3e-4),
+    "no spring": (gyro_of(0.0), REST, 0.03),
+    "navigator": (NAVIGATOR, ERRORS, 600.0),
+    "navigator back": (NAVIGATOR, ERRORS, -6000.0),
+}
+
+
+@pytest.mark.parametrize("name", FLOWS)
+def test_single_precision_loses_the_digits_of_the_phase_alone(name):
+    """Against SciPy's in double precision, of the same numbers: a rounding for each radian of the
+    fastest motion, four times as many for the terms of a Pade approximant and its quotient."""
+    single = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), FLOWS[name])
+    found = jax.jit(lambda system, y, t: stacked(system.closed_form().flow(t, y)))(*single)
+    assert found.dtype == jnp.float32
+    system, y, t = jax.tree.map(lambda x: jnp.asarray(x, float), single)
+    flow, n = system.closed_form(), found.size
+    whole = np.zeros((n + 1, n + 1))
+    whole[:n, :n], whole[:n, n] = flow.matrix, flow.drive
+    phase = np.abs(np.linalg.eigvals(whole * t)).max()
+    moved = scipy.linalg.expm(whole * t)
+    start = np.append(stacked(y), 1.0)
+    error = np.abs(np.asarray(found, float) - (moved @ start)[:n])
+    # Of sums that cancel the terms count.
+    size = (np.abs(moved) @ np.abs(start))[:n]
+    assert np.all(error <= 4.0 * max(phase, 1.0) * np.finfo(np.float32).eps * size)
