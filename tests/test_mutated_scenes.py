@@ -35,3 +35,29 @@ def test_a_file_with_one_thing_wrong_is_read_or_refused_in_sentences(seed, monke
             pytest.fail(f"{path.name}, {what}: {type(error).__name__}: {error}")
     # Most are refused; an optional entry may be absent, and a number another one.
     assert refused > CASES / 2 and read > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        (
+            *(
+                "kick_stage.toml",
+                'distribution = "truncated_normal"',
+                'distribution = ["truncated_normal"]',
+            ),
+            'distribution is ["truncated_normal"]: it must be one of',
+        ),
+        (
+            *("sampled_slew.toml", "command = [0.0, 0.0, 0.0]", "command = [0.0, 0.0]"),
+            "motor has 2 commands: it must have one for each of the 3 wheels",
+        ),
+    ],
+)
+def test_what_the_law_has_found(name, old, new, words):
+    """In ten thousand files."""
+    path = next(path for path in EXAMPLES if path.name == name)
+    assert old in path.read_text()
+    with pytest.raises(SceneError) as refused:
+        load(path, text=path.read_text().replace(old, new, 1))
+    assert words in str(refused.value)

@@ -29,10 +29,12 @@ from typing import Any, ClassVar, final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import (
+    InputError,
     NumberField,
     OptionalNumberField,
     Scalar,
@@ -127,6 +129,16 @@ class ReactionWheels(AbstractEffect):
     )
     motor: AbstractMotor | None = None
     part: str = eqx.field(static=True, default="wheels")
+
+    def __check_init__(self):
+        command = getattr(self.motor, "command", None)
+        # A placeholder of a tree transformation has no shape.
+        counts = [np.shape(x)[0] for x in (command, self.inertia) if getattr(x, "ndim", 0)]
+        if len(set(counts)) > 1:
+            raise InputError(
+                f"ReactionWheels.motor has {counts[0]} commands: it must have one for each of the "
+                f"{counts[1]} wheels."
+            )
 
     @classmethod
     @constructor(

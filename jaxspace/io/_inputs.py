@@ -194,7 +194,7 @@ def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFi
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
     known = file.catalog.distributions
     name = entry.get("distribution", DEFAULT)
-    if name not in known:
+    if not isinstance(name, str) or name not in known:
         what = f"one of {', '.join(known)}"
         raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
     cls = known[name]
