@@ -13,6 +13,8 @@ import sys
 import time
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -20,6 +22,7 @@ from scipy.spatial.transform import Rotation
 
 from jaxspace import load
 from jaxspace.cli import main
+from jaxspace.cli._settings import settle
 from jaxspace.cli._waiting import progress, waiting
 from jaxspace.dispersion import open_store
 from jaxspace.io import SceneFile
@@ -653,3 +656,15 @@ def test_an_error_that_is_no_number_ends_with_status_2(capsys):
         main(["cost", "scene.toml", "--error", "-1"])
     assert ending.value.code == 2
     assert "it must be a positive number" in capsys.readouterr().err
+
+
+def test_a_command_compiles_as_it_would_alone():
+    """After one of the other kind: neither its setting nor its programs are left."""
+    program = jax.jit(lambda x: jnp.sin(x) * x)
+    for once in (True, False, True):
+        settle(once=once)
+        assert jax.config.read("jax_disable_most_optimizations") is once
+        assert program._cache_size() == 0
+        program(jnp.ones(3))
+        settle(once=once)
+        assert program._cache_size() == 1

@@ -12,7 +12,8 @@ def settle(*, once: bool = False) -> None:
     """Set jax up for one command; to be called before the first array is made.
 
     `once`: whether the command runs each program once. The compiler's optimisations then cost more
-    than they save: half of the wait for a rocket's flight."""
+    than they save: half of the wait for a rocket's flight. A command after one of the other kind
+    compiles its programs again, so that it gives the bits that it would give alone."""
     # Here, because the parser refers to the commands, and they to this file.
     import jax
 
@@ -25,8 +26,9 @@ def settle(*, once: bool = False) -> None:
     # What a trace leaves behind is little beside what it keeps: the search for it, as often as
     # Python does it by default, takes a thirtieth of the command.
     gc.set_threshold(100_000, 20, 100)
-    if once:
-        jax.config.update("jax_disable_most_optimizations", True)
+    if jax.config.read("jax_disable_most_optimizations") != once:
+        jax.config.update("jax_disable_most_optimizations", once)
+        jax.clear_caches()
 
 
 def cores() -> int:
