@@ -50,7 +50,7 @@ from ..core import (
     constructor,
     quantity,
 )
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 from ..core.vectors import axis, dot
 from ..rotations import from_euler_angles
 from ..rotations.euler_angles import omega_from_euler_rates
@@ -146,9 +146,9 @@ class RollingDisk(AbstractSystem):
         - `rates`: (psi', theta', phi'), rad/s, (3, *runs).
         - `centre`: x and y of the centre, m, (2, *runs).
         """
-        a = as_float(angles)
-        a_dot = as_float(rates)
-        place = as_float(centre)
+        given = angles, rates, centre
+        kind = precision_of(self, *given)
+        a, a_dot, place = (as_float(x).astype(kind) for x in given)
         height = self.radius * jnp.sin(a[1])
         x, y, z = jnp.broadcast_arrays(place[0], place[1], height)
         return BodyState(

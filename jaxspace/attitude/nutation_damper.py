@@ -37,6 +37,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, PrincipalIne
 from ..bodies.newton_euler import angular_acceleration
 from ..core import NumberField, Scalar, State, Vector, quantity
 from ..core.shapes import with_rank
+from ..core.types import precision_of
 from ..core.vectors import axis, cross, dot, scale, unit
 from ..rotations import Quaternion
 
@@ -147,7 +148,7 @@ class NutationDamper(AbstractEffect):
         r0_z u_z; not under a GPU.
         """
         body = RigidBody(mass, PrincipalInertia(moments))
-        spin = jnp.asarray(spin, float)
+        spin = jnp.asarray(spin, precision_of(self, moments, mass, spin))
 
         def field(x: Array) -> Array:
             part = {"displacement": x[3], "momentum": x[4]}

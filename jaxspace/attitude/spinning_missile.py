@@ -38,6 +38,7 @@ from ..bodies.principal_axes import principal_axes
 from ..core import AbstractParameters, Matrix, NumberField, Scalar, quantity
 from ..core.safe import sinc_squared
 from ..core.shapes import with_rank
+from ..core.types import precision_of
 from ..rotations.tilt import tilt_of_axis
 
 Complex: TypeAlias = Float[Array, "2 *#runs"]
@@ -190,7 +191,7 @@ class SpinningMissile(AbstractParameters):
         t = jnp.asarray(t)
         places = (np.arange(panels)[:, None] + 0.5 + 0.5 * _PLACES).ravel() / panels
         weights = np.tile(0.5 * _WEIGHTS / panels, panels)
-        nodes = jnp.asarray(np.stack([places, weights], axis=1), t.dtype)
+        nodes = jnp.asarray(np.stack([places, weights], axis=1), precision_of(self, t))
 
         def term(node: Array) -> Complex:
             tau = node[0] * t

@@ -42,7 +42,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
 from ..core.safe import end_sqrt, safe_sqrt
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
@@ -195,8 +195,9 @@ class SwingOutArms(AbstractSystem):
         Gauss; from the first spin `w0`, rad/s. At the axis its slope is infinite (the rule of ends
         in `core/safe.py`)."""
         theta = jnp.asarray(theta)
-        places = jnp.asarray(0.5 + 0.5 * _PLACES, theta.dtype).reshape(-1, *(1,) * theta.ndim)
-        weights = jnp.asarray(0.5 * _WEIGHTS, theta.dtype).reshape(places.shape)
+        kind = precision_of(self, theta, w0)
+        places = jnp.asarray(0.5 + 0.5 * _PLACES, kind).reshape(-1, *(1,) * theta.ndim)
+        weights = jnp.asarray(0.5 * _WEIGHTS, kind).reshape(places.shape)
         # theta = u^2: the rate starts as the root of the angle.
         start = theta == 0.0
         # At rest on the axis nothing moves: the mean has a factor of zero, and any angle serves.

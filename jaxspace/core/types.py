@@ -7,6 +7,8 @@ __all__ = ["SingleNumberField", "as_float", "as_optional_float"]
 
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -84,6 +86,14 @@ def _stacked(x: Any) -> Any:
     if not arrays or len({v.shape for v in parts}) > 1:
         return x
     return jnp.stack(parts)
+
+
+def precision_of(*numbers: PyTree) -> np.dtype:
+    """The precision in which the numbers of these trees meet, for constants that meet them.
+
+    Python numbers follow the others, so that a time of 0.3 does not raise single precision."""
+    leaves = jax.tree.leaves(numbers)
+    return jnp.result_type(*(x for x in leaves if isinstance(x, float) or eqx.is_inexact_array(x)))
 
 
 def as_optional_float(x: Any) -> Any:

@@ -27,6 +27,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractClosedForm, Scalar, State
 from ..core.layout import component_axes_of
 from ..core.shapes import with_rank
+from ..core.types import precision_of
 
 # Squarings for norms up to 2^48, beyond which the phase has no digit left.
 SQUARINGS = 48
@@ -84,6 +85,8 @@ class LinearFlow(AbstractClosedForm):
     def flow(self, duration: Scalar, y: State) -> State:
         x = stacked(y)
         n = x.shape[0]
+        # A state of Python numbers follows the system.
+        x = x.astype(precision_of(x, self.matrix, self.drive))
         duration = jnp.asarray(duration, x.dtype)
         runs = jnp.broadcast_shapes(duration.shape, x.shape[1:], self.matrix.shape[2:])
         matrix, drive = with_rank(self.matrix, len(runs), axes=2), with_rank(self.drive, len(runs))

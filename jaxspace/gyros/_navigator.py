@@ -34,7 +34,7 @@ from jaxtyping import Array
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._earth import Earth
@@ -138,15 +138,16 @@ class InertialNavigator(AbstractSystem):
         zero."""
         felt = self.felt(0.0)
         earth = self.earth
-        east, north, up = as_float(position)
+        given = position, velocity, tilt
+        kind = precision_of(self, *given)
+        (east, north, up), v, turn = (as_float(x).astype(kind) for x in given)
         place = felt.place
         along, across = earth.curvature_radii(place.latitude)
         level = (across + place.height) * jnp.cos(place.latitude)
-        turned = Quaternion.from_rotation_vector(as_float(tilt))
+        turned = Quaternion.from_rotation_vector(turn)
         true = Quaternion.identity() if self.gimballed else felt.attitude
         parts = (place.latitude + north / (along + place.height), place.longitude + east / level)
         attitude = turned.then(true)
-        v = as_float(velocity)
         rank = max(v.ndim, felt.velocity.ndim, attitude.wxyz.ndim) - 1
         v = with_rank(v, rank) + with_rank(felt.velocity, rank)
         return NavigatorState(*parts, place.height + up, v, attitude)

@@ -30,7 +30,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import AbstractParameters, NumberField, Scalar, argument, constructor, quantity
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 from ..rotations.tilt import check_axes
 from .jet_damping import _power, spin_angle
 
@@ -148,10 +148,11 @@ class SpinningRocket(AbstractParameters):
         """
         check_axes(axes)
         time, rate = as_float(time), as_float(rate)
+        kind = precision_of(self, time, rate)
         rank = max(jnp.ndim(time), *(jnp.ndim(x) for x in (self.spin, self.burn_fraction_rate)))
         edges = (np.arange(PANELS)[:, None] + 0.5 * (1.0 + _NODES)) / PANELS
         weights = np.broadcast_to(0.5 * _WEIGHTS / PANELS, edges.shape)
-        u, w = (jnp.asarray(x.reshape(-1, *(1,) * rank), time.dtype) for x in (edges, weights))
+        u, w = (jnp.asarray(x.reshape(-1, *(1,) * rank), kind) for x in (edges, weights))
         slow = self.gyration_ratio**2 * self.spin_angle(u * time)
         size = w * self.damping(u * time) * time
         sums = jnp.stack(

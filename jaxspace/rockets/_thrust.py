@@ -38,7 +38,7 @@ from ..core import (
 )
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
-from ..core.types import as_float
+from ..core.types import as_float, precision_of
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
 from ._motor_file import read_motor_file
@@ -210,8 +210,11 @@ class Thrust(AbstractEffect):
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - self.ignition) / self.burn_time
-        profile = ThrustProfile.constant() if self.profile is None else self.profile
-        thrust = self.mean_thrust * profile.at(x)
+        if self.profile is None:
+            level = jnp.where((x >= 0.0) & (x <= 1.0), 1.0, 0.0)
+        else:
+            level = self.profile.at(x)
+        thrust = self.mean_thrust * level
         if self.throttle is not None:
             thrust = self.throttle * thrust
         if self.burnout_mass is None:
@@ -271,7 +274,8 @@ class Thrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # With runs behind the points: each run has its own ignition and burn time.
-        x = jnp.array([0.0, 1.0]) if self.profile is None else self.profile.fraction
+        kind = precision_of(self.ignition, self.burn_time)
+        x = jnp.array([0.0, 1.0], kind) if self.profile is None else self.profile.fraction
         runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, self.ignition.shape)
         x = with_rank(x, len(runs))
         return self.ignition + self.burn_time * x
