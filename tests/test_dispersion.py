@@ -165,7 +165,10 @@ def test_mean_and_deviation_of_the_parameters():
         (lambda: disperse(SWINGS, 0), "runs"),
         (lambda: disperse(SWINGS, 5, chunk=-1), "chunk"),
         # The types that tests check let no fraction pass this far.
-        (lambda: check_whole("runs", 1.5, 1), "runs is 1.5: it must be a whole number, 1 or more"),
+        (
+            lambda: check_whole("runs", 1.5, 1),
+            "runs is 1.5: it must be a whole number from 1 to 2147483647",
+        ),
         (lambda: check_whole("seed", 1.0), "seed is 1.0: it must be a whole number"),
         (lambda: disperse(SWINGS, True), "runs is True"),
         (lambda: disperse(SWINGS, 5, seed=True), "seed is True: it must be a whole number"),

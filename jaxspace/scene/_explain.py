@@ -6,10 +6,11 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jax.stages import Compiled
+from jaxtyping import PyTree
 
 from ..bodies import BodyState
 from ..bodies.state import sample_state
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, Scalar
 from ..core.structure import once_per_structure
 from ._interface import AbstractScene
 
@@ -29,13 +30,13 @@ class EffectRow(NamedTuple):
     share: float
 
 
-def compile_vector_field(system: AbstractSystem, t: Scalar, y: State) -> Compiled:
+def compile_vector_field(system: AbstractSystem, t: PyTree, y: PyTree) -> Compiled:
     """The compiled vector field of a system, as a function of its arrays, the time and the state.
 
     **Arguments**
 
     - `system`: any system.
-    - `t`, s, and `y`: a time and a state, for their shapes and precision.
+    - `t`, s, and `y`: a time and a state, or their shapes and precision.
     """
     # The parameters are arguments, because the compiler would fold constants into the operations
     # that are to be counted.
@@ -52,11 +53,11 @@ def _has_shape(x: object) -> bool:
 
 
 @once_per_structure
-def operation_count(system: AbstractSystem, t: Scalar, y: State) -> int:
+def operation_count(system: AbstractSystem, t: PyTree, y: PyTree) -> int:
     """Floating-point operations of one compiled evaluation; a transcendental function is one. The
     phases of a mission are mostly scenes of one structure, which is compiled once.
 
-    Arguments as in `compile_vector_field`."""
+    Arguments as in `compile_vector_field`; of the arrays the shapes alone."""
     cost = compile_vector_field(system, t, y).cost_analysis()
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 

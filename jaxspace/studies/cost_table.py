@@ -153,7 +153,7 @@ class AccuracyCost:
         return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 
 
-FIXED_STEP_RTOL = 1.0
+FIXED_STEP_RTOL = 0.99
 """The tolerance of a fixed-step method, which only judges it: no local error exceeds the state."""
 
 

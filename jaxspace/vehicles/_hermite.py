@@ -90,7 +90,9 @@ def _mean_slopes(x: Known, y: Known) -> tuple[Known, Known]:
     return h, (y[1:] - y[:-1]) / h
 
 
-def _end_slope(xp: Any, h: Known, next_h: Known, m: Known, next_m: Known) -> Known:
+def _end_slope(
+    xp: Any, h: Known | float, next_h: Known | float, m: Known | float, next_m: Known | float
+) -> Known | float:
     d = ((2.0 * h + next_h) * m - h * next_m) / (h + next_h)
     d = xp.where(d * m <= 0.0, 0.0, d)
     return xp.where((m * next_m <= 0.0) & (abs(d) > 3.0 * abs(m)), 3.0 * m, d)
