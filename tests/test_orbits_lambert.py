@@ -15,7 +15,7 @@ from test_orbits_kepler import condition, conics, exact_flow, relative
 from test_orbits_kepler import forward as slope_of_flow
 
 from jaxspace.core import InputError
-from jaxspace.orbits._conic_of_time import conic_of_time, least_time
+from jaxspace.orbits._conic_of_time import _root, conic_of_time, least_time
 from jaxspace.orbits._transfer_time import transfer_time
 from jaxspace.orbits.elements import eccentricity_vector, periapsis_radius, semi_major_axis
 from jaxspace.orbits.kepler import kepler_flow
@@ -265,6 +265,21 @@ def test_the_conic_of_a_time_has_that_time(revolutions, low):
     again = time_of(back, lam, kappa, revolutions).value
     away = jnp.abs(there.slope) * (1.0 + jnp.abs(x)) * EPS
     assert np.all(jnp.abs(again - time) <= 20.0 * (EPS * time + away))
+
+
+def test_a_rounding_of_the_value_at_the_root_costs_no_digits():
+    """The value is wrong by 1e-12, so that its sign puts the root out of the interval by as much:
+    bisections towards it end where they are as short as the last step, 1e-8."""
+    root = jnp.array([0.3, 0.7])
+    found = _root(
+        lambda x: (x - root - 1e-12, root - x),
+        jnp.zeros(2),
+        jnp.ones(2),
+        root + 5e-13,
+        jnp.ones_like,
+        order=2,
+    )
+    np.testing.assert_allclose(found, root, rtol=0.0, atol=1e-12)
 
 
 # Conserved, and the same seen from elsewhere

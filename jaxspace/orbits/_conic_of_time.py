@@ -235,9 +235,12 @@ def _root(
         low = jnp.where(value < 0.0, x, low)
         high = jnp.where(value > 0.0, x, high)
         new = x + change
-        # A step out of the interval is replaced by a bisection.
+        # A step out of the interval is replaced by a bisection. By a rounding of the value the root
+        # itself may lie out of it: a bisection as short as the last step would end the iteration.
+        last = jnp.abs(change) <= close * size(x)
         inside = (new >= low) & (new <= high)
-        new = jnp.where(inside, new, 0.5 * (low + high))
+        held = jnp.where(last, jnp.clip(new, low, high), 0.5 * (low + high))
+        new = jnp.where(inside, new, held)
         return (*barrier((low, high, new)), jnp.any(jnp.abs(new - x) > close * size(x)), count + 1)
 
     def running(state: IterationState) -> Flag:
