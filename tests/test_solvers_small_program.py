@@ -102,8 +102,10 @@ def test_the_loop_takes_the_same_step_with_the_same_derivatives(method, turning,
         @jax.jit
         def found(y, tangent):
             out, pushed = jax.jvp(go, (y,), (tangent,))
-            _, pull = jax.vjp(go, y)
-            return out, pushed, pull(jax.tree.map(jnp.ones_like, out))
+            # Without the error: its tangent is the estimate of an error too, for step control, and
+            # not linear. Nothing that a run returns depends on it.
+            ends, pull = jax.vjp(lambda y: go(y)[::2], y)
+            return out, pushed, pull(jax.tree.map(jnp.ones_like, ends))
 
         return found(y, tangent)
 

@@ -47,6 +47,7 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.LaunchSite.north
     """.split(),
     "chooses, counts or checks, without an error to measure": """
+        optimization.named_optimiser
         mechanics.AbstractLagrangian.cyclic mechanics.degrees_of_freedom
         attitude.libration_is_stable attitude.lies_flat attitude.Nutation.loops
         control.plan_step *.outside
@@ -83,7 +84,7 @@ LEFT_OUT: dict[str, list[str]] = {
         optimization.least_rendezvous
         optimization.maximum_velocity_steering optimization.propellant_use
         optimization.MaximumVelocitySteering.angle
-        optimization.optimal_staging_by_gradient
+        optimization.optimal_staging_by_gradient optimization.lbfgs
     """.split(),
     "calls the function of the user": """
         mechanics.Lagrangian.* mechanics.InclineDisk.nonholonomic rockets.UserSteering.direction
