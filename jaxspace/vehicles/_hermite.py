@@ -76,7 +76,7 @@ def monotone_slopes(x: Known, y: Known) -> Known:
     first, second = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
     before, after = xp.where(alike, m[:-1], 1.0), xp.where(alike, m[1:], 1.0)
     inner = xp.where(alike, (first + second) / (first / before + second / after), 0.0)
-    ends = [_end_slope(xp, h[k], h[j], m[k], m[j])[None] for k, j in ((0, 1), (-1, -2))]
+    ends = [xp.asarray(_end_slope(xp, h[k], h[j], m[k], m[j]))[None] for k, j in ((0, 1), (-1, -2))]
     return xp.concatenate([ends[0], inner, ends[1]])
 
 
