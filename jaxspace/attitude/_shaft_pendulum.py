@@ -20,11 +20,13 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
+from ..core.printing import printed
 from ..core.safe import end_sqrt
 from ..core.types import as_float
 
 
 @final
+@printed()
 class TiltState(eqx.Module):
     """The angle of a pinned body, and its rate; also the rates of both."""
 

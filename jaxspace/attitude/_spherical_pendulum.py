@@ -30,6 +30,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
+from ..core.printing import printed
 from ..core.types import as_float
 from ..core.vectors import axis, cross, dot
 
@@ -61,6 +62,7 @@ def vertical_angular_momentum(u: Vector, u_rate: Vector, length: Scalar) -> Scal
 
 
 @final
+@printed()
 class PendulumState(eqx.Module):
     """Angles of the rod and their rates; also the rates of both."""
 

@@ -46,6 +46,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractClosedForm, AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.types import as_float
 
 FASTEST_DRIFT = math.atan(math.sqrt(0.5))
@@ -147,6 +148,7 @@ def structural_damping(gamma: Scalar) -> Scalar:
 
 
 @final
+@printed()
 class DriftState(eqx.Module):
     """Angle of the axis; also its rate."""
 

@@ -29,6 +29,7 @@ import jax.numpy as jnp
 
 from ..bodies.inertia import AbstractInertia, parallel_axes
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.safe import safe_atan2
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, scale, unit
@@ -58,6 +59,7 @@ def required_torque(
     return torque if omega_rate is None else torque + inertia.times(omega_rate)
 
 
+@printed(first="N", second="N", drive="N m")
 class BearingReactions(NamedTuple):
     """Forces on a body that turns on a shaft, in its axes; gravity is not in them.
 

@@ -43,6 +43,7 @@ from jaxtyping import Array, Float
 from ..bodies import BodyState
 from ..bodies.inertia import AbstractInertia
 from ..core import Flag, Scalar, Vector
+from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_divide
 from ..core.shapes import check_components
 from ..core.vectors import cross as cross_product
@@ -51,6 +52,7 @@ from ._state import attitude_and_omega
 from .gravity_gradient import gravity_gradient_energy
 
 
+@printed(frequency="rad/s", growth="1/s")
 class LibrationModes(NamedTuple):
     """Modes of small librations: pitch, and the slow and the fast one of roll and yaw.
 

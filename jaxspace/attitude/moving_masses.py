@@ -34,10 +34,23 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot
 
 
+@printed(
+    moment="N m",
+    force="N",
+    origin="N m",
+    acceleration="N m",
+    gyroscopic="N m",
+    relative="N m",
+    coriolis="N m",
+    thrust="N m",
+    inertia_rate="N m",
+    jet_damping="N m",
+)
 class ParticleEquations(NamedTuple):
     """The terms of the moment about the origin, N m, and the force, N, each (3, *runs).
 

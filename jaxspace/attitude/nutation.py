@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, Vector
 from ..core.elliptic import complete_first, complete_third
+from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..rotations import Quaternion
 from ._turning_circles import Place, TurningCircles, turning_circles
@@ -42,6 +43,9 @@ NEAR = 0.1
 
 
 @final
+@printed(
+    N="1/s", beta="1/s^2", alpha_up="1/s^2", alpha_down="1/s^2", gamma_up="1/s", gamma_down="1/s"
+)
 class Nutation(eqx.Module):
     """One nutation of a top between its two turning circles.
 

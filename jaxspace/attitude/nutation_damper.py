@@ -36,12 +36,14 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, PrincipalInertia, RigidBody
 from ..bodies.newton_euler import angular_acceleration
 from ..core import NumberField, Scalar, State, Vector, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import precision_of
 from ..core.vectors import axis, cross, dot, scale, unit
 from ..rotations import Quaternion
 
 
+@printed(displacement="m", rate="m/s", momentum_rate="N")
 class DamperMotion(NamedTuple):
     """The motion of a damper in a body: displacement z, m, rate z', m/s, p', N, each (*runs,)."""
 

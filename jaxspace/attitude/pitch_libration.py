@@ -29,6 +29,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
 from ..core.jacobi import jacobi
+from ..core.printing import printed
 from ..core.shapes import check_components
 
 
@@ -61,6 +62,7 @@ def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: 
 
 
 @final
+@printed()
 class LibrationState(eqx.Module):
     """Pitch, its rate, and the place on the orbit."""
 

@@ -36,11 +36,13 @@ from jaxtyping import Array, Bool, Float
 from ..core import Scalar, Vector, check
 from ..core.checks import is_concrete
 from ..core.elliptic import complete_elliptic
+from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.vectors import cross, dot, norm
 
 
 @final
+@printed(rate="1/s", vertices="rad/s", plane_distance="rad/s", herpolhode="rad/s")
 class Polhode(eqx.Module):
     """The closed curve of omega in a free body.
 

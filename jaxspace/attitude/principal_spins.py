@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from ..bodies import BodyState
 from ..bodies.inertia import AbstractInertia
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
 from ..core.shapes import check_components, with_rank
 from ..core.vectors import cross, dot, unit
@@ -113,6 +114,7 @@ def _angles(h: Vector) -> Vector:
     return safe_atan2(safe_sqrt(jnp.stack(across)), h)
 
 
+@printed(distance="rad/s", herpolhode="rad/s")
 class InvariablePlane(NamedTuple):
     """The plane on which Poinsot's ellipsoid rolls without slip.
 

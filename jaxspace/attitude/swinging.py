@@ -41,6 +41,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_sqrt
 from ..core.types import as_float, precision_of
 
@@ -82,6 +83,7 @@ def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E
 
 
 @final
+@printed()
 class SwingState(eqx.Module):
     """Spin of the body, and angle of its cords or arms; also the rates of these."""
 

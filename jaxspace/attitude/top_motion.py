@@ -46,6 +46,7 @@ from ..bodies import BodyState
 from ..core import AbstractClosedForm, Flag, Scalar, Vector
 from ..core.barrier import barrier
 from ..core.jacobi import Jacobi, jacobi
+from ..core.printing import printed
 from ..core.square_roots import inverse_sqrt
 from ..rotations import Quaternion, to_euler_angles
 from ._cayley_klein import conjugate, lowered, product, raised, times_i, turned
@@ -55,6 +56,7 @@ from ._top_start import TopStart, start_of
 
 
 @final
+@printed(transverse_inertia="kg m^2", axial_inertia="kg m^2", weight_moment="N m")
 class TopMotion(AbstractClosedForm):
     """The motion of a heavy top with the `transverse_inertia` A and the `axial_inertia` C, kg m^2,
     and the `weight_moment` W l, N m.

@@ -37,6 +37,7 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
 
@@ -49,6 +50,7 @@ else:
 
 
 @final
+@printed()
 class CordState(eqx.Module):
     """Spin of the body, and how far its cords are unwound and stretched; also the rates of these.
 

@@ -3,12 +3,14 @@
 from typing import final
 
 from ..core import AbstractClosedForm, Scalar
+from ..core.printing import printed
 from .inertia import AbstractInertia
 from .principal_frame import free_turn
 from .state import BodyState
 
 
 @final
+@printed(inertia="kg m^2")
 class FreeRotation(AbstractClosedForm):
     """Rotation without torque of a body with this `inertia`, kg m^2, for every inertia and spin."""
 

@@ -21,6 +21,7 @@ from typing import NamedTuple, final
 import jax.numpy as jnp
 
 from ..core import AbstractParameters, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.square_roots import sqrt
 
 GAS_CONSTANT = 8314.32  # J/(kmol K)
@@ -29,6 +30,7 @@ GRAVITY = 9.80665  # m/s^2
 HEAT_RATIO = 1.4  # gamma
 
 
+@printed(temperature="K", pressure="Pa", density="kg/m^3", sound_speed="m/s")
 class Air(NamedTuple):
     """The state of the air, each (*runs,).
 

@@ -22,11 +22,20 @@ from ..core import (
     State,
     Vector,
 )
+from ..core.printing import printed
 from ._body import AbstractBody
 from .state import BodyState
 
 
 @final
+@printed(
+    acceleration_N="m/s^2",
+    force_N="N",
+    torque_B="N m",
+    mass_rate="kg/s",
+    inertia_B="kg m^2",
+    momentum_B="kg m^2/s",
+)
 class Load(eqx.Module):
     """Contribution of an effect to the motion; `None` contributes nothing and costs nothing.
 

@@ -36,6 +36,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Matrix, Scalar, Vector
+from ..core.printing import printed
 from ..core.shapes import check_components, with_rank
 from ..core.square_roots import inverse_sqrt
 from ..core.vectors import cross, dot, matvec, scale
@@ -52,6 +53,7 @@ from .principal_axes import principal_axes
 
 
 @final
+@printed(mass="kg", centre="m", tensor="kg m^2")
 class MassProperties(eqx.Module):
     """Mass, centre of mass and inertia of a part or of a whole body, in one set of axes.
 
@@ -146,6 +148,7 @@ def inertia_ellipsoid(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     return jnp.where(endless, jnp.inf, inverse_sqrt(jnp.where(endless, 1.0, moments))), axes
 
 
+@printed(omega="rad/s", velocity="m/s", impulse="N s", energy_loss="J")
 class PivotImpact(NamedTuple):
     """Result of an impact in which a moving body is caught at a point.
 

@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, State, quantity
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.types import as_float
 from ..rotations import Quaternion
@@ -36,6 +37,7 @@ def as_part(x: Any) -> Any:
 
 
 @final
+@printed()
 class BodyState(eqx.Module):
     """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
     body; also their rates.

@@ -10,6 +10,7 @@ from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..solvers import FixedSteps
 from ..studies import AccuracyCost, accuracy_cost
@@ -45,6 +46,7 @@ def step(
 
 
 @final
+@printed()
 class StepPlan(NamedTuple):
     """The cheapest fixed steps for a period.
 

@@ -20,10 +20,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PRNGKeyArray
 
 from ..core import AbstractParameters, Scalar, State
+from ..core.printing import printed
 from ._advance import select
 
 
 @final
+@printed()
 class Box(NamedTuple):
     """A space of vectors: `shape` without runs, and the least and greatest value of a component."""
 
@@ -42,6 +44,7 @@ class Box(NamedTuple):
 
 
 @final
+@printed(time="s")
 class Episode(eqx.Module):
     """State of an episode: that of the system, and the time since the start of the episode, s."""
 

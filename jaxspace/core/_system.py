@@ -15,10 +15,12 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
 
+from .printing import printed
 from .quantities import AbstractParameters
 from .types import Flag, Scalar, State
 
 
+@printed()
 class RunWarning(NamedTuple):
     """What is probably a mistake in finished runs.
 

@@ -41,6 +41,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import barrier
+from .printing import printed
 from .square_roots import sqrt
 from .types import Scalar
 
@@ -51,6 +52,7 @@ _MORE_DUPLICATIONS = 6
 _SMALL = 1e-4
 
 
+@printed(time="s")
 class Jacobi(NamedTuple):
     """S, s, and c, d of a `time`, s, within a quarter period, reached from t by taking off
     `half_periods` times 2K/N."""

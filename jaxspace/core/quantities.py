@@ -11,7 +11,7 @@ import functools
 import math
 import typing
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import equinox as eqx
 import jax
@@ -22,6 +22,7 @@ from jaxtyping import Array
 
 from .checks import InputError, check, is_concrete, shown
 from .field_types import QUANTITY, check_types
+from .printing import Unit, printed_form
 from .types import as_float, as_optional_float
 
 # The marker of dataclasses, so that fields take a default as it is declared.
@@ -316,6 +317,9 @@ class AbstractParameters(eqx.Module):
     without the declared axes, and for one outside its range; the sentence names class, field, value
     and what is allowed. Of traced numbers the axes alone are checked."""
 
+    # Those of the declarations: no field is named here.
+    _printed_units: ClassVar[Mapping[str, Unit]] = {}
+
     def __init_subclass__(cls, **kwargs: Any) -> None:
         super().__init_subclass__(**kwargs)
         own = cls.__dict__.get("__check_init__")
@@ -332,3 +336,6 @@ class AbstractParameters(eqx.Module):
 
     def __check_init__(self):
         check_declared(self)
+
+    def __repr__(self) -> str:
+        return printed_form(self)

@@ -32,6 +32,7 @@ from jaxtyping import Array, ArrayLike, Float
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
 from .field_types import check_types
+from .printing import printed
 from .shapes import with_rank
 from .types import Scalar, as_float
 
@@ -120,6 +121,7 @@ class AbstractTable(eqx.Module):
 
 
 @final
+@printed(times="s")
 class Table(AbstractTable):
     """A function of time, linear between its nodes: `Table(times, values)(t)`.
 
@@ -141,6 +143,7 @@ class Table(AbstractTable):
 
 
 @final
+@printed(times="s")
 class Spline(AbstractTable):
     """A function of time, cubic between its nodes, with continuous slope and curvature.
 

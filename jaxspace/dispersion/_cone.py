@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
+from ..core.printing import printed
 from ..core.safe import phi1
 from ..core.square_roots import sqrt
 from ..core.types import as_float
@@ -24,6 +25,7 @@ from ._joint import AbstractJoint
 
 
 @final
+@printed(half_angle="rad")
 class ConeDirection(AbstractJoint):
     """A vector of a fixed length whose direction is uniform over a cone; the nominal one lies on
     its axis.

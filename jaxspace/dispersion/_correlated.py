@@ -20,6 +20,7 @@ from jaxtyping import Array, Float
 from numpy.typing import ArrayLike
 
 from ..core import InputError
+from ..core.printing import printed
 from ..core.types import as_float
 from ._joint import AbstractJoint
 from .distributions import AbstractDistribution
@@ -51,6 +52,7 @@ def _shown(numbers: ArrayLike) -> str:
 
 
 @final
+@printed()
 class MultivariateNormal(AbstractJoint):
     """Normal numbers with a covariance.
 
@@ -98,6 +100,7 @@ class MultivariateNormal(AbstractJoint):
 
 
 @final
+@printed()
 class Correlated(AbstractJoint):
     """Distributions of one number each, correlated by a Gaussian copula.
 

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.printing import printed
 from .spread import Ellipsoid
 
 LANDING = ("east", "north")
@@ -15,6 +16,7 @@ SHARES = (0.5, 0.9, 0.99)
 """Those of the runs that the ellipses hold, where the landings are normally distributed."""
 
 
+@printed()
 class Footprint(NamedTuple):
     """The landings of the good runs.
 

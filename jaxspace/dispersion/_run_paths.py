@@ -9,6 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.status import Status
@@ -18,6 +19,7 @@ from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 
 
+@printed(times="s", positions="m")
 class RunPaths(NamedTuple):
     """Positions along some runs; the first one is the nominal run, with the number -1.
 

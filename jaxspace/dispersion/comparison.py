@@ -6,6 +6,7 @@ import math
 from typing import NamedTuple
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ._campaign import Campaign
 from ._sample_check import standard_errors, warning_of
@@ -13,6 +14,7 @@ from .covariance import METHODS, MONTE_CARLO, moments
 from .statistics import Dispersion
 
 
+@printed(seconds="s")
 class Comparison(NamedTuple):
     """Error and cost of a method in one output.
 

@@ -35,12 +35,14 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import InputError
+from ..core.printing import printed
 from ._rounding import scatters
 
 LEAST_CORRELATION = 0.1
 """Inputs that correlate by less count as independent."""
 
 
+@printed()
 class Contributors(NamedTuple):
     """The contributors to the variance of an output.
 

@@ -37,6 +37,7 @@ import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.status import SimulationError, Status
 from ._campaign import Campaign, in_order
@@ -58,6 +59,7 @@ METHODS = ("lincov", "second_order", "unscented")
 FEWEST = 32
 
 
+@printed(seconds="s")
 class Moments(NamedTuple):
     """Mean and covariance of the outputs of a campaign, without its runs.
 

@@ -26,11 +26,13 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..core import InputError
+from ..core.printing import printed
 
 LEAST = 5
 """States of a phase that the slopes need."""
 
 
+@printed(time="s")
 class Extreme(NamedTuple):
     """An extreme `value` of each run, and the `time` at which it is taken, s; each (*runs,)."""
 

@@ -24,8 +24,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError
+from ..core.printing import printed
 
 
+@printed()
 class Percentile(NamedTuple):
     """A percentile of a quantity over its runs.
 
@@ -41,6 +43,7 @@ class Percentile(NamedTuple):
     confidence: float
 
 
+@printed()
 class Probability(NamedTuple):
     """A probability, from 0 to 1, with its confidence interval from `low` to `high`.
 

@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ._campaign import Campaign, in_order
 from ._sampling import map_normals, normal_columns
@@ -46,6 +47,7 @@ CHAINED = 4.5
 this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
 
 
+@printed()
 class RareEvent(NamedTuple):
     """The probability of a violation.
 

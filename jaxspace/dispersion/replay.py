@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import InputError
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.status import SimulationError, Status
@@ -26,6 +27,7 @@ from ._outputs import outputs_of, raised
 
 
 @final
+@printed()
 class Replay(eqx.Module):
     """A run of a campaign with its trajectory.
 

@@ -20,6 +20,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError, Scalar
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ._campaign import Campaign
 from ._sampling import map_normals, normal_columns
@@ -27,6 +28,7 @@ from ._whole import check_whole
 from .evaluate import Evaluator
 
 
+@printed()
 class RankCorrelation(NamedTuple):
     """Spearman's rank correlation of an input with an output.
 
@@ -69,6 +71,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     return RankCorrelation(r, min(low, r), max(high, r))
 
 
+@printed()
 class SobolIndex(NamedTuple):
     """First-order and total index of an input, each with its standard error."""
 
@@ -78,6 +81,7 @@ class SobolIndex(NamedTuple):
     total_error: float
 
 
+@printed()
 class SobolIndices(NamedTuple):
     """Sobol indices by output and input.
 

@@ -20,9 +20,11 @@ from numpy.typing import ArrayLike
 
 from ..core import InputError
 from ..core.field_types import check_types
+from ..core.printing import printed
 from .limits import Percentile, check_share, percentile
 
 
+@printed()
 class Ellipsoid(NamedTuple):
     """The ellipsoid of a probability; with two outputs an ellipse.
 
@@ -94,6 +96,7 @@ def circular_error(
     return percentile(np.hypot(x - a, y - b), share)
 
 
+@printed()
 class Convergence(NamedTuple):
     """Convergence of a statistic of an output with the number of runs; each array is (steps,).
 

@@ -13,7 +13,8 @@ import numpy as np
 
 from ..core import InputError
 from ..core.extras import extra
-from ..core.text import in_words
+from ..core.printing import printed
+from ..core.text import aligned, in_words
 from ..simulation import Status
 from ._export import as_dataset, as_frame
 from ._footprint import LANDING, SHARES, Footprint
@@ -29,7 +30,11 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+# Rows of a printed result.
+MOST_ROWS = 30
 
+
+@printed()
 class Failure(NamedTuple):
     """The number of runs that ended with a bad status, and the sentence of this status."""
 
@@ -154,6 +159,18 @@ class Dispersion(eqx.Module):
             f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
             f"{InputError.hint(name, every)}"
         )
+
+    def __repr__(self) -> str:
+        good = int(np.count_nonzero(self.good))
+        lines = [f"Dispersion of {self.runs} runs, {good} of them good"]
+        lines += [f"  {failure.count} runs: {failure.sentence}" for failure in self.failed]
+        rows: list[tuple[str, ...]] = [("", "unit", "mean", "deviation", "least", "greatest")]
+        for row in (*self.table("inputs"), *self.table())[:MOST_ROWS]:
+            numbers = [row.shown(x) for x in (row.mean, row.std, row.min, row.max)]
+            rows.append((row.name, row.unit, *numbers))
+        lines += [f"  {line}" for line in aligned(rows, left=2).splitlines()]
+        more = len(self.inputs) + len(self.outputs) + 1 - len(rows)
+        return "\n".join([*lines, f"  and {more} more"] if more else lines)
 
     def label(self, name: str) -> str:
         """A name in words with its unit, for tables and axes."""

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from ..core.printing import printed
 from ._rounding import rounded
 from .limits import quantile
 
@@ -13,6 +14,7 @@ LIMITS = (0.005, 0.995)
 """Quantiles that bound the middle 99 % of the runs."""
 
 
+@printed()
 class Row(NamedTuple):
     """One line of the table: a quantity over its good runs.
 

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.printing import printed
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies.coordinates import Coordinates
@@ -43,6 +44,7 @@ KAPPA = 1.0
 
 
 @final
+@printed(ts="s")
 class Filtered(eqx.Module):
     """Estimates of a filter after each reading; the runs of a batch are on the last axis.
 

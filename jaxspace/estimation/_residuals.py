@@ -21,9 +21,12 @@ import jax.numpy as jnp
 from jax.scipy.special import erfc, gammaincc
 from jaxtyping import Array, Bool, Float
 
+from ..core.printing import printed
+
 LAGS = 10
 
 
+@printed()
 class ResidualTests(NamedTuple):
     """p-values of the residuals of one instrument: of `mean`, `whiteness` and `normality`."""
 

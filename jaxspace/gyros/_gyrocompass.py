@@ -39,6 +39,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, rows
@@ -50,6 +51,7 @@ REST_STEPS = 4
 
 
 @final
+@printed()
 class GyrocompassState(eqx.Module):
     """Elevation and azimuth of the axis, and their rates; also the rates of all."""
 

@@ -32,6 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
 from ..core.types import as_float, precision_of
@@ -46,6 +47,7 @@ Given = Three | tuple[float, float, float]
 
 
 @final
+@printed()
 class NavigatorState(eqx.Module):
     """State of a navigator; also its rates."""
 

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.safe import phi2
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
@@ -34,6 +35,7 @@ from ._linear import LinearFlow, linear_rate, rows
 
 
 @final
+@printed()
 class RateGyroState(eqx.Module):
     """Angle of the gimbal and its rate; also the rates of both."""
 

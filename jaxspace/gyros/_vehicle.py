@@ -22,12 +22,14 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._earth import Earth
 
 
+@printed(latitude="rad", longitude="rad", height="m", heading="rad", pitch="rad", roll="rad")
 class Place(NamedTuple):
     """Place and attitude of a vehicle, each (*runs,): latitude, longitude, rad, and height,
     m; heading from north to east, pitch and roll, rad."""

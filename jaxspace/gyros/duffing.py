@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.safe import end_sqrt
 from ..core.types import as_float
 
@@ -30,6 +31,7 @@ STEPS = 60
 
 
 @final
+@printed()
 class DuffingState(eqx.Module):
     """Deflection and velocity; also the rates of both."""
 

@@ -8,11 +8,13 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core import NumberField, OptionalNumberField, Scalar, quantity
+from ..core.printing import printed
 
 LOCK = 1e-3  # rad
 
 
 @final
+@printed()
 class GimbalState(eqx.Module):
     """Angles of both gimbals, rate of the inner one, momentum of the outer one; also their rates.
 

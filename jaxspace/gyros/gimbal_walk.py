@@ -42,6 +42,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt
 
@@ -53,6 +54,14 @@ STEPS = 6
 
 
 @final
+@printed(
+    theta="rad",
+    theta_rate="rad/s",
+    spin_momentum="kg m^2/s",
+    inner_inertia="kg m^2",
+    outer_inertia_upright="kg m^2",
+    outer_inertia_across="kg m^2",
+)
 class GimbalWalk(eqx.Module):
     """One nutation of a gyro in two gimbals without moments, and the drift that it causes.
 

@@ -26,6 +26,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
 
@@ -50,6 +51,7 @@ def schuler_period(gravity: Scalar, radius: Scalar) -> Scalar:
 
 
 @final
+@printed()
 class GyropendulumState(eqx.Module):
     """Tilts from the vertical and their rates; also the rates of all."""
 

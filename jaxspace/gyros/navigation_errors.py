@@ -31,11 +31,13 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ._linear import LinearFlow, linear_rate
 from .gyropendulum import schuler_frequency
 
 
 @final
+@printed()
 class NavigationErrorState(eqx.Module):
     """Errors of position and velocity, and the tilt of the table; also the rates of all."""
 

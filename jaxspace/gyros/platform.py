@@ -28,6 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
+from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
@@ -35,6 +36,7 @@ from ._linear import LinearFlow, linear_rate, rows
 
 
 @final
+@printed()
 class PlatformState(eqx.Module):
     """Angles of gyro and platform, their rates, the integral of the gyro's angle; also the rates of
     all."""

@@ -37,6 +37,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import cross
@@ -48,6 +49,7 @@ Gimbals = Float[Array, "gimbals *#runs"]
 
 
 @final
+@printed()
 class StablePlatformState(eqx.Module):
     """Angles of gimbals and gyros, their rates, integrals of the gyros' angles, and the platform's
     attitude in inertial space; also the rates of all."""

@@ -30,6 +30,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.printing import printed
 from ._event_runs import ConditionOnRun, Samples, Zeros, sampled, zeros_between
 from .config import IntegrationConfig
 from .event_zero import pick
@@ -48,6 +49,7 @@ STEPS_TO_ZERO = 256
 
 
 @final
+@printed(ts="s", status=Status)
 class Crossings(eqx.Module):
     """Every zero of the condition of an event along a run, or a batch of runs.
 

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import InputError
+from ..core.printing import printed
 from ..optimization import Minimum, StopReason
 from ..simulation import MissionTrajectory
 from ._build import replaced
@@ -30,6 +31,7 @@ TOLERANCES = 100.0
 
 @final
 @dataclasses.dataclass(frozen=True, eq=False)
+@printed()
 class Optimum:
     """Result of `SceneFile.optimize`.
 

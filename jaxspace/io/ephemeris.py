@@ -19,6 +19,7 @@ from jaxtyping import Float
 from ..bodies import BodyState
 from ..core import InputError
 from ..core.files import read_text
+from ..core.printing import printed
 from ..orbits import TabulatedPath
 
 # The keys of the metadata that a message must have, and the field of each; the rest are in the
@@ -33,6 +34,7 @@ _KEYS = {
 _TIMES = ("START_TIME", "STOP_TIME")
 
 
+@printed(times="s", position="m", velocity="m/s")
 class Ephemeris(NamedTuple):
     """States of a body at times, in NumPy.
 

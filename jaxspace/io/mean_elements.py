@@ -25,10 +25,12 @@ from ..bodies import BodyState
 from ..core import InputError
 from ..core.extras import extra
 from ..core.files import read_text
+from ..core.printing import printed
 from ._two_line import element_lines
 from .ephemeris import Ephemeris
 
 
+@printed()
 class CataloguedOrbit(NamedTuple):
     """A satellite of a catalogue: its `name`, its `identifier` (international designator) and the
     `record` of the library `sgp4`."""

@@ -11,9 +11,11 @@ import equinox as eqx
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, quantity
+from ..core.printing import printed
 
 
 @final
+@printed()
 class GeneralisedState(eqx.Module):
     """Generalised coordinates and their rates; also the rates of both."""
 

@@ -32,6 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ._equations import solve
@@ -39,6 +40,7 @@ from .beams import beam_integral, beam_roots, beam_shape
 
 
 @final
+@printed()
 class MissileState(eqx.Module):
     """Engine, bending and pitch with their rates; also the rates of all."""
 

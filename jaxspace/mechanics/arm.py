@@ -21,10 +21,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.square_roots import sqrt
 
 
 @final
+@printed()
 class ArmState(eqx.Module):
     """Place and velocity in the turning axes, x outwards; also the rates of both."""
 

@@ -19,11 +19,13 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import columns, inertial_force, least_squares, mass_matrix, matmul, solve
 
 
+@printed()
 class Accelerations(NamedTuple):
     """Solution of the equations of motion.
 

@@ -29,11 +29,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ._flexible_missile import FlexibleMissile, MissileState
 
 
 @final
+@printed()
 class MissileLoopState(eqx.Module):
     """The missile's state, and the slosh with its rate; also the rates of all."""
 

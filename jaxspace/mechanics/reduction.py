@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, InputError, Scalar, quantity
+from ..core.printing import printed
 from ._description import GeneralisedState
 from ._equations import mass_matrix, momenta, solve
 from ._lagrangian import AbstractLagrangian, Lagrangian
@@ -73,6 +74,7 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
 
 
 @final
+@printed()
 class CanonicalState(eqx.Module):
     """Generalised coordinates and momenta; also the rates of both."""
 

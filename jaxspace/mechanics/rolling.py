@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.special import stumpff
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
@@ -125,6 +126,7 @@ def rolling_loop(radius: Scalar, turn_rate: Scalar, roll_rate: Scalar) -> tuple[
 
 
 @final
+@printed()
 class TrailerState(eqx.Module):
     """Deflection of the hitch, angle of the trailer and its rate; also the rates of all."""
 

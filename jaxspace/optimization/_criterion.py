@@ -12,11 +12,13 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..core.printing import printed
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
 
 
 @final
+@printed()
 class Criterion(eqx.Module):
     """Objective and constraints of a problem at a point.
 
@@ -107,6 +109,7 @@ def stop_reason(
 
 
 @final
+@printed(reason=StopReason)
 class Minimum(eqx.Module):
     """The result of `minimise`.
 

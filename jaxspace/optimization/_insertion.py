@@ -28,6 +28,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..core.types import SingleNumberField, as_float
 from ..simulation import Mission, Phase, simulate_compact
 from ._criterion import Criterion, Minimum
@@ -40,6 +41,7 @@ FORMS = ("time", "velocity")
 
 
 @final
+@printed(radius="m", radial="m/s", across="m/s")
 class InsertionState(eqx.Module):
     """`radius` r, m; `radial` w and `across` v, m/s; each (*runs,)."""
 
@@ -93,6 +95,7 @@ class SteeredBurn(AbstractSystem):
 
 
 @final
+@printed(duration="s")
 class InsertionOptimum(eqx.Module):
     """The result of `optimise_insertion`.
 

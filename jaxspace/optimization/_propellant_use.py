@@ -40,11 +40,22 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, InputError, Scalar
 from ..core.checks import check_non_negative, check_positive, is_concrete
+from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
 
 
 @final
+@printed(
+    first="m/s",
+    last="m/s",
+    first_angle="rad",
+    last_angle="rad",
+    duration="s",
+    final_velocity="m/s",
+    least_gain="m/s",
+    nearest_climb="m",
+)
 class PropellantUse(eqx.Module):
     """The result of `propellant_use`; each field is (*runs,).
 

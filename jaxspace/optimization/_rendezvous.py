@@ -19,6 +19,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..core.vectors import norm
 from ..orbits import Interception
 from ..orbits.burnout import circular_speed
@@ -27,6 +28,7 @@ from ._criterion import Criterion
 from ._minimise import minimise
 
 
+@printed(departure="s", arrival="s", total="m/s")
 class Rendezvous(NamedTuple):
     """The result of `least_rendezvous`: times of the `departure` and of the `arrival`, s, the
     `transfer`, the sum of its impulses `total`, m/s, and whether the search `converged`."""

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
+from ..core.printing import printed
 from ..core.types import as_float
 from ..simulation import Accuracy, simulate
 from ._criterion import Criterion
@@ -69,6 +70,7 @@ class SteeredFlight(AbstractSystem):
 
 
 @final
+@printed(release_angle="rad", apex_time="s", final_velocity="m/s", height_derivative="1/s")
 class SteeringOptimum(eqx.Module):
     """The result of `optimise_steering`.
 

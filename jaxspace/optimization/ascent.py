@@ -39,6 +39,7 @@ from jaxtyping import Array, Float
 
 from ..core import NumberField, Scalar, check, quantity
 from ..core.checks import check_finite, check_non_negative, check_positive, is_concrete
+from ..core.printing import printed
 from ..core.types import as_float
 
 # The error of Gauss-Legendre quadrature falls as rho^(-2 n): 64 nodes reach rounding for mass flows
@@ -55,6 +56,7 @@ class AbstractThrustAcceleration(eqx.Module):
 
 
 @final
+@printed(acceleration="m/s^2")
 class ConstantThrustAcceleration(AbstractThrustAcceleration):
     """F/m is constant: `acceleration`, m/s^2, positive."""
 
@@ -69,6 +71,7 @@ class ConstantThrustAcceleration(AbstractThrustAcceleration):
 
 
 @final
+@printed(exhaust_velocity="m/s", depletion_time="s")
 class ConstantMassFlow(AbstractThrustAcceleration):
     """Constant thrust and mass flow, m = m_0 (1 - t/tau), so that F/m = u/(tau - t).
 
@@ -87,6 +90,7 @@ class ConstantMassFlow(AbstractThrustAcceleration):
 
 
 @final
+@printed(burn_time="s", release_speed="m/s", release_height="m", apex_height="m", gravity="m/s^2")
 class Ascent(eqx.Module):
     """The data of an ascent, whose steering is to make the velocity at the apex greatest.
 
@@ -119,6 +123,7 @@ class Ascent(eqx.Module):
 
 
 @final
+@printed()
 class FlightState(eqx.Module):
     """Place and velocity in the plane of the ascent; also their rates."""
 

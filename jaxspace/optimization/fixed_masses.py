@@ -35,6 +35,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import InputError, Scalar
 from ..core.checks import check_non_negative, check_positive
+from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.types import as_float
 
@@ -126,6 +127,7 @@ def all_choices(stages: int) -> np.ndarray:
     return every[every.any(axis=1)]
 
 
+@printed()
 class StageNumbers(NamedTuple):
     """Rockets of equal stages: the `numbers` of stages 1, 2, ..., the `initial_mass` over the
     payload of each, (numbers, *runs), infinite where so few do not give the velocity, and the

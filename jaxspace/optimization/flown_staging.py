@@ -33,6 +33,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.tracing import is_traced
 from ..core.types import as_float
@@ -51,6 +52,18 @@ Unknowns: TypeAlias = dict[str, Array]
 
 
 @final
+@printed(
+    stage_mass="kg",
+    propellant="kg",
+    kick="rad",
+    initial_mass="kg",
+    burn_times="s",
+    ideal_velocity="m/s",
+    losses="m/s",
+    velocity_price="s/m",
+    height_price="1/m",
+    greatest_speed="m/s",
+)
 class FlownStaging(eqx.Module):
     """The result of `staging_with_losses`.
 

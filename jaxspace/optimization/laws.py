@@ -26,6 +26,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import Scalar, Spline, Table
 from ..core.checks import check_finite
+from ..core.printing import printed
 from ..core.tables import polygon
 from ..core.types import as_float
 
@@ -33,6 +34,7 @@ Law: TypeAlias = Callable[[Scalar], Scalar]
 
 
 @final
+@printed(times="s", angles="rad")
 class SteeringProfile(eqx.Module):
     """Thrust angles at given times, linear in between.
 
@@ -51,6 +53,7 @@ class SteeringProfile(eqx.Module):
 
 
 @final
+@printed()
 class TangentLaw(eqx.Module):
     """The tangent of the angle linear in s, or with `denominator` bilinear.
 
@@ -70,6 +73,7 @@ class TangentLaw(eqx.Module):
 
 
 @final
+@printed()
 class SteeringNetwork(eqx.Module):
     """The angle as a `network` from a scalar to a scalar, whose input is s scaled to -1 to 1 over
     the `duration`, in the unit of s."""

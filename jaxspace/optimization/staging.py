@@ -36,6 +36,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import Flag, InputError, Scalar, check
 from ..core.checks import check_non_negative, check_positive, is_concrete
+from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
@@ -102,6 +103,7 @@ def equal_stages_payload(
 
 
 @final
+@printed()
 class Staging(eqx.Module):
     """The best staging: (stages, *runs) for what belongs to one stage, else (*runs,).
 

@@ -43,6 +43,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, check
 from ..core.checks import check_finite, check_positive, is_concrete
+from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.types import as_float
 from .ascent import Ascent, apex, burnout_state, velocity_gain
@@ -64,6 +65,7 @@ def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scala
 
 
 @final
+@printed(initial_angle="rad", vanishing_time="s", final_velocity="m/s")
 class LinearTangentSteering(eqx.Module):
     """The steering tan phi = (1 - t/T) tan theta_0, and its result; each field is (*runs,).
 
@@ -192,6 +194,7 @@ def minimum_time_steering(
 
 
 @final
+@printed(initial_angle="rad", duration="s", final_velocity="m/s")
 class MaximumVelocitySteering(eqx.Module):
     """The steering tan phi = (1 - 2t/T) tan theta_0, and the velocity that it reaches.
 

@@ -35,11 +35,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
 from ..core.types import as_float
 from ..core.vectors import cross, dot, norm
 
 
+@printed(range_angle="rad", height="m", duration="s")
 class BallisticFlight(NamedTuple):
     """A flight that begins and ends on a sphere, each (*runs,): `range_angle` at the centre, rad;
     `height` of its highest point above the sphere, m; `duration`, s."""
@@ -49,6 +51,7 @@ class BallisticFlight(NamedTuple):
     duration: Scalar
 
 
+@printed(latitude="rad", longitude="rad", range_angle="rad", height="m", duration="s")
 class BallisticImpact(NamedTuple):
     """End of a flight over a rotating sphere, each (*runs,): `latitude`, and `longitude` east
     of the site within (-pi, pi], rad; `range_angle` along the ground, rad; `height` above the

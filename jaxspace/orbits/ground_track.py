@@ -27,6 +27,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
@@ -37,6 +38,7 @@ from .rotating_earth import planet_frame
 _STEPS = 5
 
 
+@printed(latitude="rad", longitude="rad", altitude="m")
 class GroundPoint(NamedTuple):
     """A place by its `latitude` and `longitude`, rad, and its `altitude`, m, each (*runs,).
 

@@ -32,12 +32,14 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
 from ..core import InputError, NumberField, Scalar, quantity
+from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import cross, scale, unit
 
 
+@printed(true_anomaly="rad", semi_major_axis="m")
 class OrbitChange(NamedTuple):
     """Changes of the elements by an impulse, each (*runs,): of `eccentricity`, `true_anomaly`, rad,
     and `semi_major_axis`, m. The line of apsides turns by minus the change of the anomaly."""

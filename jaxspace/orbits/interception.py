@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, norm
 from .kepler import conic_flow
@@ -31,6 +32,7 @@ OrbitState: TypeAlias = tuple[Vector, Vector]
 """Position, m, and velocity, m/s, (3, *runs)."""
 
 
+@printed(departure="m/s", arrival="m/s", start="m", end="m", velocity="m/s")
 class Interception(NamedTuple):
     """A transfer from one orbit to another, (3, *runs).
 
@@ -85,6 +87,7 @@ def interception(
     return Interception(v1 - before, after - v2, start, end, v1)
 
 
+@printed(departure="m/s", arrival="m/s")
 class Porkchop(NamedTuple):
     """Sizes of both impulses, m/s, (departures, arrivals); NaN where there is no transfer."""
 

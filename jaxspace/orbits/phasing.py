@@ -21,10 +21,12 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.printing import printed
 from ..core.types import as_float
 from .burnout import vis_viva_speed
 
 
+@printed(semi_major_axis="m", impulse="m/s", duration="s", opposite="m")
 class Phasing(NamedTuple):
     """A detour, each (*runs,): its `semi_major_axis`, m; the `impulse` along the velocity that
     begins it and, with the other sign, ends it, m/s; its `duration`, s; the radius of its

@@ -43,6 +43,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, Vector
+from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.vectors import cross, dot, norm
@@ -61,6 +62,7 @@ _BISECTIONS = 60
 
 
 @final
+@printed(apsidal_angle="rad", period="s", energy="m^2/s^2", angular_momentum="m^2/s")
 class RadialMotion(eqx.Module):
     """A motion between two turning points under a central potential; each field is (*runs,).
 

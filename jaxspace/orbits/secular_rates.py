@@ -32,11 +32,13 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.printing import printed
 
 # cos^2 i = 1/5: the line of apsides rests to first order in J2; its supplement is critical too.
 CRITICAL_INCLINATION = 1.1071487177940904  # rad
 
 
+@printed(node="rad/s", argument_of_periapsis="rad/s", mean_anomaly="rad/s")
 class SecularRates(NamedTuple):
     """Mean rates, rad/s, each (*runs,): of the longitude of the `node`, of the
     `argument_of_periapsis` and of the `mean_anomaly`."""

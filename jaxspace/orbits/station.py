@@ -21,6 +21,7 @@ import jax.numpy as jnp
 
 from ..bodies import BodyState
 from ..core import AbstractParameters, NumberField, Scalar, Vector, quantity
+from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
 from ..core.vectors import norm
@@ -28,6 +29,7 @@ from ..rotations import Quaternion
 from .ground_track import GroundPoint, position_of
 
 
+@printed(azimuth="rad", elevation="rad", distance="m")
 class LookAngles(NamedTuple):
     """Direction and distance of something seen from a station: `azimuth` from the north to the
     east, from -pi to pi, and `elevation`, rad; `distance`, m; each (*runs,)."""

@@ -32,9 +32,11 @@ from jaxtyping import Array, Float
 from ..core import InputError, Scalar, check
 from ..core.checks import is_concrete
 from ..core.field_types import is_real, shown
+from ..core.printing import printed
 from ..core.types import as_float
 
 
+@printed(impulses="m/s", durations="s")
 class ImpulsiveTransfer(NamedTuple):
     """Cost of a transfer.
 

@@ -4,10 +4,12 @@ import os
 from typing import Any
 
 from ..core import Scalar
+from ..core.printing import printed
 from ._motor_file import MotorFile, read_motor_file
 from ._thrust import Thrust
 
 
+@printed(times="s", thrusts="N", propellant_mass="kg", loaded_mass="kg", diameter="m", length="m")
 class Motor(MotorFile):
     """Content of the file of a motor; `None` for values that are not in it.
 

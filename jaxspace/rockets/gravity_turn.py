@@ -47,12 +47,14 @@ from ..core import (
     quantity,
 )
 from ..core.checks import check_positive, is_concrete
+from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import phi1
 from ..core.types import as_float
 
 
 @final
+@printed()
 class GravityTurnState(eqx.Module):
     """Speed, direction and place along the turn; also their rates."""
 

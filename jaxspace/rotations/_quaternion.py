@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractGroupElement, Matrix, Scalar, Vector, check
 from ..core.checks import is_concrete
+from ..core.printing import printed
 from ..core.safe import safe_atan2, sinc_squared
 from ..core.shapes import check_components, with_rank
 from ..core.square_roots import inverse_sqrt
@@ -40,6 +41,7 @@ from ..core.vectors import axis, components, cross, dot, norm, unit
 
 
 @final
+@printed()
 class Quaternion(AbstractGroupElement):
     """An orientation: `wxyz`, (4, *runs), maps body components to inertial components.
 

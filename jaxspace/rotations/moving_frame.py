@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
 from ..core.vectors import cross, dot, norm
@@ -42,6 +43,7 @@ def _sum(a: Vector, b: Vector) -> Vector:
 
 
 @final
+@printed(omega="rad/s", omega_rate="rad/s^2", position="m", velocity="m/s", acceleration="m/s^2")
 class MovingFrame(eqx.Module):
     """A frame at an instant: how its origin moves, and how it is turned and turns.
 

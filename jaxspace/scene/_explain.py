@@ -11,10 +11,12 @@ from jaxtyping import PyTree
 from ..bodies import BodyState
 from ..bodies.state import sample_state
 from ..core import AbstractSystem, Scalar
+from ..core.printing import printed
 from ..core.structure import once_per_structure
 from ._interface import AbstractScene
 
 
+@printed()
 class EffectRow(NamedTuple):
     """One effect of a scene.
 

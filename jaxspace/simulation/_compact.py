@@ -23,6 +23,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, Scalar, State
+from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..core.types import as_float
 from ..integration.events import Event, newton_correct
@@ -52,6 +53,7 @@ class CompactEnd(NamedTuple):
     end: Float[Array, ""]
 
 
+@printed(end="s")
 class CompactRun(NamedTuple):
     """Result of `simulate_compact`.
 

@@ -11,8 +11,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
+from ..core.printing import printed
 from ..integration.accuracy import Accuracy
-from ..integration.status import combine_status
+from ..integration.status import Status, combine_status
 from ._summary import summary_of_mission
 from .run_result import RunResult
 from .trajectory import Trajectory
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
+@printed(end="s", status=Status)
 class BranchEnd(NamedTuple):
     """The end of a branch of a mission.
 
@@ -114,6 +116,7 @@ class AbstractMissionResult(eqx.Module):
 
 
 @final
+@printed(end="s", status=Status)
 class MissionResult(AbstractMissionResult):
     """Result of a mission for the outputs of a campaign, whose `phases` go up to and including
     their ends before the jump."""

@@ -27,11 +27,13 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.printing import printed
 from ..simulation import Event, Mission, MissionTrajectory, Phase
 from .coordinates import Coordinates
 from .covariance import MeanCovariance, Uncertain
 
 
+@printed(time="s^2")
 class MissionCovariance(NamedTuple):
     """The covariance of a mission.
 

@@ -20,6 +20,8 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.printing import printed
+from ..core.tracing import is_traced
 from ._eigenvalues import eigenvalues, ordered
 from ._linearise import Blocks, Input, Output, forced, jacobian, measured
 
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
 
 @final
+@printed(eigenvalues="1/s")
 class Modes(eqx.Module):
     """A system linearised about a state, with its modes in the order of their frequencies.
 
@@ -183,6 +186,8 @@ class Modes(eqx.Module):
         return _runs_last(eigenvalues(a - gains * (b @ c)), axes=1)
 
     def __str__(self) -> str:
+        if is_traced(self.eigenvalues):
+            return repr(self)
         if self.eigenvalues.ndim > 1:
             return f"modes of {self.eigenvalues.shape[1:]} runs"
         lines = [f"{'eigenvalue (1/s)':>28}  {'frequency (rad/s)':>18}  {'damping ratio':>13}"]

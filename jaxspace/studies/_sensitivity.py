@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, State
+from ..core.printing import printed
 from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes, split_batch
@@ -43,6 +44,7 @@ def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
 
 
 @final
+@printed()
 class Sensitivity(eqx.Module):
     """The derivatives of the states of a run, or of one phase of a mission.
 
@@ -81,6 +83,7 @@ class Sensitivity(eqx.Module):
 
 
 @final
+@printed()
 class MissionSensitivity(eqx.Module):
     """The derivatives of a mission: `phases` by number or name, and of its end.
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple, final
 
 import numpy as np
 
+from ..core.printing import printed
 from ..core.text import aligned
 from ._duration import duration
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
+@printed()
 class Influence(NamedTuple):
     """One effect, in all phases that have it.
 
@@ -74,7 +76,7 @@ class EffectBudget:
 
         return effect_budget_figure(self)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         unit = f" [{self.unit}]" if self.unit else ""
         rows = [("effect", "phases", f"influence{unit}", "first order", "left out", "", "share")]
         for row in self.rows:

@@ -12,6 +12,7 @@ import diffrax
 
 from ..core import InputError
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..core.text import aligned
 from ..simulation import Accuracy
 from ..solvers.protocol import solver_traits
@@ -29,6 +30,7 @@ MAX_STEPS = Accuracy().max_steps
 Method: TypeAlias = str | diffrax.AbstractSolver
 
 
+@printed(seconds="s", compile_seconds="s", memory="B", gradient_seconds="s")
 class Cost(NamedTuple):
     """One setting: its error and its cost.
 
@@ -138,7 +140,7 @@ class AccuracyCost:
 
         return accuracy_cost_figure(self)
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         gradient = any(row.gradient_seconds is not None for row in self.rows)
         head = ["method", "precision", "tolerance", "error", "time"]
         head += ["evaluations", "steps", "memory", "drift"]

@@ -27,12 +27,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.printing import printed
 from .coordinates import Coordinates
 
 Noise = Float[ArrayLike, "n n"] | Callable[[Scalar, Any], Array] | None
 
 
 @final
+@printed()
 class MeanCovariance(eqx.Module):
     """The state of `Uncertain`: a mean and the covariance of its local coordinates."""
 

@@ -5,10 +5,12 @@ __all__ = ["Sounding", "read_sounding"]
 
 import os
 
+from ..core.printing import printed
 from ._measured_air import MeasuredAtmosphere, MeasuredWind
 from ._sounding_file import SoundingFile, read_sounding_file
 
 
+@printed(heights="m", pressure="Pa", temperature="K", wind_heights="m", east="m/s", north="m/s")
 class Sounding(SoundingFile):
     """Measurements of a sounding, by the geometric height above sea level.
 

@@ -9,12 +9,14 @@ from typing import final
 
 import jax
 
+from ..core.printing import printed
 from ..core.text import aligned
 from ._case import Case
 
 
 @final
 @dataclass(frozen=True)
+@printed()
 class CaseResult:
     """A case and what was found.
 
@@ -66,7 +68,7 @@ class Verification:
         """The rows that fail."""
         return tuple(row for row in self.rows if row.verdict == "fails")
 
-    def __str__(self) -> str:
+    def __repr__(self) -> str:
         head = ("case", "error", "allowed", "gradient error", "allowed", "verdict")
         table = aligned([head, *(_cells(row) for row in self.rows)])
         limits = [f"left out, {row.name}: {row.why}" for row in self.rows if row.error is None]
