@@ -5,7 +5,7 @@ TASKS = {
     "simulation": {
         "Run": "simulate simulate_batch simulate_mission simulate_mission_batch simulate_compact",
         "Say how": "Accuracy Event Mission Phase crossings",
-        "Read the result": "Trajectory MissionTrajectory MissionResult CompactRun Status "
+        "Read the result": "Trajectory MissionTrajectory CompactRun Status "
         "SimulationError",
     },
     "scene": {

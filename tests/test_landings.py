@@ -17,8 +17,7 @@ from jaxspace.io import load
 from jaxspace.io.report import dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
-from jaxspace.simulation.mission_result import MissionResult
-from jaxspace.simulation.run_result import RunResult
+from jaxspace.simulation import MissionTrajectory, Trajectory
 from jaxspace.vehicles.landings import landing
 
 SCENE = Path(__file__).parents[1] / "examples" / "scenes" / "landing.toml"
@@ -52,9 +51,10 @@ def test_the_outputs_of_a_campaign_in_python():
     states = [BodyState(jnp.stack([0.0 * x, x], axis=1), x[:, None]) for x in (0.0 * top, top)]
     final = BodyState(end, jnp.array([[3.0, 0.0], [0.0, 0.0], [-4.0, -5.0]]))
     end_of_all, good = jnp.array([90.0, 20.0]), jnp.zeros(2, int)
-    every = jnp.zeros((1, 2)), good, good, jnp.ones((0, 2), bool), {}, None, None
-    phases = [RunResult(every[0], state, *every[1:]) for state in states]
-    run = MissionResult(phases, ("rail", "ascent"), final, end_of_all, good)
+    ts = jnp.zeros((2, 2))
+    every = good, good, jnp.ones((0, 2), bool), {}, 1
+    phases = tuple(Trajectory(ts, state, *every) for state in states)
+    run = MissionTrajectory(phases, ("rail", "ascent"), final, end_of_all, good)
     found = landing(run, {})
     expected = {
         "east": [330.0, 0.0],

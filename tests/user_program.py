@@ -11,7 +11,7 @@ from jaxspace.attitude import Top
 from jaxspace.core.vectors import dot
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
-from jaxspace.simulation import MissionResult, MissionTrajectory, Trajectory, simulate_mission
+from jaxspace.simulation import MissionTrajectory, Trajectory, simulate_mission
 
 jaxspace.enable_x64()
 version: str = jaxspace.__version__
@@ -50,7 +50,7 @@ def build(samples: dict[str, Array]) -> tuple[Mission, BodyState]:
     return mission, start
 
 
-def outputs(result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+def outputs(result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
     return {"speed": result.final.velocity[0]}
 
 

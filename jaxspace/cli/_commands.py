@@ -13,9 +13,9 @@ from jax.typing import ArrayLike
 from ..bodies import BodyState
 from ..control import LoopRun
 from ..core import InputError, argument
-from ..core.by_numpy import by_numpy
 from ..core.quantities import quantities
 from ..io import Optimum, SceneFile, listing, load, schema
+from ..io.by_numpy import by_numpy
 from ..io.report import mission_report, optimum_report, run_report, sensitivity_report
 from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory

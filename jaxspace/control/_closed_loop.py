@@ -29,8 +29,8 @@ from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, runs_of
-from ..simulation.run_result import RunResult
 from ..simulation.runnable import AbstractRunnable
+from ..simulation.trajectory import Trajectory
 from ._controller import AbstractController, as_controller
 from ._loop_run import LoopOptions, LoopRun, run_loop
 from ._program import Known, Static, alone, as_events, as_key, parts_of
@@ -123,7 +123,7 @@ class ClosedLoop(AbstractRunnable):
         num_saved: int,
         config: IntegrationConfig,
         run_axes: int,
-    ) -> RunResult:
+    ) -> Trajectory:
         # The samples are known before the phase starts; its end need not be.
         duration = until.within if isinstance(until, Event) else until
         assert duration is not None  # of the event that ends a phase

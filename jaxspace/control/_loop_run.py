@@ -24,9 +24,8 @@ from ..integration.events import Event
 from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
 from ..simulation.failures import loud
-from ..simulation.finish import trajectory_of
 from ..simulation.reading import AbstractRun
-from ..simulation.trajectory import run_of
+from ..simulation.trajectory import RunCall, run_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled, parts_of
@@ -151,7 +150,7 @@ def run_loop(
     key = as_key(loop.key if options.key is None else options.key)
     numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
-    trajectory = trajectory_of(result, loop.system, accuracy, config, run_axes)
+    trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))
     run = LoopRun(trajectory, steps_of(config), asked)
     if not throw:
         return run

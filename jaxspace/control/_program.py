@@ -1,5 +1,6 @@
 """A run of a closed loop as one program."""
 
+import dataclasses
 from typing import Any, NamedTuple
 
 import jax
@@ -17,7 +18,8 @@ from ..integration.layout import broadcast_state, times_behind_components
 from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
-from ..simulation.run_result import RunResult, reached
+from ..simulation.reached import reached
+from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ..solvers.protocol import small_program
 from ..solvers.tolerances import Tolerance
@@ -93,7 +95,7 @@ def as_events(events: Any) -> tuple[Event, ...]:
 
 
 @jit_wide_vectors
-def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+def compiled(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
     """One run, or a batch in blocks; each run has noise from its own key."""
     if static.run_axes == 0:
         return _run(known, config, static)
@@ -103,7 +105,7 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
     keys = None if known.key is None else jax.random.split(known.key, runs)
     blocks = local_blocks((batched, shared), runs)
 
-    def piece(mapped: PyTree, shared: PyTree) -> RunResult:
+    def piece(mapped: PyTree, shared: PyTree) -> Trajectory:
         mapped, keys = mapped
         parts, (y0, start, memory), _ = cut_batch(mapped, shared)
         block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
@@ -113,12 +115,12 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> RunResu
 
 
 @jit_wide_vectors
-def alone(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+def alone(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
     """One run, or one block of runs that are cut already, with a key for each."""
     return _run(known, config, static)
 
 
-def _run(known: Known, config: IntegrationConfig, static: Static) -> RunResult:
+def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
     system, controller, sensors, limit, quantum = known.parts
     start = known.start
     events = known.events
@@ -189,7 +191,7 @@ def _result(
     stats: dict[str, Array],
     events: int,
     run_axes: int,
-) -> RunResult:
+) -> Trajectory:
     """The rows of a run at the save times; NaN where it failed."""
     saved = jnp.asarray(nodes.saved)
     # Commands and readings belong to the pass after a node; the last node has those of the pass
@@ -207,9 +209,9 @@ def _result(
     if events:
         times = jnp.where(number >= 0, jnp.minimum(times, sampled.stop.t), times)
     kinds = jnp.arange(events, dtype=number.dtype).reshape(-1, *(1,) * run_axes)
-    result = RunResult(times, states, status, number, kinds == number, stats, None, None, ())
+    result = Trajectory(times, states, status, number, kinds == number, stats, run_axes)
     # As a factor, and not a selection, so that the derivative of a failed run is NaN, too.
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
     control = {"commands": commands, "readings": readings, "memory": sampled.memory}
-    return reached(result)._replace(control=control)
+    return dataclasses.replace(reached(result), control=control)

@@ -12,7 +12,7 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy, state_dtype
 from ..integration.config import IntegrationConfig, check_tolerance
 from ..integration.status import Status
-from ..simulation.run_result import RunResult
+from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ._advance import as_fixed
 from ._program import Known, Static
@@ -22,8 +22,8 @@ REPEATS = 3
 
 
 def repeated(
-    program: Callable[..., RunResult], known: Known, config: IntegrationConfig, static: Static
-) -> tuple[RunResult, IntegrationConfig]:
+    program: Callable[..., Trajectory], known: Known, config: IntegrationConfig, static: Static
+) -> tuple[Trajectory, IntegrationConfig]:
     """The run, repeated with finer steps if they were too few and the numbers are known."""
     for _ in range(REPEATS + 1):
         result = program(known, config, static)
@@ -60,7 +60,7 @@ def steps_of(config: IntegrationConfig) -> int:
     return config.solver.steps
 
 
-def _too_few(run: RunResult) -> float:
+def _too_few(run: Trajectory) -> float:
     """The largest local error of a run that missed the tolerance by too few steps; else zero."""
     if not is_concrete(run.status):
         return 0.0

@@ -8,9 +8,10 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from ..simulation.mission_result import MissionResult
+from ..simulation.mission_result import MissionTrajectory
 from ..simulation.phase_runs import OwnTimes, SaveTimes
-from ..simulation.run_result import RunResult, nan_unless, scaled
+from ..simulation.reached import nan_unless, scaled
+from ..simulation.trajectory import Trajectory
 
 
 class ChosenTimes(NamedTuple):
@@ -47,16 +48,16 @@ def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
     return [along if x is None else x for x in fractions]
 
 
-def for_outputs(result: MissionResult, kept: Kept) -> MissionResult:
+def for_outputs(result: MissionTrajectory, kept: Kept) -> MissionTrajectory:
     """The states that the outputs read: evenly spaced, from the start of each phase to its end."""
     if isinstance(kept, int):
         return result
     pairs = zip(result.phases, kept, strict=True)
-    phases = [_even(phase, chosen) for phase, chosen in pairs]
+    phases = tuple(_even(phase, chosen) for phase, chosen in pairs)
     return dataclasses.replace(result, phases=phases)
 
 
-def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
+def _even(phase: Trajectory, chosen: ChosenTimes | OwnTimes | None) -> Trajectory:
     if chosen is None:
         return phase
     if isinstance(chosen, OwnTimes):
@@ -64,7 +65,7 @@ def _even(phase: RunResult, chosen: ChosenTimes | OwnTimes | None) -> RunResult:
     return _picked(phase, chosen.outputs)
 
 
-def for_store(result: MissionResult, along: int, kept: Kept) -> Sequence[RunResult | None]:
+def for_store(result: MissionTrajectory, along: int, kept: Kept) -> Sequence[Trajectory | None]:
     """States of each phase that go into the store; `None` where there are none."""
     if isinstance(kept, int):
         return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
@@ -73,8 +74,8 @@ def for_store(result: MissionResult, along: int, kept: Kept) -> Sequence[RunResu
 
 
 def _chosen(
-    phase: RunResult, chosen: ChosenTimes | OwnTimes | None, first: bool
-) -> RunResult | None:
+    phase: Trajectory, chosen: ChosenTimes | OwnTimes | None, first: bool
+) -> Trajectory | None:
     if chosen is None:
         return None
     if isinstance(chosen, ChosenTimes):
@@ -88,16 +89,17 @@ def _chosen(
     # What ends at a border has it; nothing ends where the mission starts.
     inside = nan_unless(covered | (times == start) if first else covered)
     picked = _picked(phase, slice(None, count))
-    return picked._replace(ts=times * inside, states=scaled(picked.states, inside))
+    states = scaled(picked.states, inside)
+    return dataclasses.replace(picked, ts=times * inside, states=states)
 
 
-def thinned(result: MissionResult, every_nth: int) -> MissionResult:
+def thinned(result: MissionTrajectory, every_nth: int) -> MissionTrajectory:
     """Each n-th state of every phase, from its start to its end."""
-    phases = [_picked(phase, slice(None, None, every_nth)) for phase in result.phases]
+    phases = tuple(_picked(phase, slice(None, None, every_nth)) for phase in result.phases)
     return dataclasses.replace(result, phases=phases)
 
 
-def _picked(phase: RunResult, which: slice | Int[Array, " times"]) -> RunResult:
+def _picked(phase: Trajectory, which: slice | Int[Array, " times"]) -> Trajectory:
     # Times lie before the one axis of runs.
     states = jax.tree.map(lambda x: x[..., which, :], phase.states)
-    return phase._replace(ts=phase.ts[which], states=states)
+    return dataclasses.replace(phase, ts=phase.ts[which], states=states)

@@ -16,7 +16,7 @@ from ..core.quantities import Quantity
 from ..core.types import as_float
 from ..integration.accuracy import Accuracy, as_accuracy
 from ..simulation import Mission
-from ..simulation.mission_result import MissionResult
+from ..simulation.mission_result import MissionTrajectory
 from ._exact_parts import with_exact_parts
 from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
@@ -60,8 +60,8 @@ class Campaign(eqx.Module):
       inputs, each (runs,). The runs are on the last axis: parameters are scalars or (runs,),
       vectors (3, runs) or (3, 1).
     - `inputs`: the distribution of each input, by name.
-    - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `MissionResult` and the
-      inputs.
+    - `outputs(result, samples) -> dict`: the outputs, each (runs,), of a `MissionTrajectory`, whose
+      phases hold numbers and no systems, and the inputs.
     - `units`: the unit of every input and output, by name; a name without one is a pure number.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
@@ -84,7 +84,7 @@ class Campaign(eqx.Module):
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     inputs: dict[str, AbstractDistribution]
-    outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]]
+    outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")

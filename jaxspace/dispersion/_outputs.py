@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, Int
 from ..core import InputError
 from ..integration.compiling import QUICK
 from ..integration.status import SimulationError, Status
-from ..simulation.mission_result import MissionResult
-from ..simulation.run_result import RunResult
+from ..simulation.mission_result import MissionTrajectory
+from ..simulation.trajectory import Trajectory
 from ._isolation import RAISED, callbacks, isolate, reason
 from .names import check_names
 
@@ -28,12 +28,12 @@ COARSE = 1e-4
 class PilotRuns(NamedTuple):
     """The nominal run and the first runs of a campaign, on which the outputs are checked."""
 
-    result: MissionResult
+    result: MissionTrajectory
     samples: dict[str, Float[Array, " runs"]]
 
 
 def outputs_of(
-    campaign: Any, result: MissionResult, samples: dict[str, Float[Array, " runs"]]
+    campaign: Any, result: MissionTrajectory, samples: dict[str, Float[Array, " runs"]]
 ) -> dict[str, Float[Array, " runs"]]:
     """The outputs of runs, each (runs,).
 
@@ -161,12 +161,12 @@ def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
         # The runs are last; shared arrays have no such axis.
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
-    phases = [_filled(phase, along) for phase in pilots.result.phases]
+    phases = tuple(_filled(phase, along) for phase in pilots.result.phases)
     result = dataclasses.replace(pilots.result, phases=phases)
     return jax.tree.map(taken, pilots._replace(result=result))
 
 
-def _filled(phase: RunResult, along: int) -> RunResult:
+def _filled(phase: Trajectory, along: int) -> Trajectory:
     """A phase with `along` states, on a straight line from its start to its end.
 
     This is not the motion, but has the same shapes, which is enough to see which runs an output
@@ -179,11 +179,12 @@ def _filled(phase: RunResult, along: int) -> RunResult:
             return jnp.where(share < 1.0, first, last)
         return first + jnp.asarray(share, x.dtype) * (last - first)
 
-    return phase._replace(ts=line(phase.ts), states=jax.tree.map(line, phase.states))
+    states = jax.tree.map(line, phase.states)
+    return dataclasses.replace(phase, ts=line(phase.ts), states=states)
 
 
 def raised(
-    what: str, campaign: Any, result: MissionResult, samples: dict[str, Array], error: Exception
+    what: str, campaign: Any, result: MissionTrajectory, samples: dict[str, Array], error: Exception
 ) -> SimulationError:
     """The exception for runs in which a function of the campaign raises an error.
 
@@ -206,5 +207,5 @@ def raised(
 
 
 @eqx.filter_jit
-def _one(campaign: Any, result: MissionResult, samples: dict[str, Array], name: str) -> Array:
+def _one(campaign: Any, result: MissionTrajectory, samples: dict[str, Array], name: str) -> Array:
     return outputs_of(campaign, result, samples)[name]

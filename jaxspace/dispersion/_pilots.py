@@ -19,7 +19,7 @@ from ..integration.events import Event
 from ..integration.status import SimulationError, Status
 from ..simulation import Mission
 from ..simulation.legs import legs_of
-from ..simulation.mission_result import MissionResult
+from ..simulation.mission_result import MissionTrajectory
 from ..simulation.mission_runs import run_mission
 from ..simulation.phase_runs import OwnTimes, SaveTimes, ends_on_the_way
 from ..simulation.phases import flies_small, resolve_and_count, resolve_phases
@@ -103,9 +103,9 @@ def _ends_alone(campaign: Campaign, accuracy: Accuracy) -> bool:
     return Status(int(np.ravel(_alone(campaign, accuracy))[0])) != Status.MAX_STEPS
 
 
-def _as_run(result: MissionResult) -> MissionResult:
+def _as_run(result: MissionTrajectory) -> MissionTrajectory:
     """The result as all runs of the campaign have it."""
-    phases = [run._replace(step_ends=None) for run in result.phases]
+    phases = tuple(dataclasses.replace(run, step_ends=None) for run in result.phases)
     return dataclasses.replace(result, phases=phases)
 
 

@@ -22,7 +22,7 @@ from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
-from ..simulation.run_result import RunResult
+from ..simulation.trajectory import Trajectory
 from ._along import Kept, for_outputs, for_store, saved_of
 from ._campaign import Campaign
 from ._outputs import outputs_of
@@ -123,7 +123,7 @@ def _block(
 
 
 def trajectories(
-    names: Sequence[str], stored: Sequence[RunResult | None], runs: tuple[int, ...]
+    names: Sequence[str], stored: Sequence[Trajectory | None], runs: tuple[int, ...]
 ) -> dict[str, Array]:
     """The stored times and parts of the states of every phase, by "phase.part"."""
     columns = {}

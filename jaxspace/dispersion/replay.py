@@ -16,8 +16,7 @@ from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.status import SimulationError, Status
 from ..simulation import MissionTrajectory
-from ..simulation.finish import mission_trajectory_of
-from ..simulation.mission_result import MissionResult
+from ..simulation.finish import with_calls
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._along import saved_states, thinned
@@ -54,7 +53,7 @@ class Replay(eqx.Module):
 @eqx.filter_jit
 def _run(
     campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
-) -> tuple[MissionResult, dict[str, Array], tuple[IntegrationConfig, ...]]:
+) -> tuple[MissionTrajectory, dict[str, Array], tuple[IntegrationConfig, ...]]:
     mission, y0 = campaign.mission(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved, every_nth = saved_states(campaign.along, num_saved)
@@ -90,7 +89,7 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
         if refusal:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
-    trajectory = mission_trajectory_of(result, mission, accuracy, configs, 1).of(0)
+    trajectory = with_calls(result, mission, accuracy, configs).of(0)
     values = {name: float(x[0]) for name, x in outputs.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: values[name] for name in campaign.units if name in values} | values
@@ -114,6 +113,6 @@ def _error(
     return raised(what, campaign, result, samples, error)
 
 
-def _no_outputs(result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+def _no_outputs(result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
     del result, samples
     return {}

@@ -31,7 +31,7 @@ from ..core.checks import check_positive
 from ..core.field_types import check_types
 from ..core.one_kernel import in_one_kernel
 from ..core.types import as_optional_float
-from ..core.vanishing import vanishing
+from ._vanishing import vanishing
 
 
 # Checked where annotations are.

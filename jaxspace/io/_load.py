@@ -10,7 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from ..core.by_numpy import by_numpy
 from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
@@ -26,6 +25,7 @@ from ._optimize_table import read_task
 from ._output_entries import read_outputs
 from ._outputs import OutputSpec
 from ._scene_file import SceneFile
+from .by_numpy import by_numpy
 
 LONGEST = 4_000_000
 """How many characters a scene file may have: those of a hundred thousand lines."""

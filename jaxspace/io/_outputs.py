@@ -18,8 +18,7 @@ from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
 from ..dispersion.extremes import greatest, least
-from ..simulation import CompactRun, MissionResult
-from ..simulation.mission_result import AbstractMissionResult
+from ..simulation import CompactRun, MissionTrajectory
 from ._catalog import OutputFunction
 from ._kinds import Values
 from ._objects import at
@@ -120,17 +119,17 @@ class Outputs(eqx.Module):
         )
         return dataclasses.replace(self, specs=given) if given else None
 
-    def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+    def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = line_ends(result)
         began, curves = {}, {}
         for spec in self.specs:
             if BEGAN in spec.arguments():
                 first = self.file.parsed.first_leg(spec.at)
-                began[spec.at] = first_state(result.phases[first].states)
+                began[spec.at] = result.phases[first].initial
             # Only requested phases, because the compiled program does not save the states of
             # others.
             if spec.at >= 0:
-                states[spec.at] = last_state(result.phases[spec.at].states)
+                states[spec.at] = result.phases[spec.at].final
                 ends[spec.at] = result.phases[spec.at].ts[-1]
             curves |= {k: Curve(result.phases[k].ts, result.phases[k].states) for k in spec.phases}
         return self.numbers(states, ends, samples, curves, began)
@@ -227,7 +226,7 @@ class MoreOutputs(eqx.Module):
     """The outputs of a file, and those of a `given` function."""
 
     own: Outputs
-    given: Callable[[MissionResult, dict[str, Array]], dict[str, Array]]
+    given: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
 
     @property
     def to_check(self) -> Any:
@@ -235,7 +234,7 @@ class MoreOutputs(eqx.Module):
         functions of the file."""
         return self.given if self.own.to_check is None else self
 
-    def __call__(self, result: MissionResult, samples: dict[str, Array]) -> dict[str, Array]:
+    def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
         own = self.own(result, samples)
         given = self.given(result, samples)
         if not isinstance(given, Mapping):
@@ -253,22 +252,12 @@ class MoreOutputs(eqx.Module):
 
 
 def line_ends(
-    result: AbstractMissionResult | CompactRun,
+    result: MissionTrajectory | CompactRun,
 ) -> tuple[dict[int, State], dict[int, Array]]:
     """States and times, s, at the end of a mission, at -1, and of its branches."""
     ends = [(result.final, result.end), *((b.final, b.end) for b in result.branches)]
     states = {-1 - k: state for k, (state, _) in enumerate(ends)}
     return states, {-1 - k: time for k, (_, time) in enumerate(ends)}
-
-
-def last_state(states: State) -> State:
-    """The state at the last of the times of a phase of a batch, runs last."""
-    return jax.tree.map(lambda x: x[..., -1, :], states)
-
-
-def first_state(states: State) -> State:
-    """The state at the first of the times of a phase of a batch, runs last."""
-    return jax.tree.map(lambda x: x[..., 0, :], states)
 
 
 def at_path(y: State, path: tuple[str, ...]) -> Array:

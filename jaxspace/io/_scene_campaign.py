@@ -8,7 +8,7 @@ from jaxtyping import Array
 
 from ..core import State
 from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
-from ..simulation import Mission, MissionResult
+from ..simulation import Mission, MissionTrajectory
 from ._build import build_mission, replaced
 from ._checks import Parsed
 from ._control import is_noisy
@@ -24,7 +24,7 @@ NOISE = "control.noise"
 def campaign_of(
     file: Any,
     scatters: Mapping[str, Input | MadeInput],
-    outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]],
+    outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]],
     design: LatinHypercube | Sobol | None,
     along: int,
     texts: Mapping[str, str],

@@ -15,7 +15,6 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..core.by_numpy import by_numpy
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
 from ..scene import Scene
@@ -24,7 +23,6 @@ from ..simulation import (
     Accuracy,
     Event,
     Mission,
-    MissionResult,
     MissionTrajectory,
     Trajectory,
     simulate_mission,
@@ -49,6 +47,7 @@ from ._optimum import Optimum
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import INITIAL, NOMINAL, MoreOutputs, Outputs, OutputSpec, needs
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
+from .by_numpy import by_numpy
 from .units import WrittenUnits, in_unit
 
 # Traced once for all files of one content.
@@ -239,7 +238,7 @@ class SceneFile:
         nominal: MissionTrajectory | None = None,
         *,
         inputs: Mapping[str, object] | None = None,
-        outputs: Callable[[MissionResult, dict[str, Array]], dict[str, Array]] | None = None,
+        outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]] | None = None,
         warn: bool = True,
         runs: int | None = None,
     ) -> Campaign:
@@ -252,8 +251,8 @@ class SceneFile:
         - `inputs`: further dispersed numbers, or other distributions for those of [dispersion]: by
           the path of a number of the file a distribution, in SI, or a table as in
           [dispersion.inputs], such as `{"deviation": "2 km"}`.
-        - `outputs`: a function of a `MissionResult` and the inputs that gives more outputs, each
-          (runs,), by name, as `Campaign.outputs` does, beside those of the file.
+        - `outputs`: a function of a `MissionTrajectory` and the inputs that gives more outputs,
+          each (runs,), by name, as `Campaign.outputs` does, beside those of the file.
         - `warn`: whether to issue the warnings of the file (`SceneFile.warnings`).
         - `runs`: number of runs for a Latin hypercube, if not that of the file.
 
@@ -357,7 +356,7 @@ class SceneFile:
         - `every`: whether to return all outputs whose arguments the file has, in place of those of
           [dispersion]."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
-        return outputs_of(nominal, specs, self._outputs_of(specs, None))
+        return outputs_of(nominal, self._outputs_of(specs, None))
 
     def shown_unit(self, name: str, si: str) -> tuple[str, float]:
         """The unit in which a quantity of this name is shown, that of the file for it or for

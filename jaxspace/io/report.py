@@ -12,7 +12,6 @@ from jaxtyping import PyTree
 
 from ..control import LoopRun
 from ..core import InputError, State
-from ..core.by_numpy import by_numpy
 from ..core.quantities import quantities
 from ..core.text import aligned
 from ..dispersion import Dispersion
@@ -25,6 +24,7 @@ from ._optimum import Optimum
 from ._output_entries import applicable_outputs
 from ._scene_file import SceneFile
 from ._search_task import values_of
+from .by_numpy import by_numpy
 from .units import WrittenUnits, in_unit
 
 Row = tuple[str, ...]

@@ -13,6 +13,5 @@ from ._mission import Phase as Phase
 from ._mission_batch import simulate_mission_batch as simulate_mission_batch
 from ._simulate import simulate as simulate
 from ._simulate_mission import simulate_mission as simulate_mission
-from .mission_result import MissionResult as MissionResult
 from .mission_result import MissionTrajectory as MissionTrajectory
 from .trajectory import Trajectory as Trajectory

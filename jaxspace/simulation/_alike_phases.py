@@ -28,8 +28,8 @@ from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
 from .legs import Leg
 from .phase_runs import SaveTimes, ended_at_start
-from .run_result import RunResult
 from .runnable import AbstractRunnable
+from .trajectory import Trajectory
 
 
 def alike_groups(
@@ -74,7 +74,7 @@ def _alike(first: Phase, then: Phase) -> bool:
 
 def run_alike(
     phases: Sequence[Phase], y0: State, t0: Scalar, config: IntegrationConfig, run_axes: int
-) -> list[RunResult] | None:
+) -> list[Trajectory] | None:
     """The results of these phases up to their jumps, of which the last one alone may have one; and
     `None` where one of them does not locate its event as its steps are taken.
 
@@ -102,7 +102,7 @@ def run_alike(
 
     def one(
         carry: tuple[State, Array], own: tuple[list[Array], Array, Array]
-    ) -> tuple[tuple[State, Array], RunResult]:
+    ) -> tuple[tuple[State, Array], Trajectory]:
         y, t = carry
         differing, within, sought = own
         system, event = parts_of(differing)
@@ -115,8 +115,8 @@ def run_alike(
         times = jnp.stack([t, t + within])
         run = straight_to_event(Integrator(system, config, run_axes), y, times, events)
         missed = (run.status == Status.COMPLETED) & sought
-        run = run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
-        run = ended_at_start(run, beyond)
+        status = jnp.where(missed, Status.EVENT_MISSED, run.status)
+        run = ended_at_start(dataclasses.replace(run, status=status), beyond)
         return (state_at(run.states, -1, run_axes), run.ts[-1]), run
 
     own = numbers, jnp.stack(within), jnp.array(sought)
@@ -124,7 +124,7 @@ def run_alike(
     every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(phases))]
     none = jnp.zeros((0, *runs), bool)
     return [
-        run if event else run._replace(happened=none)
+        run if event else dataclasses.replace(run, happened=none)
         for run, event in zip(every, sought, strict=True)
     ]
 

@@ -23,9 +23,8 @@ from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_events, check_dense, check_structure, check_times, check_values
-from .finish import error_of_too_few_steps, raise_failures, trajectory_of, warn_after
-from .run_result import RunResult
-from .trajectory import Trajectory
+from .finish import error_of_too_few_steps, raise_failures, warn_after
+from .trajectory import RunCall, Trajectory
 
 # Runs of a batch that are inspected to choose its method.
 SAMPLED = 16
@@ -94,13 +93,13 @@ def simulate_batch(
     )
     config = config_for(None)
 
-    def run(batched: PyTree, blocks: Blocks, config: IntegrationConfig) -> RunResult:
+    def run(batched: PyTree, blocks: Blocks, config: IntegrationConfig) -> Trajectory:
         return run_systems(batched, shared, config, events, blocks, dense)
 
     result = run(batched, local_blocks((batched, shared), runs), config)
     if is_concrete(result.status) and not traced:
         result, config = _repeated(result, batched, run, config, config_for, dense)
-    trajectory = trajectory_of(result, whole[0], accuracy, config, 1)
+    trajectory = dataclasses.replace(result, call=RunCall(whole[0], accuracy, config))
     trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory
 
@@ -140,13 +139,13 @@ def _resolve_for(
 
 
 def _repeated(
-    result: RunResult,
+    result: Trajectory,
     batched: PyTree,
-    run: Callable[[PyTree, Blocks, IntegrationConfig], RunResult],
+    run: Callable[[PyTree, Blocks, IntegrationConfig], Trajectory],
     config: IntegrationConfig,
     config_for: Callable[..., IntegrationConfig],
     dense: bool,
-) -> tuple[RunResult, IntegrationConfig]:
+) -> tuple[Trajectory, IntegrationConfig]:
     """The result with failed runs repeated, and the configuration of the last attempt.
 
     Runs whose block ran out of steps are repeated one by one, then by the method that suits their
@@ -161,8 +160,8 @@ def _repeated(
       exact part of their motion in closed form.
     - `dense`: as in `simulate_batch`."""
 
-    def again(config: IntegrationConfig, block: int = 1) -> RunResult:
-        def run_some(some: PyTree, blocks: Blocks) -> RunResult:
+    def again(config: IntegrationConfig, block: int = 1) -> Trajectory:
+        def run_some(some: PyTree, blocks: Blocks) -> Trajectory:
             return run(some, blocks, config)
 
         return repeated(result, rows, batched, run_some, block)

@@ -25,9 +25,9 @@ from .batch_layout import cut_batch
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
 from .failures import mission_reached
-from .mission_result import MissionResult
+from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
-from .run_result import RunResult
+from .trajectory import Trajectory
 
 T = TypeVar("T")
 
@@ -43,10 +43,10 @@ def run_systems(
     events: tuple[Event, ...],
     blocks: Blocks,
     dense: bool,
-) -> RunResult:
+) -> Trajectory:
     """The runs of a system, block by block; `batched` carries runs, `shared` is for all of them."""
 
-    def block(piece: PyTree, given: PyTree) -> RunResult:
+    def block(piece: PyTree, given: PyTree) -> Trajectory:
         shared, config, events = given
         system, y0, ts = cut_batch(piece, shared)
         # Checked here, where a condition first gets states with the axis of runs.
@@ -66,15 +66,15 @@ def run_missions(
     configs: tuple[IntegrationConfig, ...],
     num_saved: int,
     blocks: Blocks,
-) -> MissionResult:
+) -> MissionTrajectory:
     """The runs of a mission, block by block; `batched` carries runs, `shared` is for all of
     them."""
 
-    def block(piece: PyTree, given: PyTree) -> MissionResult:
+    def block(piece: PyTree, given: PyTree) -> MissionTrajectory:
         shared, configs = given
         mission, y0, t0 = cut_batch(piece, shared)
         result = mission_reached(run_mission(mission, y0, t0, num_saved, configs, 1))
-        phases = [_every_run(phase) for phase in result.phases]
+        phases = tuple(_every_run(phase) for phase in result.phases)
         return dataclasses.replace(result, phases=phases)
 
     return blocks.map(block, batched, (shared, configs))
@@ -92,7 +92,7 @@ def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
     )
 
 
-def _every_run(result: RunResult) -> RunResult:
+def _every_run(result: Trajectory) -> Trajectory:
     """The result of a block, with an axis of runs for its statistics as well."""
     runs = result.status.shape
 
@@ -108,7 +108,7 @@ def _every_run(result: RunResult) -> RunResult:
         dense = dense._replace(ts=times(dense.ts))
     stats = {name: every(x) for name, x in result.stats.items()}
     # The ends of the steps belong to the block, and not to a single run.
-    return result._replace(stats=stats, dense=dense, step_ends=None)
+    return dataclasses.replace(result, stats=stats, dense=dense, step_ends=None)
 
 
 def _order_of(
@@ -150,7 +150,7 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
 
 
-def out_of_steps(result: RunResult | MissionResult) -> np.ndarray:
+def out_of_steps(result: Trajectory | MissionTrajectory) -> np.ndarray:
     """The numbers of the runs that ran out of steps."""
     return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
 

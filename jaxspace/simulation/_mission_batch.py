@@ -13,8 +13,8 @@ from ._mission import Mission, check_mission
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_times, check_num_saved
-from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
-from .mission_result import MissionResult, MissionTrajectory
+from .finish import raise_failures, warn_after, with_calls, with_exact_parts
+from .mission_result import MissionTrajectory
 from .phases import resolve_phases
 
 
@@ -65,7 +65,7 @@ def simulate_mission_batch(
     )
     configs = configs_by(given)
 
-    def run(batched: PyTree, blocks: Blocks, configs: tuple = configs) -> MissionResult:
+    def run(batched: PyTree, blocks: Blocks, configs: tuple = configs) -> MissionTrajectory:
         return run_missions(batched, shared, configs, num_saved, blocks)
 
     result = run(batched, local_blocks((batched, shared), runs))
@@ -78,6 +78,6 @@ def simulate_mission_batch(
         if exactly is not None:
             again = functools.partial(run, configs=exactly)
             result = repeated(result, rows, batched, again)
-    trajectory = mission_trajectory_of(result, mission, given, configs, 1)
+    trajectory = with_calls(result, mission, given, configs)
     trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory) if throw else trajectory

@@ -25,7 +25,8 @@ from ..integration.simultaneous import simultaneous_events
 from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
-from .run_result import RunResult, known_crossings, nan_unless, reached, scaled
+from .reached import known_crossings, nan_unless, reached, scaled
+from .trajectory import Trajectory
 
 
 def run_system(
@@ -36,7 +37,7 @@ def run_system(
     config: IntegrationConfig,
     run_axes: int,
     dense: bool = False,
-) -> RunResult:
+) -> Trajectory:
     """One system from `y0` through `ts`, (times,) or (times, *runs), or to its first event.
 
     From the event on, states and times are those of the event. Events that are not terminal are
@@ -46,12 +47,12 @@ def run_system(
     result = _run_of_kind(Integrator(system, config, run_axes), y0, ts, events, dense)
     lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
     status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
-    return reached(result._replace(status=status))
+    return reached(dataclasses.replace(result, status=status))
 
 
 def _run_of_kind(
     integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...], dense: bool
-) -> RunResult:
+) -> Trajectory:
     """The run by the way that its events ask for."""
     system, config, run_axes = integrator
     runs = runs_of(y0, run_axes)
@@ -71,8 +72,11 @@ def _run_of_kind(
         crossings = ()
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((len(events), *runs), bool)
-    left = (result.states, result.status, which, happened, result.stats, result.dense, None)
-    return RunResult(asked, *left, crossings)
+    return Trajectory(
+        *(asked, result.states, result.status, which, happened, result.stats, run_axes),
+        dense=result.dense,
+        crossings=crossings,
+    )
 
 
 def _with_crossings(
@@ -94,7 +98,7 @@ def _with_crossings(
 
 def _to_event(
     integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...], dense: bool
-) -> RunResult:
+) -> Trajectory:
     """A run to the first of its terminal events, through `asked`, (times, *runs)."""
     system, _, run_axes = integrator
     passed = tuple(event for event in events if not event.terminal)
@@ -133,8 +137,10 @@ def _to_event(
     # Numbers among all events, as the caller gave them.
     happened = jnp.zeros((len(events), *which.shape), bool).at[jnp.array(numbers)].set(together)
     event = jnp.where(which >= 0, jnp.array(numbers)[which], -1).astype(jnp.int32)
-    return RunResult(
-        ts, states, status, event, happened, result.stats, result.dense, None, crossings
+    return Trajectory(
+        *(ts, states, status, event, happened, result.stats, run_axes),
+        dense=result.dense,
+        crossings=crossings,
     )
 
 
@@ -156,7 +162,7 @@ class SoughtCondition(eqx.Module):
 @eqx.filter_custom_jvp
 def straight_to_event(
     integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]
-) -> RunResult:
+) -> Trajectory:
     """A run to the first of its events, by one integration that locates it.
 
     Only for a method that `locates_events`. If states are saved on the way, its derivatives are
@@ -175,7 +181,7 @@ def _straight_to_event(
     events: tuple[Event, ...],
     *,
     differentiated: bool = False,
-) -> RunResult:
+) -> Trajectory:
     system, _, run_axes = integrator
     asked = of_each_run(ts, runs_of(y0, run_axes))
     ends_alone = ts.shape[0] == 2
@@ -205,22 +211,22 @@ def _straight_to_event(
         states = with_start(y0, states, run_axes)
     else:
         states = _where_stopped(stopped, found.state, states, run_axes)
-    return RunResult(
+    return Trajectory(
         jnp.where(stopped, found.time, asked),
         states,
         jnp.where(hit, Status.EVENT, status),
         found.which,
         happened,
         result.stats,
-        None,
-        None,
-        (),
+        run_axes,
     )
 
 
 @straight_to_event.def_jvp
-def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
-    def again(integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]) -> RunResult:
+def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory, Trajectory]:
+    def again(
+        integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]
+    ) -> Trajectory:
         if ts.shape[0] == 2:
             return _straight_to_event(integrator, y0, ts, events, differentiated=True)
         asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
@@ -231,7 +237,7 @@ def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, 
 
 def _with_restarts(
     integrator: Integrator, y0: State, asked: Array, events: tuple[Event, ...]
-) -> RunResult:
+) -> Trajectory:
     """A run that goes on from the jumps of its events, through `asked`, (times, *runs)."""
     run_axes = integrator.run_axes
     result = restarts_between(integrator, y0, asked[0], asked[-1], events)
@@ -247,7 +253,8 @@ def _with_restarts(
     status = jnp.where(hit, Status.EVENT, status)
     event = result.stopped_by.astype(jnp.int32)
     crossings = collected(result, events, run_axes)
-    return RunResult(ts, states, status, event, result.happened, stats, None, None, crossings)
+    happened = result.happened
+    return Trajectory(*(ts, states, status, event, happened, stats, run_axes), crossings=crossings)
 
 
 def _where_stopped(stopped: Array, y: State, states: State, run_axes: int) -> State:

@@ -20,7 +20,6 @@ from ._runs import run_system
 from ._warnings import warn_of_switches
 from .checks import as_events, check_dense, check_events, check_structure, check_times, check_values
 from .finish import finish, warn_after
-from .run_result import RunResult
 from .trajectory import Trajectory
 
 
@@ -86,7 +85,7 @@ def simulate(
 
     config = config_by(with_exact_part(given, system, y0, ts))
 
-    def run(config: IntegrationConfig, dense: bool) -> RunResult:
+    def run(config: IntegrationConfig, dense: bool) -> Trajectory:
         return _run_system(system, y0, ts, events, config, 0, dense)
 
     trajectory = finish(run, system, config, given, config_by, dense, throw)

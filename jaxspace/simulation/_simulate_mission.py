@@ -12,7 +12,7 @@ from ..integration.status import Status
 from ._mission import Mission, check_mission
 from .checks import as_times, check_num_saved
 from .failures import mission_reached, place_of_failure
-from .finish import mission_trajectory_of, raise_failures, warn_after, with_exact_parts
+from .finish import raise_failures, warn_after, with_calls, with_exact_parts
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .phases import resolve_phases
@@ -70,7 +70,7 @@ def simulate_mission(
     # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
-    trajectory = mission_trajectory_of(result, mission, given, configs, 0)
+    trajectory = with_calls(result, mission, given, configs)
     trajectory = warn_after(trajectory, stacklevel=2)
     return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
 

@@ -13,7 +13,6 @@ from jaxtyping import Array, ArrayLike, Int, PyTree
 from ..core import State
 from ..core.checks import is_concrete
 from ..core.text import aligned, html_table
-from ..integration.config import IntegrationConfig
 from ..integration.layout import state_at
 from ..integration.status import Status
 from ._dataset import blocks_of
@@ -58,21 +57,19 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
 
     `facts`: more of them, before how it ended."""
     title = f"{'Trajectory' if run.control is None else 'Closed loop'} of "
-    title += type(run.system).__name__
+    title += _system(run)
     sampled = _sampled(run)
     if not _has_numbers(run):
         tables = [_state_table(run.states)]
         tables += [_state_table(x, what="sample") for x in sampled]
         return Summary(f"{title} (traced)", [], tables)
     first, last = _range(run.ts[0]), _range(run.ts[-1])
-    steps, evaluations = _counts(run)
+    work = "{} steps, {} evaluations".format(*_counts(run))
+    if run.call is not None:
+        work = f"{_method(run)}, rtol {float(np.max(run.config.rtol)):.0e}; {work}"
     lines: list[Row] = [
         ("times", f"{first} s to {last} s, {run.ts.shape[0]} saved"),
-        (
-            "method",
-            f"{_method(run.config)}, rtol {float(np.max(run.config.rtol)):.0e}; {steps} steps, "
-            f"{evaluations} evaluations",
-        ),
+        ("method", work),
         *facts,
         *_ended(run.status),
     ]
@@ -101,14 +98,12 @@ def summary_of_mission(result: Phases) -> Summary:
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
     if not _has_numbers(result):
         phases: list[Row] = [("phase", "system")]
-        phases += [(name, type(phase.system).__name__) for name, phase in result.items()]
+        phases += [(name, _system(phase)) for name, phase in result.items()]
         return Summary(f"{title} (traced)", [], [phases, _state_table(result.final)])
     rows: list[Row] = [("phase", "system", "from [s]", "to [s]", "method", "steps", "ended")]
     for name, phase in result.items():
-        cells = (_range(phase.ts[0]), _range(phase.ts[-1]), _method(phase.config))
-        rows.append(
-            (name, type(phase.system).__name__, *cells, _counts(phase)[0], _statuses(phase.status))
-        )
+        cells = (_range(phase.ts[0]), _range(phase.ts[-1]), _method(phase))
+        rows.append((name, _system(phase), *cells, _counts(phase)[0], _statuses(phase.status)))
     work = _range(result.evaluations)
     facts = [
         ("times", f"{_range(result.phases[0].ts[0])} s to {_range(result.end)} s"),
@@ -135,7 +130,15 @@ def _of_runs(status: Int[Array, "*runs"]) -> str:
     return f", {status.size} run{'' if status.size == 1 else 's'}"
 
 
-def _method(config: IntegrationConfig) -> str:
+def _system(run: Run) -> str:
+    """The name of the system of a run; the phases of `Campaign.outputs` hold none."""
+    return "a phase" if run.call is None else type(run.system).__name__
+
+
+def _method(run: Run) -> str:
+    if run.call is None:
+        return "-"
+    config = run.config
     how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
     return f"{how} beside a closed form" if config.decoupled else how
 

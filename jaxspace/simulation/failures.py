@@ -20,8 +20,8 @@ from jaxtyping import Array, Int, PyTree
 
 from ..integration.result import DenseOutput
 from ..integration.status import SimulationError, Status
-from .mission_result import MissionResult
-from .run_result import nan_unless, reached, scaled
+from .mission_result import MissionTrajectory
+from .reached import nan_unless, reached, scaled
 
 T = TypeVar("T")
 
@@ -34,14 +34,14 @@ def nan_where_failed(tree: T, status: Array) -> T:
     return scaled(tree, nan_unless(status <= Status.EVENT))
 
 
-def mission_reached(result: MissionResult) -> MissionResult:
+def mission_reached(result: MissionTrajectory) -> MissionTrajectory:
     """The result of a mission with NaN for what a failed run did not reach within the tolerance: in
     each phase (`reached`), and in the final state and the end of a mission or branch that
     failed."""
     # By its own phases, because a branch may succeed where another one fails.
     main = result.without_branches()
     final, end = nan_where_failed((main.final, main.end), main.status)
-    phases = [reached(phase) for phase in result.phases]
+    phases = tuple(reached(phase) for phase in result.phases)
     branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
     return dataclasses.replace(result, phases=phases, final=final, end=end, branches=branches)
 
@@ -50,7 +50,7 @@ def loud(result: T) -> T:
     """The result of a traced simulation whose arrays all raise an error if a run failed.
 
     Values and derivatives raise, so that it does not matter which of them the caller returns. The
-    arguments of the run (`system`, `accuracy`) stay as they are."""
+    arguments of the run (`call`) stay as they are."""
     status: Array = result.status  # pyright: ignore[reportAttributeAccessIssue]
     failed = status > Status.EVENT
     worst = jnp.max(jnp.where(failed, status, Status.COMPLETED))
@@ -137,7 +137,7 @@ def _numbers_of(y: PyTree) -> str:
 def _numbers(result: Any) -> dict[str, Any]:
     """The arrays of a trajectory that the run has computed: neither the arguments of its call, nor
     what its controller holds, which may be no numbers."""
-    left = ("system", "accuracy", "config", "control")
+    left = ("call", "control")
     fields = [f for f in dataclasses.fields(result) if not f.metadata.get("static", False)]
     numbers = {f.name: getattr(result, f.name) for f in fields if f.name not in left}
     if "phases" in numbers:

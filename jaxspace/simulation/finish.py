@@ -20,48 +20,29 @@ from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
 from .failures import enough_steps, loud, place_of_failure
 from .legs import legs_of
-from .mission_result import MissionResult, MissionTrajectory
-from .run_result import RunResult
-from .trajectory import Trajectory
+from .mission_result import MissionTrajectory
+from .trajectory import RunCall, Trajectory
 
 Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 
 
-def trajectory_of(
-    result: RunResult,
-    system: AbstractSystem,
-    accuracy: Accuracy,
-    config: IntegrationConfig,
-    run_axes: int,
-) -> Trajectory:
-    """A `Trajectory` from the result of a run."""
-    ts, states, status, event, happened, stats, dense, _, crossings, control = result
-    return Trajectory(
-        *(ts, states, status, event, happened, stats, system, accuracy, config, dense),
-        *(run_axes, crossings, control),
-    )
-
-
-def mission_trajectory_of(
-    result: MissionResult,
+def with_calls(
+    result: MissionTrajectory,
     mission: Mission,
     accuracy: Accuracy,
     configs: tuple[IntegrationConfig, ...],
-    run_axes: int,
 ) -> MissionTrajectory:
-    """A `MissionTrajectory` from the results of the phases."""
-    phases = []
+    """The result with what was run in each phase."""
     legs, _ = legs_of(mission)
-    for run, leg, config in zip(result.phases, legs, configs, strict=True):
-        phases.append(trajectory_of(run, leg.phase.moving, accuracy, config, run_axes))
-    return MissionTrajectory(
-        *(tuple(phases), result.names, result.final, result.end, result.status),
-        *(result.branches, result.branch_names),
-    )
+    phases = [
+        dataclasses.replace(run, call=RunCall(leg.phase.moving, accuracy, config))
+        for run, leg, config in zip(result.phases, legs, configs, strict=True)
+    ]
+    return dataclasses.replace(result, phases=tuple(phases))
 
 
 def finish(
-    run: Callable[..., RunResult],
+    run: Callable[..., Trajectory],
     system: AbstractSystem,
     config: IntegrationConfig,
     accuracy: Accuracy,
@@ -90,7 +71,7 @@ def finish(
         if np.any(error):
             config = config.with_more_steps(float(np.max(error)))
             result = run(config=config, dense=dense)
-    trajectory = trajectory_of(result, system, accuracy, config, 0)
+    trajectory = dataclasses.replace(result, call=RunCall(system, accuracy, config))
     if not throw:
         return trajectory
 
@@ -107,7 +88,7 @@ def finish(
     return raise_failures(trajectory, where)
 
 
-def _steps_of(run: Callable[..., RunResult], config: IntegrationConfig) -> DenseOutput | None:
+def _steps_of(run: Callable[..., Trajectory], config: IntegrationConfig) -> DenseOutput | None:
     """The steps of a run; `None` for a closed form, and where there is no memory for them."""
     if config.method == "closed_form":
         return None
@@ -189,7 +170,7 @@ def with_doubts(result: Result, doubtful: Array) -> Result:
     return dataclasses.replace(result, status=status)
 
 
-def error_of_too_few_steps(result: Trajectory | RunResult, config: IntegrationConfig) -> np.ndarray:
+def error_of_too_few_steps(result: Trajectory, config: IntegrationConfig) -> np.ndarray:
     """The largest local error of each run that missed the tolerance by too few fixed steps.
 
     In units of the tolerance; zero for all other runs."""

@@ -2,7 +2,7 @@
 
 import dataclasses
 import functools
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING, Any, NamedTuple, final
 
 import equinox as eqx
@@ -15,7 +15,6 @@ from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status, combine_status
 from ._summary import summary_of_mission
-from .run_result import RunResult
 from .trajectory import Trajectory
 
 if TYPE_CHECKING:
@@ -36,23 +35,27 @@ class BranchEnd(NamedTuple):
     status: Int[Array, "*runs"]
 
 
-class AbstractMissionResult(eqx.Module):
-    """Results of the phases of a mission. It is indexed as a list, by names, and as a tree of
-    branches: `result["booster"]` is a branch, `result["booster"]["fall"]` and
-    `result["booster.fall"]` are a phase of it.
+@final
+class MissionTrajectory(eqx.Module):
+    """Trajectories of the phases of a mission, each up to its end before the jump.
 
-    - `phases`, `names`: the result of each phase, those of the branches last, and their names.
-    - `final`, `end`: state after the last jump of the mission itself, and its time, s.
-    - `status`: first failure of each run, branches included, or else the status of the last phase.
+    It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by
+    their names, `result["ascent"]` and `for name, phase in result.items()`. The phases of branches
+    follow those of the mission itself. A branch, `result["booster"]`, is a `MissionTrajectory`,
+    too; `result["booster.fall"]` is a phase of it.
+
+    - `phases`, `names`: a `Trajectory` for each phase, and their names.
+    - `final`, `end`: state after the last jump of each run, and its time, s.
+    - `status`: first failure of each run, branches included, or else the status of its last phase.
     - `branches`, `branch_names`: where each branch ends, and their names."""
 
-    phases: eqx.AbstractVar[Sequence[Any]]
-    names: eqx.AbstractVar[tuple[str, ...]]
-    final: eqx.AbstractVar[State]
-    end: eqx.AbstractVar[Array]
-    status: eqx.AbstractVar[Array]
-    branches: eqx.AbstractVar[tuple[BranchEnd, ...]]
-    branch_names: eqx.AbstractVar[tuple[str, ...]]
+    phases: tuple[Trajectory, ...]
+    names: tuple[str, ...] = eqx.field(static=True)
+    final: State
+    end: Float[Array, "*runs"]
+    status: Int[Array, "*runs"]
+    branches: tuple[BranchEnd, ...] = ()
+    branch_names: tuple[str, ...] = eqx.field(static=True, default=())
 
     def __getitem__(self, phase: int | str) -> Any:
         """The result of a phase, by its number or its name, or a branch by its name. Raises
@@ -77,14 +80,14 @@ class AbstractMissionResult(eqx.Module):
     def __len__(self) -> int:
         return len(self.phases)
 
-    def __iter__(self) -> Iterator[Any]:
+    def __iter__(self) -> Iterator[Trajectory]:
         return iter(self.phases)
 
-    def items(self) -> Iterator[tuple[str, Any]]:
+    def items(self) -> Iterator[tuple[str, Trajectory]]:
         """Name and result of each phase, in order."""
         return zip(self.names, self.phases, strict=True)
 
-    def without_branches(self) -> Any:
+    def without_branches(self) -> "MissionTrajectory":
         """The mission without its branches, with the first failure of its phases."""
         if not self.branch_names:
             return self
@@ -93,7 +96,7 @@ class AbstractMissionResult(eqx.Module):
         status = functools.reduce(combine_status, [run.status for run in phases.values()])
         return self._with_phases(phases, status=status, branches=(), branch_names=())
 
-    def _branch(self, name: str) -> Any:
+    def _branch(self, name: str) -> "MissionTrajectory":
         """The branch of this name, with its own branches."""
         head = f"{name}."
         phases = {k[len(head) :]: phase for k, phase in self.items() if k.startswith(head)}
@@ -109,48 +112,10 @@ class AbstractMissionResult(eqx.Module):
             branch_names=tuple(inner),
         )
 
-    def _with_phases(self, phases: dict[str, Any], **fields: Any) -> Any:
-        # A list of results, or a tuple of trajectories.
-        same_kind = (tuple if isinstance(self.phases, tuple) else list)(phases.values())
-        return dataclasses.replace(self, phases=same_kind, names=tuple(phases), **fields)
-
-
-@final
-@printed(end="s", status=Status)
-class MissionResult(AbstractMissionResult):
-    """Result of a mission for the outputs of a campaign, whose `phases` go up to and including
-    their ends before the jump."""
-
-    phases: list[RunResult]
-    names: tuple[str, ...] = eqx.field(static=True)
-    final: State
-    end: Float[Array, "*runs"]
-    status: Int[Array, "*runs"]
-    branches: tuple[BranchEnd, ...] = ()
-    branch_names: tuple[str, ...] = eqx.field(static=True, default=())
-
-
-@final
-class MissionTrajectory(AbstractMissionResult):
-    """Trajectories of the phases of a mission, each up to its end before the jump.
-
-    It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by
-    their names, `result["ascent"]` and `for name, phase in result.items()`. The phases of branches
-    follow those of the mission itself. A branch, `result["booster"]`, is a `MissionTrajectory`,
-    too; `result["booster.fall"]` is a phase of it.
-
-    - `phases`, `names`: a `Trajectory` for each phase, and their names.
-    - `final`, `end`: state after the last jump of each run, and its time, s.
-    - `status`: first failure of each run, branches included, or else the status of its last phase.
-    - `branches`, `branch_names`: where each branch ends, and their names."""
-
-    phases: tuple[Trajectory, ...]
-    names: tuple[str, ...] = eqx.field(static=True)
-    final: State
-    end: Float[Array, "*runs"]
-    status: Int[Array, "*runs"]
-    branches: tuple[BranchEnd, ...] = ()
-    branch_names: tuple[str, ...] = eqx.field(static=True, default=())
+    def _with_phases(self, phases: dict[str, Trajectory], **fields: Any) -> "MissionTrajectory":
+        return dataclasses.replace(
+            self, phases=tuple(phases.values()), names=tuple(phases), **fields
+        )
 
     @property
     def initial(self) -> State:
@@ -197,3 +162,13 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
         return combine_status(status, combine_status(branch.status, status))
 
     return functools.reduce(with_branch, branches, main)
+
+
+def numbers_of(run: Trajectory | MissionTrajectory) -> MissionTrajectory:
+    """Times, states, status and counts of a run, without what was run, its steps and its
+    controller: a compiled program can return them. A run of a system is a mission of one phase."""
+    if isinstance(run, Trajectory):
+        run = MissionTrajectory((run,), ("run",), run.final, run.ts[-1], run.status)
+    left = {"call": None, "control": None, "dense": None}
+    phases = tuple(dataclasses.replace(phase, **left) for phase in run.phases)
+    return dataclasses.replace(run, phases=phases)

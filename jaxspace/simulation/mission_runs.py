@@ -15,16 +15,16 @@ from ._alike_phases import alike_groups, run_alike
 from ._integrator import Integrator
 from ._mission import Mission
 from .legs import legs_of
-from .mission_result import BranchEnd, MissionResult, status_of_all
+from .mission_result import BranchEnd, MissionTrajectory, status_of_all
 from .phase_runs import SaveTimes, run_to_end
-from .run_result import RunResult
 from .runnable import AbstractRunnable
+from .trajectory import Trajectory
 
 
 # Compiled, because outside of `jit` each operation would be called separately.
 @eqx.filter_jit
 def _left_by(
-    then: Callable[[Scalar, State], State] | None, run: RunResult, run_axes: int
+    then: Callable[[Scalar, State], State] | None, run: Trajectory, run_axes: int
 ) -> tuple[Scalar, State]:
     """Time and state after the jump at the end of a phase."""
     # One time for each run, because an event ends the phase of every run at another time.
@@ -43,7 +43,7 @@ def _run_phase(
     num_saved: SaveTimes,
     plan: Array | None,
     record_steps: bool,
-) -> tuple[RunResult, Scalar, State]:
+) -> tuple[Trajectory, Scalar, State]:
     """A phase without its name, so that equal phases are compiled once; and the time and the state
     after its jump."""
     run = run_to_end(integrator, until, y0, t0, num_saved, plan, record_steps)
@@ -62,7 +62,7 @@ def run_mission(
     record_steps: bool | Sequence[bool] = False,
     *,
     rolled: bool = False,
-) -> MissionResult:
+) -> MissionTrajectory:
     """All phases of a mission, and of its branches, in the order of `legs_of`.
 
     **Arguments**
@@ -77,8 +77,8 @@ def run_mission(
       which compiles sooner and takes other steps."""
     legs, branch_names = legs_of(mission)
     groups = alike_groups(legs, num_saved, configs, plans) if rolled else {}
-    alike: dict[int, RunResult] = {}
-    results: list[RunResult] = []
+    alike: dict[int, Trajectory] = {}
+    results: list[Trajectory] = []
     # Of each phase: time and state after its jump, and the status up to there.
     ends: list[BranchEnd] = []
     # Not a scan, because each phase has another system, and may have another kind of state.
@@ -119,8 +119,8 @@ def run_mission(
     # The last phase of each line: that of the mission itself, then those of its branches.
     last = {leg.line: end for leg, end in zip(legs, ends, strict=True)}
     own, *branches = (last[line] for line in range(len(last)))
-    return MissionResult(
-        results,
+    return MissionTrajectory(
+        tuple(results),
         tuple(leg.name for leg in legs),
         own.final,
         own.end,

@@ -1,6 +1,7 @@
 """Runs of one phase of a mission, to its end after a duration, or at an event that each run meets
 at its own time."""
 
+import dataclasses
 from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
@@ -21,8 +22,8 @@ from ._integrator import Integrator
 from ._mission import Phase
 from ._runs import SoughtCondition, straight_to_event
 from .checks import check_events
-from .run_result import RunResult
 from .runnable import AbstractRunnable
+from .trajectory import Trajectory
 
 
 class OwnTimes(NamedTuple):
@@ -69,7 +70,7 @@ def run_to_end(
     num_saved: SaveTimes,
     plan: Array | None,
     record_steps: bool,
-) -> RunResult:
+) -> Trajectory:
     """A phase up to its end, before its jump.
 
     **Arguments**
@@ -89,7 +90,7 @@ def run_to_end(
         duration = jnp.broadcast_to(jnp.asarray(until, dtype), runs)
         lost = time_unresolved(t0, duration, rounded=False)
         status = jnp.where(lost, Status.TIME_UNRESOLVED, run.status).astype(jnp.int32)
-        return run._replace(status=status)
+        return dataclasses.replace(run, status=status)
     check_events((until,), system, y0, t0, run_axes, "Phase.until")
     (until,) = closures_of_events((until,), t0, y0)
     beyond = until.beyond(t0, y0)
@@ -99,12 +100,13 @@ def run_to_end(
     return ended_at_start(run, beyond)
 
 
-def ended_at_start(run: RunResult, beyond: Array | None) -> RunResult:
+def ended_at_start(run: Trajectory, beyond: Array | None) -> Trajectory:
     """The run of a phase with the event of those that were `beyond` its zero when it started."""
     if beyond is None:
         return run
     missed = beyond & (run.status == Status.EVENT_MISSED)
-    return run._replace(
+    return dataclasses.replace(
+        run,
         status=jnp.where(missed, Status.EVENT, run.status),
         event=jnp.where(missed, 0, run.event),
         happened=run.happened | missed,
@@ -119,7 +121,7 @@ def _run_to_event(
     num_saved: SaveTimes,
     plan: Array | None,
     record_steps: bool,
-) -> RunResult:
+) -> Trajectory:
     """`run_to_end` for an event within a `span`, s."""
     system, config, run_axes = integrator
     t0, t1 = span
@@ -128,7 +130,8 @@ def _run_to_event(
             times = jnp.stack([t0, t1])
             run = straight_to_event(integrator, y0, times, (until,))
             missed = run.status == Status.COMPLETED
-            return run._replace(status=jnp.where(missed, Status.EVENT_MISSED, run.status))
+            status = jnp.where(missed, Status.EVENT_MISSED, run.status)
+            return dataclasses.replace(run, status=status)
         # A batch would hold all of its states twice.
         if isinstance(num_saved, int) and not run_axes:
             return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
@@ -138,7 +141,7 @@ def _run_to_event(
 
 def _saved(
     integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, num_saved: SaveTimes, **steps: Any
-) -> RunResult:
+) -> Trajectory:
     """A phase from `t0` to `t1`, with its saved states; `steps` are arguments of `integrate`."""
     run_axes = integrator.run_axes
     if isinstance(num_saved, int):
@@ -151,14 +154,14 @@ def _saved(
     # Start and end alone need no save times within a step, which would cost evaluations.
     result = integrator.run(y0, t0, t1, None if ends_alone else fractions, **steps)
     # Only runs of a system store their steps: `dense` is no argument of a mission.
-    return RunResult(
+    return Trajectory(
         ts=t0 + of_each(fractions, t1 - t0),
         states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
         status=result.status,
         event=-jnp.ones(runs_of(y0, run_axes), jnp.int32),
         happened=jnp.zeros((0, *runs_of(y0, run_axes)), bool),
         stats=result.stats,
-        dense=None,
+        run_axes=run_axes,
         step_ends=result.step_ends,
     )
 
@@ -171,7 +174,7 @@ def _search_and_run(
     event: Event,
     num_saved: SaveTimes,
     **steps: Any,
-) -> RunResult:
+) -> Trajectory:
     """A phase up to an event, whose search is one integration, and whose states are another."""
     system, _, run_axes = integrator
     found = integrator.first_event(y0, t0, t1, (event,))
@@ -185,7 +188,7 @@ def _search_and_run(
 @eqx.filter_custom_jvp
 def _sampled_to_event(
     integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, event: Event, num_saved: int
-) -> RunResult:
+) -> Trajectory:
     """`_search_and_run` of one run by half of the program: a loop over two integrations, of which
     the first one locates the event, and the other one saves the states up to it.
 
@@ -202,33 +205,33 @@ def _sampled_to_event(
     _, both = jax.lax.scan(once, t1, jnp.array([True, False]))
     found = jax.tree.map(lambda x: x[0], both.found)
     result = jax.tree.map(lambda x: x[1], both)
-    phase = RunResult(
+    phase = Trajectory(
         ts=t0 + fractions * (found.time - t0),
         states=replace_state(result.states, 0, y0, 0),
         status=result.status,
         event=found.which,
         happened=jnp.zeros((0,), bool),
         stats=result.stats,
-        dense=None,
-        step_ends=None,
+        run_axes=0,
     )
     return _ended_by(found, phase, found.time, found.met(state_at(phase.states, -1, 0)), 0)
 
 
 @_sampled_to_event.def_jvp
-def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[RunResult, RunResult]:
+def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory, Trajectory]:
     return eqx.filter_jvp(_search_and_run, primals, tangents)
 
 
 def _ended_by(
-    found: FoundEvents, phase: RunResult, time: Scalar, state: State, run_axes: int
-) -> RunResult:
+    found: FoundEvents, phase: Trajectory, time: Scalar, state: State, run_axes: int
+) -> Trajectory:
     """The phase with its end at the `time` and the `state` of the event, and with the status of
     the search."""
     hit = found.which >= 0
     ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
     status = combine_status(phase.status, found.status)
-    return phase._replace(
+    return dataclasses.replace(
+        phase,
         ts=phase.ts.at[-1].set(time),
         states=replace_state(phase.states, -1, state, run_axes),
         status=jnp.where(status == Status.COMPLETED, ended, status),

@@ -10,7 +10,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
-from .run_result import RunResult
+from .trajectory import Trajectory
 
 
 class AbstractRunnable(eqx.Module):
@@ -40,7 +40,7 @@ class AbstractRunnable(eqx.Module):
         num_saved: int,
         config: IntegrationConfig,
         run_axes: int,
-    ) -> RunResult:
+    ) -> Trajectory:
         """The run from the state `y0` at the time `t0`, s, with `num_saved` states.
 
         `until` is the end, as of a `Phase`."""

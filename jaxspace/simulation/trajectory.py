@@ -1,7 +1,7 @@
 """Result of a run: times, states, status, cost and error estimate."""
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar, final
+from typing import TYPE_CHECKING, NamedTuple, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -32,6 +32,15 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 
+class RunCall(NamedTuple):
+    """What was run: the system and the accuracy, as the caller gave them, and the method and the
+    tolerances that follow from the accuracy."""
+
+    system: AbstractSystem
+    accuracy: Accuracy
+    config: IntegrationConfig
+
+
 @final
 class Trajectory(eqx.Module):
     """Result of a run or of a batch of runs. Axes are components, then times, then runs.
@@ -46,14 +55,15 @@ class Trajectory(eqx.Module):
       zero at once.
     - `stats`: steps, evaluations of the vector field, largest local error in units of the
       tolerance.
-    - `system`, `accuracy`: the arguments of the call.
-    - `config`: the method and the tolerances, resolved from `accuracy`.
     - `dense`: the steps of the run, if `dense=True`; they do not hold the exact part of the motion
       (`AbstractSystem.decoupled`).
     - `crossings`: every zero of each event that is not terminal, as `Crossings`; in a failed run,
       those before the failure.
     - `control`: in a phase that is a closed loop, its `commands` and `readings`, with the shapes of
-      the states, and the `memory` of the controller at the end; otherwise `None`."""
+      the states, and the `memory` of the controller at the end; otherwise `None`.
+    - `step_ends`: the ends of the steps, in normalised time, where they were recorded as a plan.
+    - `call`: what was run; `None` within `Campaign.outputs`, whose functions have the numbers
+      alone."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -61,13 +71,36 @@ class Trajectory(eqx.Module):
     event: Int[Array, "*runs"]
     happened: Bool[Array, "events *#runs"]
     stats: dict[str, Array]
-    system: AbstractSystem
-    accuracy: Accuracy
-    config: IntegrationConfig
-    dense: DenseOutput | None
     run_axes: int = eqx.field(static=True)
+    dense: DenseOutput | None = None
     crossings: tuple[Crossings, ...] = ()
     control: dict[str, PyTree] | None = None
+    step_ends: Float[Array, " steps"] | None = None
+    call: RunCall | None = None
+
+    @property
+    def system(self) -> AbstractSystem:
+        """The system, as the caller gave it. Raises `InputError` within `Campaign.outputs`."""
+        return self._known_call.system
+
+    @property
+    def accuracy(self) -> Accuracy:
+        """The accuracy, as the caller gave it. Raises as `system` does."""
+        return self._known_call.accuracy
+
+    @property
+    def config(self) -> IntegrationConfig:
+        """The method and the tolerances, resolved from the accuracy. Raises as `system` does."""
+        return self._known_call.config
+
+    @property
+    def _known_call(self) -> RunCall:
+        if self.call is None:
+            raise InputError(
+                "A phase within Campaign.outputs has times, states and status, and no system: it "
+                "must be replayed for that, campaign.replay(number, seed)."
+            )
+        return self.call
 
     @property
     def final(self) -> State:
@@ -103,13 +136,14 @@ class Trajectory(eqx.Module):
         runs = self.status.shape[-1]
         if not -runs <= i < runs:
             raise InputError(f"The batch has {runs} runs: there is no number {i}.")
-        system = run_of(self.system, i)
         # All runs may share one count.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
-        own = {**parts, "stats": stats, "system": system, "run_axes": 0}
-        return Trajectory(**own, accuracy=self.accuracy, config=self.config)
+        call = self.call
+        if call is not None:
+            call = call._replace(system=run_of(call.system, i))
+        return Trajectory(**parts, stats=stats, run_axes=0, call=call)
 
     def at(self, t: Scalar) -> State:
         """The state at the time `t`, s, between the save times, as accurate as the steps.

@@ -9,7 +9,8 @@ from jaxtyping import Array, PyTree
 
 from ..core import Scalar, State
 from ..integration.accuracy import Accuracy
-from ._runs import Program, RunOutcome, in_precision, run_once
+from ..simulation import MissionTrajectory
+from ._runs import Program, in_precision, run_once
 from ._scene_effects import Runnable
 from .cost_table import MAX_STEPS, Method
 
@@ -35,11 +36,13 @@ class Case(NamedTuple):
         """System, initial state and times, with these arrays."""
         return eqx.combine(arrays, self.static)
 
-    def run(self, method: Method, room: int = 1) -> Callable[[PyTree[Array], Scalar], RunOutcome]:
+    def run(
+        self, method: Method, room: int = 1
+    ) -> Callable[[PyTree[Array], Scalar], MissionTrajectory]:
         """The run as a function of its arrays and the tolerance, with `room` times the steps of a
         run."""
 
-        def run(arrays: PyTree[Array], rtol: Scalar) -> RunOutcome:
+        def run(arrays: PyTree[Array], rtol: Scalar) -> MissionTrajectory:
             accuracy = accuracy_of(method, rtol, room * self.max_steps)
             return run_once(*self.restored(arrays), accuracy)
 

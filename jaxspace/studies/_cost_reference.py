@@ -14,10 +14,10 @@ from ..core import Scalar, State
 from ..integration.accuracy import least_tolerance
 from ..integration.methods import HIGH_ORDER, STIFF
 from ..integration.status import Status
-from ..simulation import Mission
+from ..simulation import Mission, MissionTrajectory
 from ..solvers.protocol import solver_traits
 from ._cost_case import Case, Programs
-from ._runs import Program, RunOutcome, aot_compile, blocks, distance
+from ._runs import Program, aot_compile, blocks, distance
 from ._scene_effects import Runnable
 from .cost_table import CLOSED_FORM, Method, method_name
 
@@ -59,7 +59,7 @@ class _GoodRun(NamedTuple):
     name: str
     rtol: float
     room: int
-    outcome: RunOutcome
+    outcome: MissionTrajectory
     program: Program
 
 

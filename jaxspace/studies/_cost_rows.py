@@ -10,10 +10,11 @@ from jaxtyping import Array, Float
 
 from ..core import State
 from ..integration.status import Status
+from ..simulation import Trajectory
 from ..simulation.trajectory import relative_change
 from ._cost_case import Case, Programs
 from ._cost_reference import Reference
-from ._runs import aot_compile, blocks, distance, systems_of, timed
+from ._runs import aot_compile, blocks, counts_of, distance, systems_of, timed
 from ._scene_effects import Runnable
 from .cost_table import FIXED_STEP_RTOL, Cost, Method
 
@@ -56,8 +57,8 @@ def cost_rows(
             error=_error(run.final, reference),
             seconds=seconds,
             compile_seconds=programs.run.seconds,
-            evaluations=sum(int(n) for n in run.evaluations),
-            steps=sum(int(n) for n in run.steps),
+            evaluations=sum(counts_of(run, "evaluations")),
+            steps=sum(counts_of(run, "steps")),
             memory=programs.run.memory,
             drift={key: float(value) for key, value in drift.items()},
             failure="" if status.good else status.sentence,
@@ -89,13 +90,12 @@ def _programs(
     return known
 
 
-def _drifts(
-    system: Runnable, phases: tuple[tuple[Float[Array, " times"], State], ...]
-) -> dict[str, Float[Array, ""]]:
+def _drifts(system: Runnable, phases: tuple[Trajectory, ...]) -> dict[str, Float[Array, ""]]:
     """The largest relative change of every invariant, over all phases of a mission."""
     largest: dict[str, Array] = {}
-    for phase, (ts, states) in zip(systems_of(system), phases, strict=True):
-        invariants = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)(ts, states)
+    for phase, run in zip(systems_of(system), phases, strict=True):
+        of_times = jax.vmap(phase.invariants, in_axes=(0, -1), out_axes=-1)
+        invariants = of_times(run.ts, run.states)
         for name, values in invariants.items():
             change = jnp.max(relative_change(values, 0))
             largest[name] = jnp.maximum(change, largest[name]) if name in largest else change

@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status
-from ._runs import OutputOfRun, aot_compile, run_once, timed
+from ._runs import OutputOfRun, aot_compile, run_once, timed, value_of
 from ._scaled_runs import ScaledRuns
 from ._scene_effects import Runnable, remove_effects
 from .budget_table import EffectBudget
@@ -84,7 +84,7 @@ def timed_run(
     def run(arrays: PyTree[Array], rtol: Array) -> tuple[Array, Array]:
         system, y0, ts = eqx.combine(arrays, static)
         outcome = run_once(system, y0, ts, dataclasses.replace(accuracy, rtol=rtol))
-        return outcome.value(output), outcome.status
+        return value_of(outcome, output), outcome.status
 
     rtol = jnp.asarray(accuracy.rtol)
     program = aot_compile(run, arrays, rtol)

@@ -1,10 +1,9 @@
 """The rows of a table of effects: what leaving out each of them changes, and what it saves."""
 
-import jax
 import numpy as np
 
 from ..scene import budget
-from ._runs import in_precision
+from ._runs import counts_of, in_precision
 from ._scaled_runs import ScaledOutcome, ScaledRuns
 from ._scene_effects import Runnable, effect_names, scenes
 from .budget_table import Influence
@@ -55,12 +54,13 @@ def shares_of(system: Runnable, nominal: ScaledOutcome) -> dict[str, float]:
     times evaluations."""
     saved: dict[str, float] = {}
     total = 0.0
+    evaluations = counts_of(nominal.run, "evaluations")
     for k, _, scene in scenes(system):
         # Counted in double precision, in which most users run.
-        ts, states = in_precision(nominal.phases[k], "float64")
-        y = jax.tree.map(lambda x: x[..., 0], states)
-        rows = budget(in_precision(scene, "float64"), ts[0], y)
-        count = int(nominal.evaluations[k])
+        phase = nominal.run.phases[k]
+        start = in_precision((phase.ts[0], phase.initial), "float64")
+        rows = budget(in_precision(scene, "float64"), *start)
+        count = evaluations[k]
         for name, row in zip(effect_names(scene), rows[:-1], strict=True):
             saved[name] = saved.get(name, 0.0) + count * row.operations
         total += count * sum(row.operations for row in rows)

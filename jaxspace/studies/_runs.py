@@ -8,7 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike, Float, Int, PyTree
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
@@ -17,6 +17,7 @@ from ..simulation import Mission, MissionTrajectory
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
 from ..simulation.legs import legs_of
+from ..simulation.mission_result import numbers_of
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0
@@ -26,31 +27,12 @@ OutputOfRun: TypeAlias = Callable[[Scalar, State], Array]
 """An output of the time at which a run ends, and of its final state."""
 
 
-class RunOutcome(NamedTuple):
-    """Result of a run for a study: arrays only, so that a compiled program can return it.
-
-    - `final`: the final state.
-    - `phases`: save times and states of every phase; a system is one phase.
-    - `status`: a `Status`.
-    - `evaluations`, `steps`: of every phase: evaluations of the vector field, accepted steps."""
-
-    final: State
-    phases: tuple[tuple[Float[Array, " times"], State], ...]
-    status: Int[Array, ""]
-    evaluations: tuple[Int[Array, ""], ...]
-    steps: tuple[Int[Array, ""], ...]
-
-    def value(self, output: OutputOfRun) -> Array:
-        """An output of the end of the run."""
-        return output(self.phases[-1][0][-1], self.final)
-
-
 def run_once(
     system: AbstractSystem | Mission,
     y0: State,
     ts: Float[Array, " times"] | Float[Array, ""],
     accuracy: Accuracy,
-) -> RunOutcome:
+) -> MissionTrajectory:
     """A run of a system or a mission.
 
     **Arguments**
@@ -59,16 +41,20 @@ def run_once(
     - `ts`: the save times of a system, or the time at which a mission starts, s.
     - `accuracy`: tolerance and method.
 
-    **Returns** its outcome. A failed run has the status for it, and raises no error."""
-    run = run_either(system, y0, ts, accuracy=accuracy, throw=False)
-    phases = run.phases if isinstance(run, MissionTrajectory) else (run,)
+    **Returns** its numbers, which a compiled program can return. A failed run has the status for
+    it, and raises no error."""
+    return numbers_of(run_either(system, y0, ts, accuracy=accuracy, throw=False))
 
-    def count(name: str) -> tuple[Int[Array, ""], ...]:
-        # A closed form counts nothing.
-        return tuple(jnp.asarray(phase.stats.get(name, 0)) for phase in phases)
 
-    saved = tuple((phase.ts, phase.states) for phase in phases)
-    return RunOutcome(run.final, saved, run.status, count("evaluations"), count("steps"))
+def value_of(run: MissionTrajectory, output: OutputOfRun) -> Array:
+    """An output of the end of a run."""
+    return output(run.end, run.final)
+
+
+def counts_of(run: MissionTrajectory, name: str) -> list[int]:
+    """A count of each phase: "evaluations" of its vector field, or its accepted "steps"."""
+    # A closed form counts nothing.
+    return [int(phase.stats.get(name, 0)) for phase in run.phases]
 
 
 def systems_of(system: AbstractSystem | Mission) -> list[AbstractSystem]:

@@ -13,12 +13,13 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int, PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.status import Status
-from ._runs import OutputOfRun, RunOutcome, run_once
+from ..simulation import MissionTrajectory
+from ._runs import OutputOfRun, run_once, value_of
 from ._scene_effects import Runnable, scale_effects
 
 
@@ -26,13 +27,12 @@ class ScaledOutcome(NamedTuple):
     """Result of a run with scaled effects.
 
     - `value`, `derivative`: the output, and its derivative along one factor.
-    - `status`, `phases`, `evaluations`: as in `RunOutcome`."""
+    - `status`: of the `run`."""
 
     value: np.ndarray
     derivative: np.ndarray
     status: Status
-    phases: tuple[tuple[Float[Array, " times"], State], ...]
-    evaluations: tuple[Int[Array, ""], ...]
+    run: MissionTrajectory
 
 
 class ScaledRuns(NamedTuple):
@@ -59,8 +59,7 @@ class ScaledRuns(NamedTuple):
             np.asarray(value, float),
             np.asarray(derivative, float),
             Status(int(run.status)),
-            run.phases,
-            run.evaluations,
+            run,
         )
 
     def change(self, value: np.ndarray, nominal: np.ndarray) -> np.ndarray:
@@ -96,16 +95,16 @@ def scaled_runs(
 
     def run(
         arrays: PyTree[Array], factors: list[Array], direction: list[Array], rtol: Array
-    ) -> tuple[Array, Array, RunOutcome]:
+    ) -> tuple[Array, Array, MissionTrajectory]:
         system, y0, ts = eqx.combine(arrays, static)
         tightened = dataclasses.replace(accuracy, rtol=rtol)
 
-        def value_of(factors: list[Array]) -> tuple[Array, RunOutcome]:
+        def scaled_run(factors: list[Array]) -> tuple[Array, MissionTrajectory]:
             scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
             outcome = run_once(scaled, y0, ts, tightened)
-            return outcome.value(output), outcome
+            return value_of(outcome, output), outcome
 
-        return jax.jvp(value_of, (factors,), (direction,), has_aux=True)
+        return jax.jvp(scaled_run, (factors,), (direction,), has_aux=True)
 
     # Factors and tolerance are traced, so that all runs of a study share this program.
     program = jax.jit(run)

@@ -18,7 +18,7 @@ from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import norm
 from ..orbits.ground_track import GroundPoint, ground_point, position_of
-from ..simulation import MissionResult
+from ..simulation import MissionTrajectory
 from .flights import over_ground
 
 EQUATORIAL = 6378137.0  # m, WGS 84
@@ -63,7 +63,7 @@ def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Sca
     return ground_point(point, 0.0 * point[0], EQUATORIAL, FLATTENING)
 
 
-def landing(result: MissionResult, samples: Mapping[str, Array]) -> dict[str, Array]:
+def landing(result: MissionTrajectory, samples: Mapping[str, Array]) -> dict[str, Array]:
     """The outputs of a campaign of `sounding_flight`s: `Campaign(build, inputs, landing)`.
 
     **Arguments**

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from jaxspace.core.vanishing import vanishing
+from jaxspace.integration._vanishing import vanishing
 
 
 def moment(number, args):

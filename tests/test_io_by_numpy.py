@@ -10,9 +10,9 @@ from jax import lax
 from jax.extend.core import subjaxprs
 
 from jaxspace.core.barrier import barrier
-from jaxspace.core.by_numpy import ALONE, RULES, by_numpy
 from jaxspace.core.safe import end_sqrt, safe_atan2, safe_sqrt
 from jaxspace.core.square_roots import inverse_sqrt, sqrt
+from jaxspace.io.by_numpy import ALONE, RULES, by_numpy
 
 X = np.array([[0.3, -1.2, 2.5], [0.9, 0.1, -0.4]])
 UNIT = X / 3.0

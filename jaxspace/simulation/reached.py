@@ -1,18 +1,17 @@
-"""Result of a run, with NaN where a failed run has no states."""
+"""NaN in place of what a failed run did not reach."""
 
 import dataclasses
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, PyTree
 
-from ..core import State
 from ..core.barrier import barrier
 from ..integration.crossings import Crossings
-from ..integration.result import DenseOutput
 from ..integration.status import Status
+from .trajectory import Trajectory
 
 T = TypeVar("T")
 
@@ -29,25 +28,6 @@ WITHOUT_BOUND = (
 )
 # Failures after which it is unknown up to which time the zeros of a condition are complete.
 CROSSINGS_UNKNOWN = (Status.TOLERANCE_MISSED, Status.OUTSIDE_MODEL, Status.SAMPLES_TOO_FEW)
-
-
-class RunResult(NamedTuple):
-    """Result of one run, or of a batch: the fields of a `Trajectory`, and the recorded ends of the
-    steps in normalised time.
-
-    - `crossings`: of each event that is not terminal.
-    - `control`: of a closed loop: `commands`, `readings` and the `memory` of the controller."""
-
-    ts: Float[Array, "times *#runs"]
-    states: State
-    status: Int[Array, "*runs"]
-    event: Int[Array, "*runs"]
-    happened: Bool[Array, "events *#runs"]
-    stats: dict[str, Array]
-    dense: DenseOutput | None
-    step_ends: Float[Array, " steps"] | None
-    crossings: tuple[Crossings, ...] = ()
-    control: dict[str, PyTree] | None = None
 
 
 def scaled(tree: T, factor: Array) -> T:
@@ -87,7 +67,7 @@ def known_crossings(crossings: Crossings, status: Array) -> Crossings:
     )
 
 
-def reached(result: RunResult) -> RunResult:
+def reached(result: Trajectory) -> Trajectory:
     """The result with NaN for states that a failed run did not reach within the tolerance.
 
     These are all states after the first for a status of `WITHOUT_BOUND`, and every state with a
@@ -99,4 +79,4 @@ def reached(result: RunResult) -> RunResult:
         good = good & jnp.all(jnp.isfinite(block), axis=components)
     first = jnp.arange(result.ts.shape[0]).reshape(-1, *(1,) * run_axes) == 0
     good = barrier(good & (first | ~_among(result.status, WITHOUT_BOUND)))
-    return result._replace(states=scaled(result.states, nan_unless(good)))
+    return dataclasses.replace(result, states=scaled(result.states, nan_unless(good)))
