@@ -207,7 +207,7 @@ def test_a_store_refuses_another_campaign_and_names_the_difference(copy, changed
 
 def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
     """Once: workers take it from the plan, and a resumed store refuses another one."""
-    monkeypatch.setattr(_pilots, "flies_small", lambda operations, runs: runs < 1000)
+    monkeypatch.setattr(_pilots, "is_small", lambda kind, operations, runs: runs < 1000)
     stores = {runs: tmp_path / f"{runs}.zarr" for runs in (600, 900, 1100)}
     few, more, many = (fly(store, runs=runs).outputs["x"] for runs, store in stores.items())
     apart = fly(runs=900, engine="processes").outputs["x"]

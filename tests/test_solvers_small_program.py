@@ -3,6 +3,7 @@ from a program that holds the vector field once."""
 
 import functools
 import re
+from pathlib import Path
 
 import diffrax
 import equinox as eqx
@@ -15,11 +16,14 @@ from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem
 from jaxspace.core.vectors import dot
 from jaxspace.integration import _record
+from jaxspace.integration.programs import FEW, POWER, SMALL_FROM, Runs, is_small
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Mission, Phase, simulate, simulate_batch
-from jaxspace.simulation.phases import flies_small, resolve_phases
+from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas, Stormer, Tsit5
 from jaxspace.solvers.protocol import small_program
+
+ROOT = Path(__file__).parents[1]
 
 
 class Swing(AbstractSystem):
@@ -224,8 +228,19 @@ def test_the_phases_of_a_mission_decide_together(y, phases, looped):
     [(249, 1, False), (515, 29_000, True), (515, 30_000, False), (600, 10**9, True)],
 )
 def test_a_campaign_of_few_runs_of_a_large_field_is_small(operations, runs, small):
-    assert flies_small(operations, runs) is small
-    assert flies_small(operations) is (operations >= 600)
+    assert is_small(Runs.CAMPAIGN, operations, runs) is small
+    assert is_small(Runs.CAMPAIGN, operations) is (operations >= 600)
+
+
+def test_the_manual_has_the_rule():
+    """Row by row, as the code has it."""
+    text = (ROOT / "docs" / "explanation" / "accuracy_and_derivatives.md").read_text()
+    rows = re.findall(
+        r"^\| ([^|]+) \| (any size|(\d+) operations or more) \| ([^|]+) \|$", text, re.M
+    )
+    found = {name: (int(number or 0), evidence) for name, _, number, evidence in rows}
+    assert found == {str(runs): tuple(limit) for runs, limit in SMALL_FROM.items()}
+    assert f"${FEW} n^{{{POWER}}}$" in text
 
 
 @pytest.mark.parametrize(

@@ -15,6 +15,7 @@ from ..core.tracing import count_operations
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
+from ..integration.programs import Runs, is_small
 from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import Blocks, jit_wide_vectors
@@ -26,12 +27,6 @@ from ..solvers.tolerances import Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
 from ._samples import SampledRun, Setting, run_samples
 from .commands import Actuate
-
-LARGE = 160
-"""Operations of a vector field from which many runs, too, take the program that compiles sooner.
-
-A loop holds a step at three places. With a field of 650 operations that program takes 10 s of a
-processor to compile, the other one over a minute; 256 runs of a minute then take 0.4 s."""
 
 
 class Known(NamedTuple):
@@ -143,8 +138,9 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
     method = config.solver
-    # A single run takes less time than the compilation of a larger program.
-    if run_axes == 0 or _operations(system, start, y0) >= LARGE:
+    # A loop holds a step at three places.
+    kind = Runs.CLOSED_LOOPS if run_axes else Runs.ONE_CLOSED_LOOP
+    if is_small(kind, _operations(system, start, y0)):
         method = small_program(method)
     assert isinstance(method, FixedSteps)
     setting = Setting(

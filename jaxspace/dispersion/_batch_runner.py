@@ -11,7 +11,7 @@ whatever the numbers of runs, chunks, cores and processes are. For this the plan
 length, a call has a fixed number of runs in fixed blocks, and a call is never divided among cores.
 The numbers of run i therefore depend on the campaign, the seed and i alone, to the last bit (on one
 kind of processor): but for a step at the number of planned runs from which a program that takes
-longer to compile, and flies faster, pays (`flies_small`).
+longer to compile, and flies faster, pays (`is_small`).
 """
 
 import dataclasses

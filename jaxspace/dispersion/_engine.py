@@ -101,7 +101,7 @@ def disperse(
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
       and `devices` are, and also after a restart. Only a campaign of so many `runs` that a longer
-      compilation pays (`flies_small`) has other roundings than one of fewer.
+      compilation pays (`is_small`) has other roundings than one of fewer.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the

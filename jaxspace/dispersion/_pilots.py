@@ -16,13 +16,14 @@ from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
+from ..integration.programs import Runs, is_small
 from ..integration.status import SimulationError, Status
 from ..simulation import Mission
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.mission_runs import run_mission
 from ..simulation.phase_runs import OwnTimes, SaveTimes, ends_on_the_way
-from ..simulation.phases import flies_small, resolve_and_count, resolve_phases
+from ..simulation.phases import resolve_and_count, resolve_phases
 from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of
 from ._campaign import Campaign
@@ -131,7 +132,7 @@ def expected_steps(
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
         events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])
         ends = [campaign.start if follows else None for follows in planned]
-        return ends, events, flies_small(operations, runs)
+        return ends, events, is_small(Runs.CAMPAIGN, operations, runs)
 
     return eqx.filter_eval_shape(steps, campaign, accuracy)
 

@@ -24,7 +24,7 @@ class PlannedCampaign(NamedTuple):
 
     - `plans`: one for every factor of refinement.
     - `coupled`: whether the runs of a block share adaptive steps.
-    - `small`: whether the steps are a small program (`flies_small`).
+    - `small`: whether the steps are a small program (`is_small`).
     - `samples`: number of saved states of each phase, 0 for none; or their times.
     - `digest`: of the results of the trial, which differs between campaigns, versions or processors
       with different results."""

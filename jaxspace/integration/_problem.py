@@ -32,6 +32,7 @@ from ._tangents import Probes
 from .field_trace import field_trace
 from .loop import LoopSettings, integrate_loop
 from .normalised_time import ScaledVectorField
+from .programs import Runs, is_small
 from .result import outcome_of, own_outcome_of
 
 Leaves: TypeAlias = Sequence[Array]
@@ -43,14 +44,6 @@ T = TypeVar("T")
 # Arrays of a record: its numbers, the stride of its states, the count of its steps, the ends of its
 # runs.
 RECORD_ARRAYS = 4
-
-# Operations of a vector field from which the steps are a small program: they compile in a third of
-# the time or less. A single run of a large field then takes up to 1.5 times as long, derivatives of
-# many runs up to 1.7 times. For many runs without derivatives speed matters most: from `VERY_LARGE`
-# on they lose about a tenth. From `MEDIUM` on, a differentiated single run takes the small program
-# in both directions, and its replay holds a step once, as that of many runs from `LARGE` on; below,
-# this would save little and slow both.
-MEDIUM, LARGE, VERY_LARGE = 70, 160, 600
 
 
 def arguments_of(parts: PyTree) -> list[Array]:
@@ -108,7 +101,7 @@ class Problem:
         small = self._is_alone(settings) if small else recorded and self._is_single(settings)
         if small or self._is_small(settings, derivative=False):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
-        if self.field_operations >= LARGE:
+        if is_small(Runs.ONE, self.field_operations):
             # The estimate of the first step is another copy of the field.
             settings = dataclasses.replace(settings, first_step=settings.first_step or FIRST_STEP)
         probes = None
@@ -142,14 +135,15 @@ class Problem:
     def _is_small(self, settings: LoopSettings, derivative: bool) -> bool:
         """Whether the steps of a run, or of a `derivative`, are a small program."""
         if self._is_alone(settings):
-            # A derivative holds a step three times, and its first call is mostly compilation.
-            return derivative or self.field_operations >= LARGE
-        return self.field_operations >= (LARGE if derivative else VERY_LARGE)
+            runs = Runs.DERIVATIVE_OF_ONE if derivative else Runs.ONE
+        else:
+            runs = Runs.DERIVATIVES if derivative else Runs.MANY
+        return is_small(runs, self.field_operations)
 
     def _is_single(self, settings: LoopSettings) -> bool:
         """Whether this is a single run of a field so large that every program of it should be
         small."""
-        return self._is_alone(settings) and self.field_operations >= MEDIUM
+        return self._is_alone(settings) and is_small(Runs.ONE_RECORDED, self.field_operations)
 
     def _is_alone(self, settings: LoopSettings) -> bool:
         """Whether there is one run, with or without an axis of runs."""
@@ -161,7 +155,7 @@ class Problem:
         single = settings.tolerance.run_axes == 0 and isinstance(field, ScaledVectorField)
         if not single or len(jax.tree.leaves(y0)) == 1 or not solver_traits(settings.method).linear:
             return None
-        return Packing.of(y0) if self.field_operations >= LARGE else None
+        return Packing.of(y0) if is_small(Runs.ONE, self.field_operations) else None
 
     @functools.cached_property
     def field_operations(self) -> int:
@@ -217,7 +211,8 @@ class Problem:
         if own:
             return OwnReplay(settings, fixed, steps, False, False), tree(part), y0
         small = self._is_small(settings, derivative=True)
-        once = self._is_single(settings) or self.field_operations >= LARGE
+        # The program of reverse mode then holds a step once.
+        once = self._is_single(settings) or is_small(Runs.DERIVATIVES, self.field_operations)
         return Replay(settings, fixed, steps, small, once), tree(part), y0
 
     def forward(

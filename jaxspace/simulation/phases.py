@@ -1,7 +1,5 @@
 """The configuration of every phase of a mission, before anything is compiled."""
 
-import math
-
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
@@ -13,27 +11,12 @@ from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.field_trace import field_trace
+from ..integration.programs import Runs, is_small
 from ._mission import Mission, Phase
 from ._warnings import warn_of_switches
 from .checks import check_structure, shapes_after
 from .legs import legs_of
 from .runnable import AbstractRunnable
-
-# Operations of the vector fields of all phases together from which the steps of many runs are small
-# programs: of any number of runs, and of a campaign of few.
-LARGE, MEDIUM = 600, 250
-
-
-def flies_small(operations: int, runs: float = math.inf) -> bool:
-    """Whether the steps of so many planned runs of a field with these `operations` are a small
-    program; by default of as many as may come.
-
-    Stages that are written out are up to 1.8 times as fast, and compile in three times the time:
-    for a kick stage (500 operations) they win that back after 30,000 runs, for a stage that comes
-    back under a parachute (900) after 90,000, and for a rocket on its way to the ground (3,600)
-    after a million, as few campaigns have. The time of the compiler grows faster than the
-    operations, and that of a run as they do."""
-    return operations >= LARGE or operations >= MEDIUM and runs < 2.5 * operations**1.5
 
 
 def resolve_phases(
@@ -51,7 +34,8 @@ def resolve_phases(
     `IntegrationConfig`. `small`: whether the steps of many runs are a small program, by
     default by the mission alone, so that a run does not depend on how many others there are."""
     configs, operations = resolve_and_count(mission, y0, accuracy, run_axes, restarts=restarts)
-    if run_axes and (flies_small(operations) if small is None else small):
+    # The operations of the fields of all phases together, which are one program.
+    if run_axes and (is_small(Runs.MANY, operations) if small is None else small):
         return tuple(config.small_program() for config in configs)
     return configs
 

@@ -1,0 +1,60 @@
+"""When the program of a run is small: its stages are a loop, which compiles sooner and runs slower.
+
+Written out, the stages of a step hold the vector field 12 or 17 times. The time of the compiler
+grows faster than the operations of the field, that of a run as they do, so that the program becomes
+small from some size of the field on. What runs more often waits longer for its compiler.
+
+Measured by `python -m benchmarks first_answers` and `kick_stage`, each program in both forms.
+"""
+
+import enum
+import math
+from typing import NamedTuple
+
+
+class Runs(enum.StrEnum):
+    """What a program computes."""
+
+    DERIVATIVE_OF_ONE = "the derivative of a single run"
+    ONE_CLOSED_LOOP = "a single closed loop"
+    ONE_RECORDED = "a single run, where a derivative records it"
+    ONE = "a single run"
+    DERIVATIVES = "derivatives of many runs"
+    CLOSED_LOOPS = "many closed loops"
+    MANY = "many runs"
+    CAMPAIGN = "a campaign of few runs"
+
+
+class Limit(NamedTuple):
+    """The `operations` of a vector field from which a program is small, and what that gives."""
+
+    operations: int
+    evidence: str
+
+
+SMALL_FROM = {
+    Runs.DERIVATIVE_OF_ONE: Limit(0, "a first call is mostly compilation, of three steps"),
+    Runs.ONE_CLOSED_LOOP: Limit(0, "a run takes less time than a longer compilation"),
+    Runs.ONE_RECORDED: Limit(70, "below, this saves little and slows both directions"),
+    Runs.ONE: Limit(160, "a third of the compilation, up to 1.5 times the run"),
+    Runs.DERIVATIVES: Limit(160, "a third of the compilation, up to 1.7 times the run"),
+    Runs.CLOSED_LOOPS: Limit(160, "10 s of compilation, not over a minute, at 650 operations"),
+    Runs.MANY: Limit(600, "costs a tenth of the speed"),
+    Runs.CAMPAIGN: Limit(250, "written out 3 times the compilation, 1.8 times as fast"),
+}
+"""The rule, with its evidence; `accuracy_and_derivatives.md` has the same table."""
+
+FEW, POWER = 2.5, 1.5
+"""A campaign of a field with n operations has few runs below `FEW` n^`POWER`. Written-out stages
+are worth their compilation from 30,000 runs of a kick stage on (500 operations), from 90,000 of a
+stage that comes back under a parachute (900), and from a million of a rocket on its way to the
+ground (3,600)."""
+
+
+def is_small(runs: Runs, operations: int, count: float = math.inf) -> bool:
+    """Whether the program of these `runs` of a field with so many `operations` is small.
+
+    `count`: of the runs that a campaign plans; by default as many as may come."""
+    if runs is Runs.CAMPAIGN and not count < FEW * operations**POWER:
+        runs = Runs.MANY
+    return operations >= SMALL_FROM[runs].operations
