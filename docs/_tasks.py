@@ -31,7 +31,7 @@ TASKS = {
     },
     "orbits": {
         "Put a scene together": "PointGravity Oblateness Zonals Drag ThirdBody SolarPressure "
-        "LowThrust UniformGravity SphereGravity RotatingFrame",
+        "LowThrust QLaw UniformGravity SphereGravity RotatingFrame",
         "Take a system as it is": "TwoBody ClohessyWiltshire CentralPotential PowerLawForce",
         "Describe an orbit": "ClassicalElements EquinoctialElements ModifiedEquinoctialElements "
         "elements conic initial burnout",
@@ -46,7 +46,7 @@ TASKS = {
         "Throw and come down": "ballistic projectile uniform_gravity",
         "Study central forces": "central_force radial_motion orbit_force point_gravity two_masses",
         "Say where another body is": "CircularPath KeplerPath TabulatedPath paths",
-        "End a phase, read a result": "AtAltitude outputs deviation_outputs",
+        "End a phase, read a result": "AtAltitude AtTargetOrbit outputs deviation_outputs",
     },
     "attitude": {
         "Turn freely": "TorqueFreeBody torque_free polhode principal_spins",

@@ -30,6 +30,7 @@ from jaxspace.orbits import (
     ClohessyWiltshire,
     LowThrust,
     PointGravity,
+    QLaw,
     RotatingFrame,
     SolarPressure,
     ThirdBody,
@@ -180,6 +181,12 @@ MORE = [
             )
         ),
         orbit(),
+        2000.0,
+    ),
+    Sample(
+        "steered_spiral",
+        Scene((PointGravity(MU), QLaw(50.0, 9e6, MU, 0.1, 0.2, 3e4, 6.6e6)), RigidBody(1000.0)),
+        orbit(mass=jnp.array(1000.0)),
         2000.0,
     ),
     Sample(

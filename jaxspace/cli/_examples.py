@@ -22,6 +22,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "molniya",
         "lunar_distance",
         "low_thrust_spiral",
+        "low_orbit_to_geostationary",
     ),
     "control a vehicle": (
         "powered_landing",

@@ -8,6 +8,8 @@ from ..core.modules import modules_of as _modules_of
 from ._at_altitude import AtAltitude as AtAltitude
 from ._equinoctial import EquinoctialElements as EquinoctialElements
 from ._modified_equinoctial import ModifiedEquinoctialElements as ModifiedEquinoctialElements
+from ._q_law import AtTargetOrbit as AtTargetOrbit
+from ._q_law import QLaw as QLaw
 from ._rotating_frame import RotatingFrame as RotatingFrame
 from ._two_body import TwoBody as TwoBody
 from ._velocity_to_be_gained import VelocityToBeGained as VelocityToBeGained
