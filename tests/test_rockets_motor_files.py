@@ -56,6 +56,64 @@ def test_motors_from_files(tmp_path):
         read_motor(curve)
 
 
+RSE = """<?xml version="1.0" encoding="ISO-8859-1"?>
+<engine-database>
+ <engine-list>
+  <!-- two engines -->
+  <engine FDiv="10" FFix="1" Type="single-use" avgThrust="3.214" code="A8" dia="18." len="70."
+   mfg="Someone" initWt="16.2" propWt="3.12" burn-time="0.7" delays="3,5">
+   <comments>5 &lt; 6</comments>
+   <data>
+    <eng-data cg="35." f="2." m="3.12" t="0.1"/>
+    <eng-data cg="35." f="9." m="2." t="0.3"/>
+    <eng-data cg="35." f="3." m="1." t="0.4"/>
+    <eng-data cg="35." f="0." m="0." t="0.7"/>
+   </data>
+  </engine>
+  <engine code="B6" dia="no"><data/></engine>
+ </engine-list>
+</engine-database>
+"""
+
+
+def test_a_file_of_rocksim_is_that_of_rasp(tmp_path):
+    """The same motor in both forms; of the second engine nothing is read."""
+    (tmp_path / "a8.eng").write_text(ENG)
+    (tmp_path / "a8.rse").write_text(RSE)
+    rasp, rocksim = (read_motor(tmp_path / name) for name in ("a8.eng", "a8.rse"))
+    assert rocksim.name == "A8"
+    np.testing.assert_array_equal(rocksim.times, rasp.times)
+    np.testing.assert_array_equal(rocksim.thrusts, rasp.thrusts)
+    np.testing.assert_allclose(rocksim[2:6], rasp[2:6], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('f="9."', 'f="nine"', "line 10: f of <eng-data> is 'nine': it must be a finite number."),
+        ('propWt="3.12" ', "", "line 5: propWt of <engine> is missing: it must be"),
+        ("</data>", "</dato>", "line 13 is no XML (mismatched tag): it must be a file of RockSim."),
+        ("engine", "motor", "has no element <engine>: it must be a file of RockSim."),
+        ('t="0.4"', 't="0.2"', "has times that do not ascend: 0.2 s in line 11 comes after 0.3 s"),
+        (
+            'propWt="3.12"',
+            'propWt="0.00312"',
+            "loaded mass is 0.0162: it must be at most 100 times",
+        ),
+        (
+            "<engine-database>",
+            '<!DOCTYPE x [<!ENTITY a "aaaa">]>\n<engine-database>',
+            "line 2 declares the entity 'a': a file of RockSim has none.",
+        ),
+    ],
+)
+def test_files_of_rocksim_that_are_refused(tmp_path, old, new, sentence):
+    path = tmp_path / "wrong.rse"
+    path.write_text(RSE.replace(old, new))
+    with pytest.raises(InputError, match=re.escape(sentence)):
+        read_motor(path)
+
+
 # By hand: 10 N at 1.5 s, and none at 0 and 3 s: 15 N s.
 COLUMNS = {
     "decimal commas": "time;thrust\n0,0;0,0\n1,5;10,0\n3,0;0,0\n",
@@ -395,7 +453,7 @@ steps = 4
 
 
 def test_listing_and_schema_name_the_file_of_a_motor():
-    line = "motor_file (file): with the thrust curve: RASP where its name ends in .eng"
+    line = "motor_file (file): with the thrust curve: RASP (.eng), RockSim (.rse), or columns"
     assert listing().count(line) == 3
     forms = [form["properties"] for form in schema()["anyOf"] if "effects" in form["properties"]]
     for effect in ("thrust", "steered_thrust", "gimballed_thrust"):

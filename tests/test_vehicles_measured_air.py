@@ -81,6 +81,91 @@ def test_a_list_of_wyoming_as_it_comes(tmp_path):
     np.testing.assert_allclose(air.sound_speed, np.sqrt(1.4 * 70000.0 / density), rtol=1e-12)
 
 
+# The levels of WYOMING: pressure, hPa, height, m, temperature, C, direction, deg, speed, knots.
+NONE = -9999.0
+LEVELS = (
+    (1000.0, 103.0, NONE, NONE, NONE),
+    (992.0, 134.0, 15.2, 270.0, 10.0),
+    (925.0, 740.0, 10.0, 0.0, 20.0),
+    (900.0, 973.0, NONE, 90.0, 20.0),
+    (850.0, 1460.0, 12.4, NONE, NONE),
+    (700.0, 3060.0, 1.0, 180.0, 30.0),
+    (500.0, 5700.0, -17.1, 315.0, 40.0),
+)
+SPC = """%TITLE%
+ OUN   140519/1200
+
+   LEVEL       HGHT       TEMP       DWPT       WDIR       WSPD
+-------------------------------------------------------------------
+%RAW%
+{}
+%END%
+"""
+
+
+def spc(levels=LEVELS):
+    """The levels in the form of SPC, -9999 where one has nothing."""
+    rows = [
+        ",".join(f"{x:10.2f}" for x in (p, h, t, NONE, direction, speed))
+        for p, h, t, direction, speed in levels
+    ]
+    return SPC.format("\n".join(rows))
+
+
+def tenths(x):
+    return -9999 if x == NONE else round(10.0 * x)
+
+
+def igra(levels=LEVELS):
+    """The levels in the form of IGRA, in Pa and tenths, with the flags A and B that may follow a
+    value, and what a field has that was removed."""
+    head = f"#USM00072357 2014 05 19 12 1105 {len(levels):4d} ncdc-nws ncdc-nws  351800  -974400"
+    rows = [
+        f"21 {-9999:5d} {round(100 * p):6d}B{round(h):5d}A{tenths(t):5d}B{-8888:5d} {-9999:5d} "
+        f"{round(d):5d} {tenths(u):5d} "
+        for p, h, t, d, u in levels
+    ]
+    return "\n".join([head, *rows]) + "\n"
+
+
+def test_lists_of_the_services_agree(tmp_path):
+    """One sounding as each of them writes it; IGRA has its speeds in m/s, here of as many knots."""
+    path = tmp_path / "sounding.txt"
+    found = []
+    for text in (WYOMING, spc(), igra()):
+        path.write_text(text)
+        found.append(read_sounding(path))
+    for name in ("heights", "pressure", "temperature", "wind_heights"):
+        for other in found[1:]:
+            # A sum of 273.15 and a quotient by ten are rounded.
+            np.testing.assert_allclose(getattr(other, name), getattr(found[0], name), rtol=1e-14)
+    for name in ("east", "north"):
+        expected = getattr(found[0], name)
+        np.testing.assert_allclose(getattr(found[1], name), expected, rtol=1e-14)
+        np.testing.assert_allclose(getattr(found[2], name) * 1852 / 3600, expected, rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "sentence"),
+    [
+        (spc().replace("%END%", ""), "has no line %END%: it must have one below its levels."),
+        (spc().replace("    740.00,", ""), "line 9 has 5 numbers: it must have 6, pressure, "),
+        (spc().replace("12.40", "  x  "), "line 11: temp is 'x': it must be a finite number."),
+        (spc().replace("40.00", "400.0"), "line 13: speed is 205.778: it must be from 0 to 150"),
+        (igra().replace("  124B", "  1x4B"), "line 6: temp is '1x4': it must be a finite number."),
+        (igra().replace("  315 ", "  515 "), "line 8: direction is 515: it must be from 0 to 360"),
+        (igra() + igra(), "line 9 begins another sounding, of 2: it must have one. Keep the lines"),
+        (igra(()), "has no level of an atmosphere or a wind"),
+    ],
+)
+def test_wrong_lists_are_refused_with_file_and_line(tmp_path, text, sentence):
+    path = tmp_path / "list.txt"
+    path.write_text(text)
+    with pytest.raises(InputError) as error:
+        read_sounding(path)
+    assert str(error.value).startswith(str(path)) and sentence in str(error.value)
+
+
 def test_the_csv_of_wyoming_and_that_of_anybody_agree(tmp_path):
     """One is of geopotential heights, with a balloon that swings."""
     mine, theirs = tmp_path / "mine.csv", tmp_path / "theirs.csv"

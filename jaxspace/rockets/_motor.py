@@ -34,11 +34,12 @@ class Motor(MotorFile):
 
 
 def read_motor(path: str | os.PathLike[str]) -> Motor:
-    """The motor of a file: RASP where its name ends in `.eng`, else columns of time and thrust.
+    """The motor of a file: RASP where its name ends in `.eng`, RockSim where it ends in `.rse`,
+    else columns of time and thrust.
 
     Columns are found by their headings and units, as openMotor, OpenRocket and pandas write them;
     without headings the first two are a time, s, and a thrust, N. The curve of columns begins at
-    its first point, that of RASP at the time zero.
+    its first point, those of RASP and RockSim at the time zero.
 
     **Arguments**
 
@@ -46,7 +47,8 @@ def read_motor(path: str | os.PathLike[str]) -> Motor:
 
     **Raises** `InputError` with the line that is not as the format has it, or with the value: for
     times that do not ascend, a negative thrust or mass, a curve without impulse, or headings that
-    name no time and thrust; for a head of RASP with no propellant, more of it than the loaded mass,
-    or masses that are no kilograms; and for what is no regular file, or has more than 64 MB.
+    name no time and thrust; for a head of RASP or RockSim with no propellant, more of it than the
+    loaded mass, or masses that cannot be true; and for what is no regular file, or has more than
+    64 MB.
     """
     return Motor(*read_motor_file(path))

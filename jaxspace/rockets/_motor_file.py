@@ -1,4 +1,5 @@
-"""Files of solid motors: RASP (`.eng`), the format of thrustcurve.org, and columns (`.csv`).
+"""Files of solid motors: RASP (`.eng`) and RockSim (`.rse`), the formats of thrustcurve.org, and
+columns (`.csv`).
 
     ; comment
     NAME  diameter, mm  length, mm  delays  propellant, kg  loaded mass, kg  maker
@@ -7,6 +8,7 @@
 The curve of a RASP file begins at the time zero with no thrust unless it says otherwise, and goes
 on up to the head of the next motor: points without thrust within it are a pause between two pulses.
 In RASP a semicolon begins a comment anywhere. A head whose masses can be no kilograms is refused.
+`_motor_xml` has the format of RockSim, whose curve begins as that of RASP.
 
 Any other file is one of columns: see `_motor_columns`. Its curve begins at its first point, at
 whatever time, because nothing says that the clock of the test stand starts with the motor.
@@ -26,6 +28,7 @@ from ..core.files import read_text
 from ..core.types import as_float
 from ._motor_columns import read_columns
 from ._motor_curve import Point, curve, numbers, wrong_line
+from ._motor_xml import read_engine
 from ._thrust_profile import ThrustProfile
 
 # Entries of a head without its last one, the maker, which some files leave out.
@@ -80,12 +83,18 @@ class MotorFile(NamedTuple):
 
 def read_motor_file(path: str | os.PathLike[str]) -> MotorFile:
     """The content of the file; see `read_motor`."""
-    lines = read_text(path).splitlines()
+    text = read_text(path)
+    lines = text.splitlines()
     path = Path(path)
     if path.suffix.lower() == ".eng":
         head, points = _rasp(path, lines)
-        motor = MotorFile(*curve(path, points))
+        motor = MotorFile(*curve(path, _from_zero(points)))
         return _with_head(path, head, motor) if head else motor._replace(name=path.stem)
+    if path.suffix.lower() == ".rse":
+        engine = read_engine(path, text)
+        motor = MotorFile(*curve(path, _from_zero(engine.points)), name=engine.code or path.stem)
+        masses = 1e-3 * engine.propellant, 1e-3 * engine.loaded
+        return _with_measures(path, motor, engine.diameter, engine.length, *masses)
     return MotorFile(*curve(path, read_columns(path, lines)), name=path.stem)
 
 
@@ -111,10 +120,14 @@ def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
             if values is None or len(values) != 2:
                 raise wrong_line(path, number, line, "a time, s, and a thrust, N")
             points.append(Point(number, *values))
-    # It begins at the time zero without saying so.
-    if points and points[0].time > 0.0:
-        points.insert(0, Point(points[0].line, 0.0, 0.0))
     return head, points
+
+
+def _from_zero(points: list[Point]) -> list[Point]:
+    """The points of a curve that begins at the time zero without saying so."""
+    if points and points[0].time > 0.0:
+        return [Point(points[0].line, 0.0, 0.0), *points]
+    return points
 
 
 def _with_head(path: Path, head: list[str], motor: MotorFile) -> MotorFile:
@@ -122,7 +135,18 @@ def _with_head(path: Path, head: list[str], motor: MotorFile) -> MotorFile:
     values = numbers([head[k] for k in (1, 2, 4, 5)])
     if values is None:
         raise InputError(f"{path} has the head {' '.join(head)!r}: it is not RASP.")
-    diameter, length, propellant, loaded = values
+    return _with_measures(path, motor._replace(name=head[0]), *values)
+
+
+def _with_measures(
+    path: Path,
+    motor: MotorFile,
+    diameter: float,
+    length: float,
+    propellant: float,
+    loaded: float,
+) -> MotorFile:
+    """The motor with its diameter and length, given in mm, and its masses, kg, checked."""
     for name, value in (("diameter", diameter), ("length", length)):
         check(value >= 0.0, f"{path}: {name}", value, "zero or positive, in mm")
     check(propellant > 0.0, f"{path}: propellant mass", propellant, "above zero, in kg")
@@ -142,5 +166,4 @@ def _with_head(path: Path, head: list[str], motor: MotorFile) -> MotorFile:
         loaded_mass=loaded,
         diameter=1e-3 * diameter,
         length=1e-3 * length,
-        name=head[0],
     )

@@ -56,7 +56,7 @@ _OFFSET = argument("m", shape=(2,), default=(0.0, 0.0), doc="x and y of the poin
 
 # Of all motors that come from a file.
 MOTOR_FILE = FileName(
-    "with the thrust curve: RASP where its name ends in .eng, else columns of time and thrust"
+    "with the thrust curve: RASP (.eng), RockSim (.rse), or columns of time and thrust"
 )
 FILE_PROPELLANT = argument(
     "kg", positive=True, optional=True, doc="burnt in the burn time; by default what the file says"

@@ -1,8 +1,9 @@
 """Files of soundings: what a balloon has measured at its levels.
 
-    University of Wyoming   the page or the text of a sounding as it comes (TEXT:LIST), columns of
-                            seven characters below PRES HGHT TEMP ... DRCT SKNT (or SPED, m/s); or
-                            its CSV with `pressure_hPa`, `geopotential height_m`, ...
+    University of Wyoming   the page or the text of a sounding as it comes (TEXT:LIST); or its CSV
+                            with `pressure_hPa`, `geopotential height_m`, ...
+    SPC, SHARPpy            a file with %RAW%
+    IGRA, version 2         the lines of one sounding
     any CSV                 `height (m)`, `pressure (hPa)`, `temperature (C)`, `direction (deg)`,
                             `speed (m/s)`; also Pa, mbar, K, knot, km/h, kft, ft
 
@@ -10,9 +11,10 @@ Columns of other names are left out; without pressure and temperature, or withou
 speed, a file is one of a wind or of an atmosphere alone. The direction is that from which the wind
 blows, from north over east: 270 degrees is a wind from the west, which moves the air eastwards.
 
-Levels of Wyoming with an empty field are left out of what the field is for, as its lists have them
-below the ground; so are levels that do not rise above all before, where the balloon swung. In any
-other CSV both are errors. Heights of Wyoming are geopotential ones, and become geometric here.
+`_sounding_lists` has the forms of the lists. Levels of these services with an empty field are left
+out of what the field is for, as their lists have them below the ground and where only a wind was
+measured; so are levels that do not rise above all before, where the balloon swung. In any other CSV
+both are errors. Heights of the services are geopotential ones, and become geometric here.
 """
 
 import os
@@ -26,8 +28,8 @@ from ..bodies.standard_atmosphere import geometric_height
 from ..core import InputError
 from ..core.files import read_text
 from ._separated import separated
+from ._sounding_lists import read_list
 
-WIDTH = 7
 LARGEST_GAP = 6e3
 """m, between two levels: of the mandatory ones none are so far apart."""
 FASTEST = 150.0
@@ -94,19 +96,18 @@ def _two(what: str, *levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.nda
 
 class Levels(NamedTuple):
     """The rows of a file: `columns` in SI and degrees, NaN for what is empty; the `lines` that they
-    stand in; and whether they are of Wyoming."""
+    stand in; and whether they are of a weather service, whose fields may be empty."""
 
     columns: dict[str, np.ndarray]
     lines: np.ndarray
-    wyoming: bool
+    service: bool
 
 
 def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     """The content of the file; see `read_sounding`."""
-    text = read_text(path)
-    lines = text.splitlines()
-    head = next((k for k, line in enumerate(lines) if line.split()[:2] == ["PRES", "HGHT"]), None)
-    levels = _csv(str(path), lines) if head is None else _wyoming(str(path), lines, head)
+    lines = read_text(path).splitlines()
+    listed = read_list(str(path), lines)
+    levels = _csv(str(path), lines) if listed is None else _levels(str(path), *listed, service=True)
     for name, x in levels.columns.items():
         what, within = ALLOWED[name]
         bad = np.isfinite(x) & ~within(np.nan_to_num(x))
@@ -129,26 +130,6 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     )
 
 
-def _wyoming(path: str, lines: list[str], head: int) -> Levels:
-    """The levels of a list in columns of seven characters."""
-    names = [lines[head][k : k + WIDTH].strip() for k in range(0, len(lines[head]), WIDTH)]
-    units = [lines[head + 1][k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)]
-    rows, numbers = [], []
-    for number, line in enumerate(lines[head + 2 :], head + 3):
-        if not line.strip() or set(line.strip()) == {"-"}:
-            if rows:
-                break
-            continue
-        # The page goes on with indices of its station.
-        if not re.match(r"[\s\d.+-]+$", line):
-            if "<" in line or line.lstrip()[:7] == "Station":
-                break
-        rows.append([line[k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)])
-        numbers.append(number)
-    heads = [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
-    return _levels(path, heads, rows, numbers, wyoming=True)
-
-
 def _csv(path: str, lines: list[str]) -> Levels:
     """The levels of a CSV file with a heading."""
     heads: list[str] = []
@@ -162,11 +143,11 @@ def _csv(path: str, lines: list[str]) -> Levels:
             numbers.append(number)
     if not heads:
         raise InputError(
-            f"{path} has no heading with a height: it must be a list of Wyoming, or a CSV with "
-            f"names and units such as height (m), pressure (hPa)."
+            f"{path} has no heading with a height: it must be a list of Wyoming, SPC or IGRA, or a "
+            f"CSV with names and units such as height (m), pressure (hPa)."
         )
-    wyoming = any(head.strip().lower() == "geopotential height_m" for head in heads)
-    return _levels(path, heads, rows, numbers, wyoming)
+    service = any(head.strip().lower() == "geopotential height_m" for head in heads)
+    return _levels(path, heads, rows, numbers, service)
 
 
 def _meaning(head: str) -> tuple[str, str, str]:
@@ -181,7 +162,7 @@ def _meaning(head: str) -> tuple[str, str, str]:
 
 
 def _levels(
-    path: str, heads: list[str], rows: list[list[str]], numbers: list[int], wyoming: bool
+    path: str, heads: list[str], rows: list[list[str]], numbers: list[int], service: bool
 ) -> Levels:
     """The columns in SI units."""
     columns: dict[str, np.ndarray] = {}
@@ -195,7 +176,7 @@ def _levels(
                 f"{path}: the unit of {name} is {unit!r}: it must be one of {', '.join(units)}."
             )
         x = np.array([_number(path, row, k, name, n) for row, n in zip(rows, numbers, strict=True)])
-        if not wyoming and np.any(np.isnan(x)):
+        if not service and np.any(np.isnan(x)):
             line = numbers[int(np.argmax(np.isnan(x)))]
             raise InputError(f"{path}, line {line}: {name} is empty: it must be a number.")
         x = x * units[unit]
@@ -206,7 +187,7 @@ def _levels(
         columns[key] = x
     if "height" not in columns:
         raise InputError(f"{path} has no column of heights: it must have one.")
-    return Levels(columns, np.array(numbers), wyoming)
+    return Levels(columns, np.array(numbers), service)
 
 
 def _number(path: str, row: list[str], k: int, name: str, line: int) -> float:
@@ -234,7 +215,7 @@ def _profile(
     x = np.stack([columns["height"], columns[first], columns[second]])
     whole = np.all(np.isfinite(x), axis=0)
     x, lines = x[:, whole], levels.lines[whole]
-    if levels.wyoming and x.shape[1] > 0:
+    if levels.service and x.shape[1] > 0:
         rising = np.append(True, x[0, 1:] > np.maximum.accumulate(x[0])[:-1])
         x, lines = x[:, rising], lines[rising]
     steps = np.diff(x[0])

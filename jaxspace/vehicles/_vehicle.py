@@ -102,7 +102,7 @@ class Vehicle(AbstractParameters):
     @classmethod
     @constructor(
         sets=("body", "area"),
-        motor=FileName("of the motor: RASP where its name ends in .eng, else columns"),
+        motor=FileName("of the motor: RASP (.eng), RockSim (.rse), or columns"),
         radius=argument("m", positive=True, doc="of the tube, for the reference area"),
         mass=argument("kg", positive=True, doc="of the rocket without its motor"),
         inertia=argument(

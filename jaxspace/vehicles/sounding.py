@@ -31,8 +31,8 @@ class Sounding(SoundingFile):
 
 
 def read_sounding(path: str | os.PathLike[str]) -> Sounding:
-    """The sounding of a file: text or CSV of the University of Wyoming, or any CSV with these
-    columns.
+    """The sounding of a file: text or CSV of the University of Wyoming, a file of SPC or SHARPpy
+    with %RAW%, the lines of one sounding of IGRA (version 2), or any CSV with these columns.
 
     **Arguments**
 
@@ -40,7 +40,7 @@ def read_sounding(path: str | os.PathLike[str]) -> Sounding:
 
     **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
     number, values out of range, heights that do not ascend, pressures that do not fall, a gap of
-    more than 6 km, and an empty field where the format has none. `OSError` for a file that cannot
-    be opened.
+    more than 6 km, an empty field where the format has none, and several soundings in one file.
+    `OSError` for a file that cannot be opened.
     """
     return Sounding(*read_sounding_file(path))
