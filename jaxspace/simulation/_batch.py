@@ -1,29 +1,27 @@
 """Many runs of a system, integrated block by block: the runs of a block share one solve."""
 
 import dataclasses
-import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import jax
 import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, State
-from ..core.checks import is_concrete
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
-from ..integration.mapping import BLOCK
 from ..integration.stiffness import InitialConditions
-from ._batch_runs import out_of_steps, repeated, run_systems
+from ._batch_runs import again_by, run_systems
 from ._mission import check_system
+from ._repeat import Configs, cured, exact
 from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_events, check_dense, check_structure, check_times, check_values
-from .finish import error_of_too_few_steps, raise_failures, warn_after
+from .finish import finished
 from .trajectory import RunCall, Trajectory
 
 # Runs of a batch that are inspected to choose its method.
@@ -88,20 +86,22 @@ def simulate_batch(
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
-    config_for = functools.partial(
-        _resolve_for, accuracy, whole, batched, restarts=traced and not throw
-    )
-    config = config_for(None)
 
-    def run(batched: PyTree, blocks: Blocks, config: IntegrationConfig) -> Trajectory:
-        return run_systems(batched, shared, config, events, blocks, dense)
+    def configs_for(rows: np.ndarray | None, exactly: bool) -> Configs:
+        asked = exact(accuracy) if exactly else accuracy
+        return (_resolve_for(asked, whole, batched, rows, restarts=traced and not throw),)
 
-    result = run(batched, local_blocks((batched, shared), runs), config)
-    if is_concrete(result.status) and not traced:
-        result, config = _repeated(result, batched, run, config, config_for, dense)
-    trajectory = dataclasses.replace(result, call=RunCall(whole[0], accuracy, config))
-    trajectory = warn_after(trajectory, stacklevel=2)
-    return raise_failures(trajectory) if throw else trajectory
+    def run(batched: PyTree, blocks: Blocks, configs: Configs) -> Trajectory:
+        return run_systems(batched, shared, configs[0], events, blocks, dense)
+
+    configs = configs_for(None, False)
+    result = run(batched, local_blocks((batched, shared), runs), configs)
+    if not traced:
+        # The steps of a repetition with an exact part are those of the rest alone.
+        options = {"exactly": not dense}
+        result, configs = cured(result, configs, again_by(run, batched), configs_for, **options)
+    trajectory = dataclasses.replace(result, call=RunCall(whole[0], accuracy, configs[0]))
+    return finished(trajectory, throw, stacklevel=2)
 
 
 def _resolve_for(
@@ -109,16 +109,11 @@ def _resolve_for(
     whole: PyTree,
     batched: PyTree,
     rows: np.ndarray | None,
-    decoupled: bool | None = None,
     *,
     restarts: bool,
 ) -> IntegrationConfig:
-    """The configuration for the runs `rows`, by default for all of them.
-
-    `decoupled` sets `Accuracy.decoupled` where it is `None` and the method is "auto"."""
+    """The configuration for the runs `rows`, by default for all of them."""
     system, y0, ts = whole
-    if accuracy.decoupled is None and accuracy.method == "auto" and decoupled is not None:
-        accuracy = dataclasses.replace(accuracy, decoupled=decoupled)
     accuracy = with_exact_part(accuracy, system, y0, ts)
 
     def starts() -> InitialConditions | None:
@@ -136,57 +131,3 @@ def _resolve_for(
         return InitialConditions(whole, axes, sample)
 
     return resolve(system, y0, accuracy, starts, restarts=restarts)
-
-
-def _repeated(
-    result: Trajectory,
-    batched: PyTree,
-    run: Callable[[PyTree, Blocks, IntegrationConfig], Trajectory],
-    config: IntegrationConfig,
-    config_for: Callable[..., IntegrationConfig],
-    dense: bool,
-) -> tuple[Trajectory, IntegrationConfig]:
-    """The result with failed runs repeated, and the configuration of the last attempt.
-
-    Runs whose block ran out of steps are repeated one by one, then by the method that suits their
-    numbers, then with the exact part of their motion in closed form. Runs that missed the tolerance
-    because of too few fixed steps are repeated with more of them.
-
-    **Arguments**
-
-    - `result`, `config`: the first attempt, and `run`, what makes another one.
-    - `batched`: the parts that carry runs.
-    - `config_for`: the configuration for the runs with these numbers; with `True`, the one with the
-      exact part of their motion in closed form.
-    - `dense`: as in `simulate_batch`."""
-
-    def again(config: IntegrationConfig, block: int = 1) -> Trajectory:
-        def run_some(some: PyTree, blocks: Blocks) -> Trajectory:
-            return run(some, blocks, config)
-
-        return repeated(result, rows, batched, run_some, block)
-
-    # The runs of a block share their steps, so that one slow run can use them up for all.
-    rows = out_of_steps(result)
-    if rows.size and result.status.size > 1:
-        result = again(config)
-        rows = out_of_steps(result)
-        other = config_for(rows) if rows.size else config
-        # The same method would fail again.
-        if type(other.method) is not type(config.method):
-            result = again(other)
-            rows = out_of_steps(result)
-    # Steps recorded then are those of the rest alone, which cannot be combined with those of whole
-    # runs.
-    if rows.size and not dense:
-        other = config_for(rows, True)
-        if other.decoupled and not config.decoupled:
-            result = again(other)
-    # Each number of fixed steps is a separate program: only one more is compiled, for the worst of
-    # the runs.
-    error = error_of_too_few_steps(result, config)
-    rows = np.flatnonzero(error)
-    if rows.size:
-        config = config.with_more_steps(float(np.max(error)))
-        result = again(config, BLOCK)
-    return result, config

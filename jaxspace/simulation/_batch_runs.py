@@ -5,7 +5,6 @@ Runs of similar rates share a block, and its steps."""
 import dataclasses
 import functools
 from collections.abc import Callable
-from typing import TypeVar
 
 import equinox as eqx
 import jax
@@ -18,8 +17,8 @@ from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
-from ..integration.status import Status
 from ..solvers.tolerances import Tolerance
+from ._repeat import Configs, Result
 from ._runs import run_system
 from .batch_layout import cut_batch
 from .blocks import Blocks, Order, jit_wide_vectors
@@ -28,8 +27,6 @@ from .failures import mission_reached
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .trajectory import Trajectory
-
-T = TypeVar("T")
 
 # Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.
 UNIFORM = 1.25
@@ -150,17 +147,15 @@ def _relative_rate(system: AbstractSystem, y0: State, t: Array) -> Array:
     return jax.lax.stop_gradient(functools.reduce(jnp.maximum, jax.tree.leaves(rates)))
 
 
-def out_of_steps(result: Trajectory | MissionTrajectory) -> np.ndarray:
-    """The numbers of the runs that ran out of steps."""
-    return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
+def again_by(
+    run: Callable[[PyTree, Blocks, Configs], Result], batched: PyTree
+) -> Callable[[Result, np.ndarray, Configs, int], Result]:
+    """The repetition of some runs of a batch, as `cured` takes it, by the `run` of some of them."""
 
+    def again(result: Result, rows: np.ndarray, configs: Configs, block: int) -> Result:
+        # Padded to whole blocks, so that fewer shapes are compiled.
+        filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+        part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None), configs)
+        return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)
 
-def repeated(
-    result: T, rows: np.ndarray, batched: PyTree, run: Callable[[PyTree, Blocks], T], block: int = 1
-) -> T:
-    """The result with the runs of these numbers replaced by those that `run` returns for them, in
-    blocks of this size."""
-    # Padded to whole blocks, so that fewer shapes are compiled.
-    filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
-    part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None))
-    return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)
+    return again

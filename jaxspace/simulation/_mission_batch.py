@@ -1,19 +1,17 @@
 """Many runs of a mission, integrated block by block: one solve serves all runs of a block."""
 
-import functools
-
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError, State
-from ..core.checks import is_concrete
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
-from ._batch_runs import out_of_steps, repeated, run_missions
+from ._batch_runs import again_by, run_missions
 from ._mission import Mission, check_mission
+from ._repeat import Configs, cured, exact
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_times, check_num_saved
-from .finish import raise_failures, warn_after, with_calls, with_exact_parts
+from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .phases import resolve_phases
 
@@ -60,24 +58,19 @@ def simulate_mission_batch(
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
     given = as_accuracy(accuracy)
-    configs_by = functools.partial(
-        resolve_phases, mission, y0, run_axes=1, restarts=traced and not throw
-    )
-    configs = configs_by(given)
+    restarts = traced and not throw
 
-    def run(batched: PyTree, blocks: Blocks, configs: tuple = configs) -> MissionTrajectory:
+    def configs_for(rows: object, exactly: bool) -> Configs:
+        accuracy = exact(given) if exactly else given
+        return resolve_phases(mission, y0, accuracy, 1, restarts=restarts)
+
+    def run(batched: PyTree, blocks: Blocks, configs: Configs) -> MissionTrajectory:
         return run_missions(batched, shared, configs, num_saved, blocks)
 
-    result = run(batched, local_blocks((batched, shared), runs))
-    if is_concrete(result.status) and not traced:
-        rows = out_of_steps(result)
-        if rows.size and runs > 1:
-            result = repeated(result, rows, batched, run)
-            rows = out_of_steps(result)
-        exactly = with_exact_parts(given, configs, configs_by) if rows.size else None
-        if exactly is not None:
-            again = functools.partial(run, configs=exactly)
-            result = repeated(result, rows, batched, again)
+    # Not by the function above: warnings of a mission count the calls from here.
+    configs = resolve_phases(mission, y0, given, 1, restarts=restarts)
+    result = run(batched, local_blocks((batched, shared), runs), configs)
+    if not traced:
+        result, configs = cured(result, configs, again_by(run, batched), configs_for)
     trajectory = with_calls(result, mission, given, configs)
-    trajectory = warn_after(trajectory, stacklevel=2)
-    return raise_failures(trajectory) if throw else trajectory
+    return finished(trajectory, throw, stacklevel=2)

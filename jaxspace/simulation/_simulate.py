@@ -1,26 +1,31 @@
 """`simulate`: from the initial state of a system to its trajectory, with an account of its
 accuracy."""
 
+import contextlib
+import dataclasses
 import functools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import jax
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
-from ..core import AbstractSystem
+from ..core import AbstractSystem, InputError
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
-from ..integration.config import IntegrationConfig, resolve
+from ..integration.config import resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
+from ..integration.status import Status
 from ..integration.stiffness import InitialConditions
 from ._mission import check_system
+from ._repeat import Configs, cured, exact
 from ._runs import run_system
 from ._warnings import warn_of_switches
 from .checks import as_events, check_dense, check_events, check_structure, check_times, check_values
-from .finish import finish, warn_after
-from .trajectory import Trajectory
+from .failures import enough_steps, place_of_failure
+from .finish import finished
+from .trajectory import RunCall, Trajectory
 
 
 def simulate(
@@ -79,17 +84,32 @@ def simulate(
     check_dense(dense, events)
     starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)
 
-    def config_by(accuracy: Accuracy) -> IntegrationConfig:
+    def configs_for(rows: object, exactly: bool) -> Configs:
+        accuracy = exact(given) if exactly else with_exact_part(given, system, y0, ts)
         # Restarts serve mapped runs, unless one that fails is an error for all.
-        return resolve(system, y0, accuracy, starts, restarts=not throw)
+        return (resolve(system, y0, accuracy, starts, restarts=not throw),)
 
-    config = config_by(with_exact_part(given, system, y0, ts))
+    def run(configs: Configs, dense: bool = dense) -> Trajectory:
+        return _run_system(system, y0, ts, events, configs[0], 0, dense)
 
-    def run(config: IntegrationConfig, dense: bool) -> Trajectory:
-        return _run_system(system, y0, ts, events, config, 0, dense)
+    configs = configs_for(None, False)
+    result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
+    result = dataclasses.replace(result, call=RunCall(system, given, configs[0]))
+    return finished(result, throw, lambda: _place(result, run), stacklevel=2)
 
-    trajectory = finish(run, system, config, given, config_by, dense, throw)
-    return warn_after(trajectory, stacklevel=2)
+
+def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:
+    """Where a run failed; repeated by `run` with its steps, which only a failed run needs."""
+    status, steps = int(result.status), None
+    # A closed form takes none, and there may be no memory for those of another method.
+    if result.config.method != "closed_form":
+        with contextlib.suppress(InputError):
+            steps = run((result.config,), dense=True).dense
+    t0, t1 = float(result.ts[0]), float(result.ts[-1])
+    place = place_of_failure(status, steps, t0, result.initial)
+    if status != Status.MAX_STEPS or steps is None:
+        return place
+    return f"{place} {enough_steps(steps, t0, t1, result.config.max_steps)}"
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.

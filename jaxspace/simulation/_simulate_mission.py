@@ -1,7 +1,5 @@
 """`simulate_mission`: the phases of a mission, one after the other, from an initial state."""
 
-import functools
-
 import equinox as eqx
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
@@ -10,9 +8,10 @@ from ..core.checks import is_concrete
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
 from ..integration.status import Status
 from ._mission import Mission, check_mission
+from ._repeat import Configs, cured, exact
 from .checks import as_times, check_num_saved
 from .failures import mission_reached, place_of_failure
-from .finish import raise_failures, warn_after, with_calls, with_exact_parts
+from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .phases import resolve_phases
@@ -59,20 +58,21 @@ def simulate_mission(
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)
     given = as_accuracy(accuracy)
-    configs_by = functools.partial(resolve_phases, mission, y0)
-    configs = configs_by(given)
-    result = run_mission(mission, y0, t0, num_saved, configs, 0)
-    if is_concrete(result.status) and int(result.status) == Status.MAX_STEPS:
-        exactly = with_exact_parts(given, configs, configs_by)
-        if exactly is not None:
-            configs = exactly
-            result = run_mission(mission, y0, t0, num_saved, configs, 0)
+
+    def run(configs: Configs) -> MissionTrajectory:
+        return run_mission(mission, y0, t0, num_saved, configs, 0)
+
+    def configs_for(rows: object, exactly: bool) -> Configs:
+        return resolve_phases(mission, y0, exact(given) if exactly else given)
+
+    # Not by the function above: warnings of a mission count the calls from here.
+    configs = resolve_phases(mission, y0, given)
+    result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
     # A known status without a failure needs no further program.
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = with_calls(result, mission, given, configs)
-    trajectory = warn_after(trajectory, stacklevel=2)
-    return raise_failures(trajectory, lambda: _failed_phase(trajectory)) if throw else trajectory
+    return finished(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=2)
 
 
 def _failed_phase(result: MissionTrajectory) -> str:
