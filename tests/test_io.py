@@ -3,6 +3,7 @@
 import dataclasses
 import json
 import math
+import re
 import tomllib
 import warnings
 from pathlib import Path
@@ -646,8 +647,11 @@ def test_what_is_added_is_listed_and_in_the_schema():
 def test_the_schema_accepts_what_is_read_and_refuses_what_is_not():
     schema = jaxspace.io.schema()
     assert fits(tomllib.loads(KICK), schema)
-    for text in (TOP, TWO_BODY):
+    # Two engines of one kind, and phases that name them.
+    two = (SCENES / "launch.toml").read_text()
+    for text in (TOP, TWO_BODY, two):
         assert fits(tomllib.loads(text), schema)
+    assert not fits(tomllib.loads(two.replace("steered_thrust_2", "steered_thrust_two")), schema)
     for case in ("unknown_key", "unknown_table", "no_impulse", "short_vector", "no_runs"):
         old, new, _ = BAD[case]
         assert not fits(tomllib.loads(KICK.replace(old, new, 1)), schema), case
@@ -660,8 +664,12 @@ def fits(value, schema) -> bool:
     if "enum" in schema:
         return value in schema["enum"]
     kind = schema.get("type")
+    if not schema:
+        return True
     if kind == "object":
-        known = schema.get("properties", {})
+        known = dict(schema.get("properties", {}))
+        for pattern, one in schema.get("patternProperties", {}).items():
+            known |= {key: one for key in value if re.search(pattern, key)}
         strange = schema.get("additionalProperties", True) is False and set(value) - set(known)
         return (
             isinstance(value, dict)
@@ -677,7 +685,7 @@ def fits(value, schema) -> bool:
             and all(fits(v, schema["items"]) for v in value)
         )
     if kind == "string":
-        return isinstance(value, str)
+        return isinstance(value, str) and bool(re.search(schema.get("pattern", ""), value))
     above = value > schema.get("exclusiveMinimum", -math.inf) if is_number(value) else False
     return above and value >= schema.get("minimum", -math.inf)
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from jaxspace import load
+from jaxspace.io import SceneError
 from jaxspace.orbits.elements import elements_from_state
 from jaxspace.orbits.secular_rates import secular_rates
 
@@ -57,3 +58,62 @@ def test_the_transfer_reaches_the_distance_of_the_moon():
     result = load(SCENES / "lunar_distance.toml").simulate()
     assert 3.7e8 < float(jnp.linalg.norm(result.final.position)) < 4.1e8
     assert 4.5 * 86400.0 < float(result.end) < 5.7 * 86400.0
+
+
+TWO = """
+[planet]
+mu = "398600.4418 km^3/s^2"
+radius = "6378.137 km"
+
+[effects.point_gravity]
+
+[effects.third_body] # the moon
+mu = "4902.8 km^3/s^2"
+path = { distance = "384400 km", rate = "13.2 deg/day" }
+
+[effects.third_body_2] # the sun
+mu = "1.327e11 km^3/s^2"
+path = { distance = "149.6e6 km", rate = "0.9856 deg/day" }
+
+[initial.orbit]
+periapsis_altitude = "600 km"
+
+[times]
+end = "1 h"
+
+[dispersion]
+runs = 2
+outputs = ["semi_major_axis"]
+
+[dispersion.inputs]
+"effects.third_body_2.mu" = { deviation = "1 %" }
+"""
+
+
+def test_two_effects_of_one_kind(tmp_path):
+    path = tmp_path / "two.toml"
+    path.write_text(TWO)
+    file = load(path)
+    assert [float(e.mu) for e in file.system.effects[1:]] == [4902.8e9, 1.327e20]
+    mission, _ = file.campaign().build({"effects.third_body_2.mu": jnp.array([1.0, 2.0])})
+    moon, sun = mission.phases[0].system.effects[1:]
+    assert sun.mu.tolist() == [1.0, 2.0] and float(moon.mu) == 4902.8e9
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ("third_body_2", "third_body_sun", "third_body_sun is not a key that is known: a second"),
+        ("[effects.third_body]", "[[effects.third_body]]", "third_body is a list of tables: it"),
+        ("third_body_2", "drag_2", "effects.drag_2.ballistic_coefficient is missing"),
+        ("third_body_2", "moon_2", "effects.moon_2 is not a key that is known: it must be one of"),
+    ],
+)
+def test_a_second_effect_that_is_refused(tmp_path, old, new, sentence):
+    path = tmp_path / "two.toml"
+    path.write_text(TWO.replace(old, new))
+    with pytest.raises(SceneError) as error:
+        load(path)
+    assert sentence in str(error.value)
+    if "third_body" in new:
+        assert "a second third_body is [effects.third_body_2]." in str(error.value)

@@ -26,6 +26,7 @@ from ..core.quantities import REQUIRED
 from ..dispersion.covariance import METHODS
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
+from ._effect_tables import EffectName, EffectTables
 from ._ends import end_kind
 from ._errors import missing, unknown, wrong
 from ._flight import flight_entries
@@ -154,7 +155,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     tables = {
         "body": Entry(bodies, {}, doc="mass properties"),
         # A body without any effect moves freely, which is a scene as well.
-        "effects": Entry(Table(effects, catalog.refused), {}, doc="what acts on the body"),
+        "effects": Entry(EffectTables(effects, catalog.refused), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
     ending = {
@@ -246,7 +247,7 @@ def method_kind(catalog: Catalog) -> Object:
 
 def _phase(catalog: Catalog) -> Table:
     jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
-    active = ListOf(OneName(tuple(catalog.effects)))
+    active = ListOf(EffectName(tuple(catalog.effects)))
     return Table(
         {
             "name": Entry(Text(), doc="of the phase, for tables and figures"),
