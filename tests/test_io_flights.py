@@ -119,6 +119,16 @@ def changed(tmp_path, *changes):
             "vehicle.parachutes.1.height is missing: it must be the height of its opening",
         ),
         (
+            'height = "800 m"',
+            'height = "800 m"\ntime = "60 s"',
+            r"vehicle.parachutes.1.time is given beside a height: it must be left out",
+        ),
+        (
+            'lag = "1.5 s"\nheight = "800 m"',
+            'time = "50 s"\n[[vehicle.parachutes]]\ndrag_area = 1\ntime = "40 s"',
+            r"vehicle.parachutes.2.time is 40.0: it must be above 50 s, when the one before it",
+        ),
+        (
             'drag_area = "10 m^2"',
             "drag_area = 0",
             "vehicle.parachutes.1.drag_area is 0: it must be a positive number in m",

@@ -91,12 +91,22 @@ def flight_errors(file: Parsed) -> list[str]:
     result = []
     building = file.building()
     top = float(building.make("vehicle").ceiling)
-    before = math.inf
+    before, earlier = math.inf, 0.0
     for number, chute in enumerate(parachutes(building)):
         key = f"vehicle.parachutes.{number}.height"
+        if chute.time is not None:
+            time = float(chute.time)
+            if time <= earlier:
+                what = f"above {earlier:g} s, when the one before it opens"
+                result.append(wrong(f"vehicle.parachutes.{number}.time", time, what))
+            earlier = max(earlier, time)
+            continue
         if chute.height is None:
             if number:
-                what = "the height of its opening, in m, for the apogee opens the first one alone"
+                what = (
+                    "the height of its opening, in m, or its time, for the apogee opens the first "
+                    "one alone"
+                )
                 result.append(missing(key, what))
             continue
         height = float(chute.height)

@@ -4,9 +4,10 @@
 
 On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
 freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
-opens a lag after its trigger, the apogee or a height above the ground on the way down. Where that
-height is passed before, by an apogee below it or while the parachute before opens, it is triggered
-as soon as that one is open.
+opens a lag after its trigger: the apogee, a height above the ground on the way down, or a time
+after the ignition, as of a delay charge. Where that height or time is passed before, by an apogee
+below it or while the parachute before opens, it is triggered as soon as that one is open. Before a
+first parachute with a time the ascent ends at that time, on the way up or down.
 
 Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
 
@@ -166,8 +167,35 @@ class Recovery(AbstractParameters):
         non_negative=True,
         optional=True,
         doc="above the ground, at which it is triggered on the way down, or at once where it is "
-        "passed already; without it at the apogee",
+        "passed already; without it and a time at the apogee",
     )
+    time: OptionalNumberField = quantity(
+        "s",
+        positive=True,
+        optional=True,
+        doc="after the ignition, at which it is triggered in place of a height, on the way up or "
+        "down",
+    )
+
+    def __check_init__(self):
+        super().__check_init__()
+        if self.height is not None and self.time is not None:
+            raise InputError(
+                "Recovery.time is given beside a height: it must be left out, or the height, for "
+                "one of them triggers the parachute."
+            )
+
+    def trigger(self, within: Scalar, passed: bool) -> Event | None:
+        """The event that triggers it, or `None` at the apogee.
+
+        **Arguments**
+
+        - `within`: the longest time to wait for it, s.
+        - `passed`: whether it is triggered at once where its height or time is passed already.
+        """
+        if self.time is not None:
+            return _falls(_TimeLeft(self.time), within, passed)
+        return None if self.height is None else _falls(_Above(self.height), within, passed)
 
 
 @final
@@ -179,6 +207,17 @@ class _Above(eqx.Module):
     def __call__(self, t: Scalar, y: BodyState) -> Scalar:
         del t
         return y.position[2] - self.height
+
+
+@final
+class _TimeLeft(eqx.Module):
+    """Time that is left until `time`, s."""
+
+    time: Scalar
+
+    def __call__(self, t: Scalar, y: BodyState) -> Scalar:
+        # With the runs of the state.
+        return self.time - t + 0.0 * y.position[2]
 
 
 @event("m/s", direction=-1, needs=("velocity",))
@@ -202,6 +241,7 @@ def as_point(t: Scalar, y: BodyState) -> BodyState:
 def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
     """The names of the phases of a flight with these parachutes, in their order."""
     names = ["rail", "ascent"]
+    # One with a time ends the ascent itself.
     if recovery and recovery[0].height is not None:
         names.append("fall")
     for number, chute in enumerate(recovery, 1):
@@ -227,7 +267,7 @@ def sounding_flight(
     - `vehicle`: with a known mass of its propellant.
     - `site`: of the launch.
     - `recovery`: the parachutes in the order of their opening, the first at the apogee unless it
-      has a height; without one the mission ends at the apogee.
+      has a height or a time; without one the mission ends at the apogee.
     - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
       rail (by default as long as a rocket may take that leaves it at all), for the apogee, and for
       the next parachute or the ground, s. The search for an event samples all of that time: a
@@ -237,7 +277,7 @@ def sounding_flight(
     parachute, if it has one, and for each parachute "wait", if it has a lag, and "parachute",
     numbered; and the state at ignition, of every run.
 
-    **Raises** `InputError` for a parachute after the first one without a height.
+    **Raises** `InputError` for a parachute after the first one without a height or a time.
     """
     air, environment = site.air, site.environment
 
@@ -248,11 +288,13 @@ def sounding_flight(
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
     leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     for number, chute in enumerate(recovery[1:], 2):
-        if chute.height is None:
+        if chute.height is None and chute.time is None:
             raise InputError(
-                f"Recovery.height of parachute {number} is None: it must be a height in m, for the "
-                f"apogee triggers the first one alone."
+                f"Recovery.height of parachute {number} is None: it must be a height in m, or its "
+                f"time one in s, for the apogee triggers the first one alone."
             )
+    first = recovery[0] if recovery else None
+    timed = None if first is None or first.time is None else first.trigger(ascent_within, True)
     names = iter(flight_phases(recovery))
     phases = [
         Phase(
@@ -262,13 +304,13 @@ def sounding_flight(
         ),
         Phase(
             scene(*burning),
-            Event(apogee, -1, ascent_within, samples=SAMPLES),
+            Event(apogee, -1, ascent_within, samples=SAMPLES) if timed is None else timed,
             name=next(names),
         ),
     ]
     flying = scene(*gliding, carry=("mass",))
-    if recovery and recovery[0].height is not None:
-        opening = _down_to(recovery[0].height, descent_within, True)
+    if first is not None and first.height is not None:
+        opening = first.trigger(descent_within, True)
         phases.append(Phase(flying, opening, name=next(names)))
     last = len(recovery) - 1
     for number, chute in enumerate(recovery):
@@ -281,19 +323,19 @@ def sounding_flight(
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         # The last parachute lasts to the ground, each other one until the next opens.
-        below = as_float(0.0) if number == last else recovery[number + 1].height
-        until = _down_to(below, descent_within, number != last)
+        ground = _falls(_Above(as_float(0.0)), descent_within, False)
+        until = ground if number == last else recovery[number + 1].trigger(descent_within, True)
         phases.append(Phase(hanging, until, name=next(names)))
         flying = hanging
     return Mission(phases), _at_rest(vehicle, site)
 
 
-def _down_to(height: Scalar, within: Scalar, passed: bool) -> Event:
-    """The fall through a height, m. What opens there does so at once where it is `passed`; under
-    the ground there is no landing."""
+def _falls(condition: _Above | _TimeLeft, within: Scalar, passed: bool) -> Event:
+    """The fall of a height or of a time that is left through zero. What opens there does so at once
+    where it is `passed`; under the ground there is no landing."""
     # An array for both, so that phases of a descent differ in numbers alone and share a program.
     flag = jnp.asarray(passed)
-    return Event(_Above(height), -1, within, at_start=True, passed=flag)
+    return Event(condition, -1, within, at_start=True, passed=flag)
 
 
 def _longest_on_rail(vehicle: Vehicle, site: LaunchSite) -> Scalar:
