@@ -46,7 +46,7 @@ def pytest_addoption(parser):
     parser.addoption(
         "--optimised",
         action="store_true",
-        help="compile as users do; the whole sweep always does",
+        help="compile as users do, where digits are compared; the whole sweep always does",
     )
     parser.addoption(
         "--no-programs",
@@ -63,13 +63,17 @@ def pytest_addoption(parser):
 def pytest_configure(config):
     """Compile without the compiler's optimisations where they are not asked for: they take time and
     change the last digits of results, which no bound may rest on."""
-    optimised = config.getoption("--optimised") or config.getoption("--sweep") == "all"
-    jax.config.update("jax_disable_most_optimizations", not optimised)
+    jax.config.update("jax_disable_most_optimizations", not is_optimised(config))
     leaf_checks.typechecked = of_leaf(leaf_checks.typechecked)
     if not config.getoption("--no-programs"):
         store_programs()
     if config.getoption("--write-costs") and not hasattr(config, "workerinput"):
         config.pluginmanager.register(CostWriter(config.getoption("--part")))
+
+
+def is_optimised(config) -> bool:
+    """Whether tests that look at digits compile as users do."""
+    return config.getoption("--optimised") or config.getoption("--sweep") == "all"
 
 
 def of_leaf(typechecked):
@@ -119,6 +123,8 @@ class CostWriter:
 @pytest.hookimpl(wrapper=True)
 def pytest_runtest_setup(item):
     item.stash[START] = suite.processor_time()
+    optimised = is_optimised(item.config) and suite.looks_at_digits(item.path)
+    jax.config.update("jax_disable_most_optimizations", not optimised)
     return (yield)
 
 

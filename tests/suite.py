@@ -26,6 +26,14 @@ MOST_SECONDS = 0.6
 # What a case takes beyond this, alone but not beside the others, is the program that they share.
 SHARED_SECONDS = 2.0 * MOST_SECONDS
 
+# Starts of the names of files whose tests look at commands, files, pages and pictures, where no
+# digit decides: they compile as quickly as may be also where the others compile as users do.
+WITHOUT_DIGITS = (
+    *("campaign", "cli", "dispersion_page", "examples", "gallery", "hostile", "installation", "io"),
+    *("keep_programs", "layers", "manual", "mutated", "optimize_file", "paper", "plots"),
+    *("public_files", "scene", "types", "wrong"),
+)
+
 # All cases of a test that is named without one.
 BASIC_TESTS = tuple(test for tests in BASICS.values() for test in tests.values())
 
@@ -47,6 +55,11 @@ def is_quick(test: str, costs: dict[str, float]) -> bool:
     """Whether a test runs after every change: it is cheap, or one of the basics."""
     basic = test.partition("/")[2].startswith(BASIC_TESTS)
     return basic or max(costs.get(x, 0.0) for x in (test, all_cases(test))) <= MOST_SECONDS
+
+
+def looks_at_digits(path: Path) -> bool:
+    """Whether a file of tests compares numbers, which the compiler's optimisations change."""
+    return not path.stem.removeprefix("test_").startswith(WITHOUT_DIGITS)
 
 
 def all_cases(test: str) -> str:

@@ -8,7 +8,15 @@ from pathlib import Path
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
-from suite import MOST_SECONDS, is_quick, program_folder, read_costs, write_costs
+from suite import (
+    MOST_SECONDS,
+    WITHOUT_DIGITS,
+    is_quick,
+    looks_at_digits,
+    program_folder,
+    read_costs,
+    write_costs,
+)
 from suite_basics import BASICS
 from test_layers import MODULES
 
@@ -66,6 +74,12 @@ def test_a_measurement_of_the_quick_part_adds_to_what_is_known(tmp_path, monkeyp
 def test_the_compiler_is_set_as_asked(pytestconfig):
     optimised = pytestconfig.getoption("--optimised") or pytestconfig.getoption("--sweep") == "all"
     assert jax.config.values["jax_disable_most_optimizations"] is not optimised
+
+
+def test_files_without_digits_are_named_as_they_are():
+    files = [file.stem.removeprefix("test_") for file in TESTS.glob("test_*.py")]
+    idle = [start for start in WITHOUT_DIGITS if not any(f.startswith(start) for f in files)]
+    assert not idle and looks_at_digits(TESTS / "test_orbits_kepler.py")
 
 
 @pytest.mark.parametrize("target", ["beyond", "processors", "sweep"])
