@@ -119,6 +119,12 @@ class AbstractEffect(AbstractParameters):
         del rest
         return None
 
+    def started_at(self, t0: Scalar) -> "AbstractEffect":
+        """The effect in a phase of a mission that starts at the time `t0`, s
+        (`AbstractSystem.started_at`)."""
+        del t0
+        return self
+
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         """Times, s, at which the load or a derivative of it jumps, or `None`."""
         return None

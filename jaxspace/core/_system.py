@@ -183,6 +183,12 @@ class AbstractSystem(AbstractParameters):
     def invariants(self, t: Scalar, y: State) -> dict[str, Array]:
         """The invariants of the exact motion, by name; `{}` when nothing is conserved."""
 
+    def started_at(self, t0: Scalar) -> "AbstractSystem":
+        """The system in a phase of a mission that starts at the time `t0`, s: with the times of the
+        mission in place of those that count from there. By default nothing counts from there."""
+        del t0
+        return self
+
     def closed_form(self) -> AbstractClosedForm | None:
         """The exact motion, or `None`."""
         return None

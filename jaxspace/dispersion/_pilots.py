@@ -18,7 +18,7 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.programs import Runs, is_small
 from ..integration.status import SimulationError, Status
-from ..simulation import Mission
+from ..simulation import Mission, Phase
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.mission_runs import run_mission
@@ -64,9 +64,7 @@ def _pilots(
     # must contain.
     every_phase = [leg.phase for leg in legs_of(mission)[0]]
     pairs = zip(every_phase, every, strict=True)
-    saved = [
-        n if isinstance(n, OwnTimes) or _breaks_differ(phase.system) else 2 for phase, n in pairs
-    ]
+    saved = [n if isinstance(n, OwnTimes) or _breaks_differ(phase) else 2 for phase, n in pairs]
     record = _planned(mission, configs, every)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, record_steps=record)
     return [run.step_ends for run in result.phases], PilotRuns(_as_run(result), samples)
@@ -110,10 +108,13 @@ def _as_run(result: MissionTrajectory) -> MissionTrajectory:
     return dataclasses.replace(result, phases=phases)
 
 
-def _breaks_differ(system: Any) -> bool:
+def _breaks_differ(phase: Phase) -> bool:
     """Whether the times at which the vector field jumps differ between runs."""
-    breaks = None if isinstance(system, AbstractRunnable) else breaks_of(system)
-    return breaks is not None and breaks.ndim > 1
+    if isinstance(phase.system, AbstractRunnable):
+        return False
+    breaks = breaks_of(phase.system)
+    # What counts from the start of the phase jumps with it, and each run may start at its own time.
+    return breaks is not None and (breaks.ndim > 1 or phase.counts_from_start)
 
 
 def expected_steps(

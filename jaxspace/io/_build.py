@@ -237,6 +237,9 @@ def _until(
     if until in events:
         return Event(events[until], events[until].event.direction, phase["within"])
     known = next(e for n, e in active.items() if until in file.catalog.known_times(n))
+    if known.started_at(0.0) is not known:
+        # It counts from the start of the phase, at whatever time that is.
+        return getattr(known, until)()
     return getattr(known, until)() - start
 
 

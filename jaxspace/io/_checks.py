@@ -440,12 +440,19 @@ def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
             effects = file.catalog.effects
             result += reference_errors(maker, needs, effects, phase["effects"])
     elif until is not None:
-        if not any(until in file.catalog.known_times(name) for name in phase["effects"]):
+        named = [name for name in phase["effects"] if until in file.catalog.known_times(name)]
+        if not named:
             what = "another end: no effect of this phase has that time"
             result.append(wrong(f"{key}.until", until, what))
-        if any(is_event(x.phase["until"], file.catalog) for x in file.before(line, leg)):
-            what = "a duration: after a phase that ends at an event the time is not known"
-            result.append(wrong(f"{key}.until", until, what))
+        elif any(is_event(x.phase["until"], file.catalog) for x in file.before(line, leg)):
+            effect = file.building().make(f"effects.{named[0]}")
+            # A time that counts from the start of the phase is known whenever it starts.
+            if effect.started_at(0.0) is effect:
+                what = "a duration: after a phase that ends at an event the time is not known"
+                hint = (
+                    f" Give effects.{named[0]} a delay, which counts from the start of the phase."
+                )
+                result.append(wrong(f"{key}.until", until, what) + hint)
     jumps = [name for name, table in phase["jump"].items() if table is not None]
     if len(jumps) > 1:
         result.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")

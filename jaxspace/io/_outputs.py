@@ -44,12 +44,14 @@ Curves: TypeAlias = Mapping[int, Curve]
 
 class _Given(NamedTuple):
     """What outputs are computed from besides a state: as of `Outputs.numbers`, the number of
-    `runs`, and the `effects` of which some are methods, by name."""
+    `runs`, the `effects` of which some are methods, by name, and the times at which phases start,
+    s, by their place."""
 
     samples: dict[str, Array]
     runs: int
     began: dict[int, State]
     effects: Mapping[str, Any]
+    starts: Mapping[int, Array]
 
 
 class OutputSpec(NamedTuple):
@@ -121,8 +123,11 @@ class Outputs(eqx.Module):
 
     def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = line_ends(result)
-        began, curves = {}, {}
+        began, curves, starts = {}, {}, {}
         for spec in self.specs:
+            if "scene" in spec.arguments() and not spec.take:
+                last = self.file.parsed.last_leg(spec.at, len(result.phases))
+                starts[spec.at] = jnp.min(result.phases[last].ts, axis=0)
             if BEGAN in spec.arguments():
                 first = self.file.parsed.first_leg(spec.at)
                 began[spec.at] = result.phases[first].initial
@@ -132,7 +137,7 @@ class Outputs(eqx.Module):
                 states[spec.at] = result.phases[spec.at].final
                 ends[spec.at] = result.phases[spec.at].ts[-1]
             curves |= {k: Curve(result.phases[k].ts, result.phases[k].states) for k in spec.phases}
-        return self.numbers(states, ends, samples, curves, began)
+        return self.numbers(states, ends, samples, curves, began, starts)
 
     def numbers(
         self,
@@ -141,6 +146,7 @@ class Outputs(eqx.Module):
         samples: dict[str, Array],
         curves: Curves | None = None,
         began: dict[int, State] | None = None,
+        starts: Mapping[int, Array] | None = None,
     ) -> dict[str, Array]:
         """The outputs, each (runs,).
 
@@ -149,12 +155,13 @@ class Outputs(eqx.Module):
         - `states`, `ends`: the states at the ends of the phases, and the times there, s.
         - `samples`: the inputs of the runs.
         - `curves`: all states of the phases along which extremes are taken.
-        - `began`: the states at the starts of the phases, for outputs that compare with them."""
+        - `began`: the states at the starts of the phases, for outputs that compare with them.
+        - `starts`: the times of these starts, s, (runs,), for outputs that read the scene."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         # Made once, because several outputs may be methods of one effect.
         names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
         effects = {name: self.file.effect(name, self.values, samples, runs) for name in names}
-        given = _Given(samples, runs, began or {}, effects)
+        given = _Given(samples, runs, began or {}, effects, starts or {})
         result = {}
         for spec in self.specs:
             if spec.take:
@@ -168,8 +175,9 @@ class Outputs(eqx.Module):
     def _extreme(self, spec: OutputSpec, curves: Curves, given: _Given) -> Array:
         times, values, slopes = [], [], []
         for k in spec.phases:
+            at_start = given._replace(starts={k: jnp.min(curves[k].times, axis=0)})
 
-            def one(t: Scalar, y: State, k: int = k) -> Array:
+            def one(t: Scalar, y: State, k: int = k, given: _Given = at_start) -> Array:
                 value = self._value(spec, k, y, t, given)
                 return jnp.broadcast_to(value, (given.runs,))
 
@@ -209,7 +217,9 @@ class Outputs(eqx.Module):
             elif name == "body":
                 arguments[name] = self.file.body(self.values, samples, runs, place)
             elif name == "scene":
-                arguments[name] = self.file.scene(self.values, samples, runs, place)
+                scene = self.file.scene(self.values, samples, runs, place)
+                start = given.starts.get(place)
+                arguments[name] = scene if start is None else scene.started_at(start)
             elif name == INITIAL:
                 arguments[name] = self.initial
             elif name == BEGAN:

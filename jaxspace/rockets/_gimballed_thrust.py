@@ -41,6 +41,7 @@ from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
+from ._ignition import check_ignition, delay_field, ignited, ignition_of
 from ._motor_file import read_motor_file
 from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
@@ -107,6 +108,7 @@ class GimballedThrust(AbstractEffect):
     back_pressure: BackPressure | None = eqx.field(
         default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
+    delay: OptionalNumberField = delay_field()
 
     @classmethod
     @constructor(
@@ -187,12 +189,19 @@ class GimballedThrust(AbstractEffect):
             motor.burnout_mass,
             motor.throttle,
             motor.back_pressure,
+            motor.delay,
         )
+
+    def started_at(self, t0: Scalar) -> "GimballedThrust":
+        return ignited(self, t0)
+
+    def __check_init__(self):
+        check_ignition(self)
 
     @known_time
     def burnout(self) -> Scalar:
         """The time, s, at which the burn time is over."""
-        return self.ignition + self.burn_time
+        return ignition_of(self) + self.burn_time
 
     def motor(self) -> Thrust:
         """The motor without its gimbal."""
@@ -205,6 +214,7 @@ class GimballedThrust(AbstractEffect):
             burnout_mass=self.burnout_mass,
             throttle=self.throttle,
             back_pressure=self.back_pressure,
+            delay=self.delay,
         )
 
     def propellant_left(self, y: BodyState) -> Scalar:

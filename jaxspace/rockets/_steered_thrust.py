@@ -29,6 +29,7 @@ from ..core import (
 )
 from ..core.types import as_float
 from ._back_pressure import BackPressure
+from ._ignition import check_ignition, delay_field, ignited, ignition_of
 from ._motor_file import read_motor_file
 from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
@@ -64,6 +65,7 @@ class SteeredThrust(AbstractEffect):
         optional=True,
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
+    delay: OptionalNumberField = delay_field()
 
     @classmethod
     @constructor(
@@ -145,12 +147,19 @@ class SteeredThrust(AbstractEffect):
             motor.profile,
             motor.back_pressure,
             motor.burnout_mass,
+            motor.delay,
         )
+
+    def started_at(self, t0: Scalar) -> "SteeredThrust":
+        return ignited(self, t0)
+
+    def __check_init__(self):
+        check_ignition(self)
 
     @known_time
     def burnout(self) -> Scalar:
         """The time, s, at which the burn time is over."""
-        return self.ignition + self.burn_time
+        return ignition_of(self) + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
@@ -194,6 +203,7 @@ class SteeredThrust(AbstractEffect):
             self.ignition,
             burnout_mass=self.burnout_mass,
             back_pressure=self.back_pressure,
+            delay=self.delay,
         )
 
 

@@ -41,6 +41,7 @@ from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float, precision_of
 from ..core.vectors import cross
 from ._back_pressure import BackPressure
+from ._ignition import check_ignition, delay_field, ignited, ignition_of
 from ._motor_file import read_motor_file
 from ._thrust_profile import ThrustProfile
 
@@ -112,6 +113,7 @@ class Thrust(AbstractEffect):
     back_pressure: BackPressure | None = eqx.field(
         default=None, metadata={"doc": "what the air takes; nothing by default"}
     )
+    delay: OptionalNumberField = delay_field()
 
     @classmethod
     @constructor(
@@ -202,14 +204,20 @@ class Thrust(AbstractEffect):
         fields |= _point(station, offset)
         return cls(*read_motor_file(motor_file).parameters(propellant_mass), **fields)
 
+    def started_at(self, t0: Scalar) -> "Thrust":
+        return ignited(self, t0)
+
+    def __check_init__(self):
+        check_ignition(self)
+
     @known_time
     def burnout(self) -> Scalar:
         """The time, s, at which the burn time is over."""
-        return self.ignition + self.burn_time
+        return ignition_of(self) + self.burn_time
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
-        x = (t - self.ignition) / self.burn_time
+        x = (t - ignition_of(self)) / self.burn_time
         if self.profile is None:
             level = jnp.where((x >= 0.0) & (x <= 1.0), 1.0, 0.0)
         else:
@@ -274,8 +282,9 @@ class Thrust(AbstractEffect):
 
     def breaks(self) -> Float[Array, "times *#runs"]:
         # With runs behind the points: each run has its own ignition and burn time.
-        kind = precision_of(self.ignition, self.burn_time)
+        ignition = ignition_of(self)
+        kind = precision_of(ignition, self.burn_time)
         x = jnp.array([0.0, 1.0], kind) if self.profile is None else self.profile.fraction
-        runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, self.ignition.shape)
+        runs = jnp.broadcast_shapes(x.shape[1:], self.burn_time.shape, ignition.shape)
         x = with_rank(x, len(runs))
-        return self.ignition + self.burn_time * x
+        return ignition + self.burn_time * x

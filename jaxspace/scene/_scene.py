@@ -289,6 +289,13 @@ class Scene(AbstractScene):
         runs = jnp.broadcast_shapes(*(x.shape[1:] for x in times))
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
 
+    def started_at(self, t0: Scalar) -> "Scene":
+        effects = tuple(effect.started_at(t0) for effect in self.effects)
+        if all(new is old for new, old in zip(effects, self.effects, strict=True)):
+            return self
+        # Without the check of a construction: what the effects read and add stays.
+        return eqx.tree_at(lambda scene: scene.effects, self, effects)
+
     def switches(self) -> dict[str, str]:
         """The switches of all effects (`AbstractEffect.switches`)."""
         return {name: part for e in self.effects for name, part in e.switches().items()}

@@ -66,6 +66,9 @@ def _alike(first: Phase, then: Phase) -> bool:
     alone."""
     if first.then is not None or isinstance(first.system, AbstractRunnable):
         return False
+    # The loop knows no phase's start when it stacks their numbers.
+    if first.counts_from_start:
+        return False
     events = [phase.until for phase in (first, then) if isinstance(phase.until, Event)]
     if not all(same_structure(event, events[0]) for event in events):
         return False

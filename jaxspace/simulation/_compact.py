@@ -22,7 +22,7 @@ from jax import lax
 from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float
 
-from ..core import InputError, Scalar, State
+from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..core.types import as_float
@@ -107,9 +107,9 @@ def simulate_compact(
     return CompactRun(own.final, own.end, tuple(phases), tuple(branches), error)
 
 
-def _ends(phase: Phase, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
+def _ends(system: AbstractSystem, t0: Scalar, t1: Scalar, steps: int) -> Float[Array, " times"]:
     """Starts and ends of the steps, s: equal between two breaks."""
-    breaks = phase.moving.breaks()
+    breaks = system.breaks()
     inner = jnp.zeros((0,)) if breaks is None else jnp.clip(breaks, t0, t1)
     knots = jnp.concatenate([t0[None], jnp.sort(inner), t1[None]])
     each = max(2, -(-steps // (knots.size - 1)))
@@ -137,8 +137,8 @@ def _phase(
         )
     # Parts of the state that are constant in the phase are integrated with the others.
     v0, unravel = ravel_pytree(y0)
-    system = phase.moving
-    ts = _ends(phase, t0, t1, steps)
+    system = phase.moving.started_at(t0)
+    ts = _ends(system, t0, t1, steps)
 
     def rate(t: Scalar, v: Array) -> Array:
         return ravel_pytree(system.vector_field(t, unravel(v)))[0]

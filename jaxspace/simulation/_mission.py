@@ -115,6 +115,11 @@ class Phase(eqx.Module):
             check_finite(f"Phase {self.name!r}: until", self.until)
 
     @property
+    def counts_from_start(self) -> bool:
+        """Whether its system has times that count from the start of the phase."""
+        return self.system.started_at(0.0) is not self.system
+
+    @property
     def moving(self) -> AbstractSystem:
         """The system that moves, without its controller."""
         system = self.system

@@ -31,10 +31,13 @@ def with_calls(
 ) -> MissionTrajectory:
     """The result with what was run in each phase."""
     legs, _ = legs_of(mission)
-    phases = [
-        dataclasses.replace(run, call=RunCall(leg.phase.moving, accuracy, config))
-        for run, leg, config in zip(result.phases, legs, configs, strict=True)
-    ]
+    phases = []
+    for run, leg, config in zip(result.phases, legs, configs, strict=True):
+        system = leg.phase.moving
+        # Only where it is needed: outside of `jit` the first of the times is a program.
+        if leg.phase.counts_from_start:
+            system = system.started_at(run.ts[0])
+        phases.append(dataclasses.replace(run, call=RunCall(system, accuracy, config)))
     return dataclasses.replace(result, phases=tuple(phases))
 
 

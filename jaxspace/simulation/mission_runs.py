@@ -106,10 +106,11 @@ def run_mission(
         elif isinstance(phase.system, AbstractRunnable):
             assert isinstance(saved, int)
             # A closed loop takes fixed steps between its samples, and no plan.
-            result = phase.system.run(phase.until, y, t, saved, config, run_axes)
+            loop = phase.system.started_at(t)
+            result = loop.run(phase.until, y, t, saved, config, run_axes)
             t, y = _left_by(phase.then, result, run_axes)
         else:
-            integrator = Integrator(phase.system, config, run_axes)
+            integrator = Integrator(phase.system.started_at(t), config, run_axes)
             record = record_steps if isinstance(record_steps, bool) else record_steps[number]
             given = phase.until, phase.then, y, t, saved, plan, record
             result, t, y = _run_phase(integrator, *given)

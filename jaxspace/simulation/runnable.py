@@ -27,6 +27,13 @@ class AbstractRunnable(eqx.Module):
     def lasting(self, longest: float) -> "AbstractRunnable":
         """The same object with this `longest` time, s."""
 
+    def started_at(self, t0: Scalar) -> "AbstractRunnable":
+        """The same object in a phase that starts at `t0`, s (`AbstractSystem.started_at`)."""
+        started = self.system.started_at(t0)
+        if started is self.system:
+            return self
+        return eqx.tree_at(lambda x: x.system, self, started)
+
     @abstractmethod
     def config(self, y0: PyTree, accuracy: Accuracy) -> IntegrationConfig:
         """The configuration of a run from a state with the shapes of `y0`."""

@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.printing import printed
 from ..simulation import Event, Mission, MissionTrajectory, Phase
 from .coordinates import Coordinates
@@ -111,6 +111,12 @@ def uncertain_mission(mission: Mission, noises: Sequence[Any]) -> Mission:
     """A mission whose states are means with their covariance and the delay of the phase.
 
     `noises`: the spectral density of the process noise in each phase, as of `Uncertain`."""
+    for phase in mission.phases:
+        if phase.counts_from_start:
+            raise InputError(
+                f"Phase {phase.name!r} has a time that counts from its start, such as the delay of "
+                f"a motor: for a covariance it must be a time of the mission, such as its ignition."
+            )
     after = [phase.moving for phase in mission.phases[1:]] + [None]
     phases = []
     for phase, noise, later in zip(mission.phases, noises, after, strict=True):
