@@ -10,6 +10,7 @@ import pytest
 from jaxspace import Event, Mission, Phase, Scene, load, simulate_mission, simulate_mission_batch
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.core import InputError
+from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError
 from jaxspace.orbits import UniformGravity
 from jaxspace.rockets import SteeredThrust, Thrust
@@ -159,3 +160,29 @@ def test_a_delay_beside_an_ignition_is_refused():
     with pytest.raises(InputError, match=r"Thrust.ignition is 5: it must be left out beside a del"):
         Thrust(1.0, 1.0, 1.0, ignition=5.0, delay=1.0)
     assert float(Thrust(1.0, 1.0, 2.0, delay=1.0).burnout()) == 3.0
+
+
+OUTPUTS = """
+[dispersion]
+outputs = [
+    "proper_acceleration",
+    { name = "greatest", output = "proper_acceleration", take = "greatest", at = "burn" },
+]
+inputs."effects.steered_thrust.delay" = { distribution = "uniform", low = "1 s", high = "3 s" }
+"""
+
+
+@pytest.mark.sweep
+def test_outputs_see_the_motor_up_to_the_burnout(tmp_path):
+    """The burnout ends the phase, in each run at its own time, to a rounding of which the motor
+    burns or does not."""
+    path = tmp_path / "flight.toml"
+    path.write_text(FILE + OUTPUTS)
+    file = load(path)
+    result = disperse(file.campaign(), 16)
+    last = FLOW * EXHAUST / (MASS - FLOW * BURN)
+    # Tolerance of the runs.
+    np.testing.assert_allclose(result.outputs["proper_acceleration"], last, rtol=1e-7)
+    np.testing.assert_allclose(result.outputs["greatest"], last, rtol=1e-7)
+    found = file.nominal_outputs(file.nominal_mission())
+    assert [x for x, _ in found.values()] == pytest.approx([last, last], rel=1e-7)

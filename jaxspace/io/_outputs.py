@@ -42,16 +42,35 @@ Curves: TypeAlias = Mapping[int, Curve]
 """The curves along phases by their numbers."""
 
 
+class Span(NamedTuple):
+    """The times at which a phase starts and ends in each run, s."""
+
+    start: Array
+    end: Array
+
+    @classmethod
+    def of(cls, ts: Array) -> "Span":
+        """That of saved times, (times, *runs)."""
+        return cls(jnp.min(ts, axis=0), jnp.max(ts, axis=0))
+
+    def inside(self, t: Scalar) -> Scalar:
+        """The time `t`, s, a few roundings inside where the phase starts or ends: a motor whose
+        burnout ends the phase still burns there."""
+        edge = 8.0 * jnp.finfo(self.end.dtype).eps * (jnp.abs(self.start) + jnp.abs(self.end))
+        near = jnp.clip(t, self.start + edge, jnp.maximum(self.end - edge, self.start + edge))
+        return t + jax.lax.stop_gradient(near - t)
+
+
 class _Given(NamedTuple):
     """What outputs are computed from besides a state: as of `Outputs.numbers`, the number of
-    `runs`, the `effects` of which some are methods, by name, and the times at which phases start,
-    s, by their place."""
+    `runs`, the `effects` of which some are methods, by name, and the `spans` of phases by their
+    place."""
 
     samples: dict[str, Array]
     runs: int
     began: dict[int, State]
     effects: Mapping[str, Any]
-    starts: Mapping[int, Array]
+    spans: Mapping[int, Span]
 
 
 class OutputSpec(NamedTuple):
@@ -123,11 +142,11 @@ class Outputs(eqx.Module):
 
     def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = line_ends(result)
-        began, curves, starts = {}, {}, {}
+        began, curves, spans = {}, {}, {}
         for spec in self.specs:
             if "scene" in spec.arguments() and not spec.take:
                 last = self.file.parsed.last_leg(spec.at, len(result.phases))
-                starts[spec.at] = jnp.min(result.phases[last].ts, axis=0)
+                spans[spec.at] = Span.of(result.phases[last].ts)
             if BEGAN in spec.arguments():
                 first = self.file.parsed.first_leg(spec.at)
                 began[spec.at] = result.phases[first].initial
@@ -137,7 +156,7 @@ class Outputs(eqx.Module):
                 states[spec.at] = result.phases[spec.at].final
                 ends[spec.at] = result.phases[spec.at].ts[-1]
             curves |= {k: Curve(result.phases[k].ts, result.phases[k].states) for k in spec.phases}
-        return self.numbers(states, ends, samples, curves, began, starts)
+        return self.numbers(states, ends, samples, curves, began, spans)
 
     def numbers(
         self,
@@ -146,7 +165,7 @@ class Outputs(eqx.Module):
         samples: dict[str, Array],
         curves: Curves | None = None,
         began: dict[int, State] | None = None,
-        starts: Mapping[int, Array] | None = None,
+        spans: Mapping[int, Span] | None = None,
     ) -> dict[str, Array]:
         """The outputs, each (runs,).
 
@@ -156,12 +175,12 @@ class Outputs(eqx.Module):
         - `samples`: the inputs of the runs.
         - `curves`: all states of the phases along which extremes are taken.
         - `began`: the states at the starts of the phases, for outputs that compare with them.
-        - `starts`: the times of these starts, s, (runs,), for outputs that read the scene."""
+        - `spans`: of the phases at whose ends outputs read the scene."""
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         # Made once, because several outputs may be methods of one effect.
         names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
         effects = {name: self.file.effect(name, self.values, samples, runs) for name in names}
-        given = _Given(samples, runs, began or {}, effects, starts or {})
+        given = _Given(samples, runs, began or {}, effects, spans or {})
         result = {}
         for spec in self.specs:
             if spec.take:
@@ -175,9 +194,9 @@ class Outputs(eqx.Module):
     def _extreme(self, spec: OutputSpec, curves: Curves, given: _Given) -> Array:
         times, values, slopes = [], [], []
         for k in spec.phases:
-            at_start = given._replace(starts={k: jnp.min(curves[k].times, axis=0)})
+            in_phase = given._replace(spans={k: Span.of(curves[k].times)})
 
-            def one(t: Scalar, y: State, k: int = k, given: _Given = at_start) -> Array:
+            def one(t: Scalar, y: State, k: int = k, given: _Given = in_phase) -> Array:
                 value = self._value(spec, k, y, t, given)
                 return jnp.broadcast_to(value, (given.runs,))
 
@@ -213,13 +232,14 @@ class Outputs(eqx.Module):
             elif name == "y":
                 arguments[name] = y
             elif name == "t":
-                arguments[name] = t
+                span = given.spans.get(place) if "scene" in spec.arguments() else None
+                arguments[name] = t if span is None else span.inside(t)
             elif name == "body":
                 arguments[name] = self.file.body(self.values, samples, runs, place)
             elif name == "scene":
                 scene = self.file.scene(self.values, samples, runs, place)
-                start = given.starts.get(place)
-                arguments[name] = scene if start is None else scene.started_at(start)
+                span = given.spans.get(place)
+                arguments[name] = scene if span is None else scene.started_at(span.start)
             elif name == INITIAL:
                 arguments[name] = self.initial
             elif name == BEGAN:
