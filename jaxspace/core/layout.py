@@ -51,6 +51,9 @@ def _declared_axes(tree: PyTree, path: jax.tree_util.KeyPath) -> int | None:
             annotation = _annotations(type(node)).get(key.name)
             node = getattr(node, key.name)
         else:
+            if isinstance(key, jax.tree_util.FlattenedIndexKey):
+                # A class that keeps its parts to itself, such as `jax.tree_util.Partial`.
+                return None
             # The annotation of a field says nothing about entries of a list or a dictionary.
             annotation = None
             node = node[getattr(key, "idx", getattr(key, "key", None))]

@@ -8,6 +8,7 @@ import numpy as np
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, State
+from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ..integration.config import IntegrationConfig, resolve
@@ -71,10 +72,11 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
+    systems = captured_as_leaves(systems)
     # A state that is not finite fails only its own run.
     y0s = as_state(y0s)
     ts = check_times(ts, y0s, axes=2)
-    events = as_events(events)
+    events = captured_as_leaves(as_events(events))
     check_dense(dense, events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)

@@ -3,6 +3,7 @@
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError, State
+from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ._batch_runs import again_by, run_missions
@@ -49,6 +50,7 @@ def simulate_mission_batch(
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
     check_mission("missions", missions, "simulate_batch")
+    missions = captured_as_leaves(missions)
     y0s = as_state(y0s)
     check_num_saved(num_saved)
     t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")

@@ -10,6 +10,7 @@ import jax
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, InputError
+from ..core.captured import captured_as_leaves
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
@@ -67,6 +68,7 @@ def simulate(
     from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
     compiled program runs."""
     check_system("system", system, "simulate_mission")
+    system = captured_as_leaves(system)
     y0 = as_state(y0)
     check_initial_state(y0)
     # Everything that can be refused is refused here, before anything is compiled.
@@ -78,7 +80,7 @@ def simulate(
     traced = is_traced((system, y0, ts, given))
     if not traced:
         check_values(system, ts, y0)
-    events = as_events(events)
+    events = captured_as_leaves(as_events(events))
     check_events(events, system, y0, start, 0)
     warn_of_switches(system, events, y0, start, stacklevel=2)
     check_dense(dense, events)

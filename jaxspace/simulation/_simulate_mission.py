@@ -4,6 +4,7 @@ import equinox as eqx
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
+from ..core.captured import captured_as_leaves
 from ..core.checks import is_concrete
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
 from ..integration.status import Status
@@ -51,6 +52,7 @@ def simulate_mission(
     returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
     `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
+    mission = captured_as_leaves(mission)
     y0 = as_state(y0)
     check_initial_state(y0)
     t0 = as_times("t0", t0, y0, "one time, s")

@@ -1,0 +1,117 @@
+"""Functions with the arrays that they capture as leaves.
+
+A function of a user, such as `lambda t, y, body: Load(acceleration_N=-k * y.velocity)`, holds the
+number `k` where no transformation of a tree sees it: a rule for derivatives, a map over runs and a
+test whether a number is known all look at leaves. As a `Captured` it is what an `equinox.Module`
+with the field `k` would be.
+"""
+
+import functools
+import types
+from collections.abc import Callable, Iterator
+from typing import Any, TypeVar, final
+
+import equinox as eqx
+import jax
+from jax.core import Tracer
+from jaxtyping import PyTree
+
+T = TypeVar("T")
+
+
+@final
+class _Code:
+    """What is left of a function without its variables."""
+
+    def __init__(self, function: types.FunctionType):
+        self.code, self.names = function.__code__, function.__globals__
+        self.name = function.__name__
+
+    def filled(self, cells: list, defaults: tuple | None, by_name: dict | None) -> Callable:
+        """The function with these variables."""
+        closure = tuple(types.CellType(*cell) for cell in cells)
+        function = types.FunctionType(self.code, self.names, self.name, defaults, closure)
+        function.__kwdefaults__ = by_name
+        return function
+
+
+@final
+class Captured(eqx.Module):
+    """A function, and the variables that it captures: of the functions around it, and the defaults
+    of its arguments.
+
+    A variable that has no value yet is an empty tuple."""
+
+    code: _Code = eqx.field(static=True)
+    cells: list[tuple]
+    defaults: tuple | None
+    by_name: dict[str, Any] | None
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.code.filled(self.cells, self.defaults, self.by_name)(*args, **kwargs)
+
+
+@final
+class _Applied(eqx.Module):
+    """A partial function, whose function may hold arrays too."""
+
+    function: Callable
+    args: tuple
+    keywords: dict[str, Any]
+
+    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+        return self.function(*self.args, *args, **self.keywords | kwargs)
+
+
+def captured_as_leaves(tree: T) -> T:
+    """The tree with a `Captured`, or what applies one to arguments, in place of each function that
+    captures a traced array. Other functions stay as they are, such as the methods of a class that
+    is no tree; of a function that captures itself, the inner one does."""
+    if not any(isinstance(x, Tracer) for x in _variables(tree, ())):
+        return tree
+    return jax.tree.map(lambda x: _converted(x, ()), tree)
+
+
+def _inside(function: object) -> PyTree | None:
+    """The variables that a function captures; `None` for what is no function of Python."""
+    if isinstance(function, functools.partial):
+        return (function.func, function.args, function.keywords)
+    if isinstance(function, types.MethodType):
+        return function.__self__
+    if isinstance(function, types.FunctionType):
+        cells = [_content(cell) for cell in function.__closure__ or ()]
+        return (cells, function.__defaults__, function.__kwdefaults__)
+    return None
+
+
+def _content(cell: types.CellType) -> tuple:
+    """The content of a variable, as a tuple that is empty where there is none."""
+    try:
+        return (cell.cell_contents,)
+    except ValueError:
+        return ()
+
+
+def _variables(tree: PyTree, outer: tuple) -> Iterator[object]:
+    """The arrays and other leaves that functions in a tree capture, directly or by each other."""
+    for leaf in jax.tree.leaves(tree):
+        inside = _inside(leaf)
+        # A function may capture itself.
+        if inside is not None and not any(leaf is each for each in outer):
+            yield from (x for x in jax.tree.leaves(inside) if _inside(x) is None)
+            yield from _variables(inside, (*outer, leaf))
+
+
+def _converted(leaf: Any, outer: tuple) -> Any:
+    """A leaf, or a function without the arrays that it captures."""
+    inside = _inside(leaf)
+    if inside is None or any(leaf is each for each in outer):
+        return leaf
+    if not any(isinstance(x, Tracer) for x in _variables(leaf, ())):
+        return leaf
+    inside = jax.tree.map(lambda x: _converted(x, (*outer, leaf)), inside)
+    if isinstance(leaf, functools.partial):
+        return _Applied(*inside)
+    if isinstance(leaf, types.MethodType):
+        return _Applied(leaf.__func__, (inside,), {})
+    return Captured(_Code(leaf), *inside)
