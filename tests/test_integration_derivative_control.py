@@ -90,6 +90,27 @@ def test_a_torque_that_is_zero_on_a_body_at_rest():
     np.testing.assert_allclose([forward, reverse], right, rtol=STEPS * 1e-9)
 
 
+def test_an_unstable_rest_and_a_force_that_sets_in():
+    """Along x what is small at first grows by e^40, so that early steps count as much as late ones.
+    Along y a force that is zero sets in at a time that no step knows of."""
+    growth, late = 4.0, 3.0
+
+    def end(x):
+        start, force = x
+
+        def push(t, y, body):
+            along_y = jnp.where(t > late, force, 0.0)
+            return Load(acceleration_N=jnp.stack([growth**2 * y.position[0], along_y, 0.0 * t]))
+
+        y0 = BodyState(start * ALONG_X, jnp.zeros(3))
+        return simulate(Scene([Custom(push)]), y0, TS, accuracy=1e-9).final.position[:2]
+
+    _, forward, reverse = both_modes(end)([0.0, 0.0])
+    right = np.diag([np.cosh(growth * SPAN), 0.5 * (SPAN - late) ** 2])
+    for slopes in (forward, reverse):
+        np.testing.assert_allclose(slopes, right, rtol=STEPS * 1e-9)
+
+
 def test_the_time_of_an_impact_by_the_drag_of_a_body_without_drag():
     """A parabola needs few steps, and what a small drag changes along it many: the derivative is
     that of an independent quadrature."""

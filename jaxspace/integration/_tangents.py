@@ -53,12 +53,9 @@ MOST_FREE = 16
 ALARM = 300.0
 """Error of a tangent, in units of what is allowed, at which the run is repeated. That of tangents
 whose steps the motion chooses well is up to about ten."""
-SHORT = 1e-6
-"""Fraction of a segment. A tangent that is not finite after so short a step never is."""
-EXPECTED = 1e-3
-"""Part of its size in the first run that the size of a tangent is taken to be at least in the
-second one, so that its first traces are not resolved to all digits. The first run may be off by as
-much."""
+SHORT = 1e-8
+"""Fraction of a segment. A tangent that is not finite after so short a step never is, and one that
+jumps there is off by as little."""
 
 # A `LoopState`, whose module imports this one.
 Loop: TypeAlias = Any
@@ -71,14 +68,12 @@ class ProbeState(NamedTuple):
 
     - `tangents`: of the state, with the probes on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
-    - `expected`: sizes that are taken for granted.
     - `count`: the number of steps that were looked at.
     - `always`: whether every step is, and is controlled by it."""
 
     tangents: State
     sizes: Lengths
     errors: Lengths
-    expected: Lengths
     count: Int[Array, ""]
     always: Bool[Array, ""]
 
@@ -129,7 +124,7 @@ class Probes(eqx.Module):
         """The tangents before the first step."""
         sizes = _lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
-        return ProbeState(self.start, sizes, none, none, jnp.asarray(0), jnp.array(False))
+        return ProbeState(self.start, sizes, none, jnp.asarray(0), jnp.array(False))
 
     def after(
         self,
@@ -236,10 +231,10 @@ class TangentControl(eqx.Module):
             for d in (tangents, errors)
         )
         sizes = jax.tree.map(jnp.maximum, state.sizes, sizes)
-        ratios = self._ratios(errors, jax.tree.map(jnp.maximum, sizes, state.expected))
+        ratios = self._ratios(errors, sizes)
         # A tangent that was finite, and is not after a long step, may be after a short one.
-        resolvable = step.t1 - step.t0 > SHORT
-        ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.where(resolvable, jnp.inf, 0.0))
+        ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.inf)
+        ratios = jnp.where(step.t1 - step.t0 > SHORT, ratios, 0.0)
         known = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
         control = jnp.max(jnp.where(known, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
@@ -268,9 +263,7 @@ class TangentControl(eqx.Module):
         def attempt(carry: tuple[Loop, Array]) -> tuple[Loop, Array]:
             before, repeat = carry
             # Built again here, because a selection after the loop would be needed for every array.
-            tangents = start.tangents._replace(
-                always=repeat, expected=self._expected(before.tangents)
-            )
+            tangents = start.tangents._replace(always=repeat)
             buffers = before.buffers.again(start.buffers)
             loop = run(start._replace(buffers=buffers, tangents=tangents))
             return loop, ~repeat & self._alarm(loop)
@@ -282,15 +275,6 @@ class TangentControl(eqx.Module):
         before = start.tangents._replace(count=jnp.asarray(-1))
         first = start._replace(tangents=before), jnp.array(False)
         return jax.lax.while_loop(unresolved, attempt, first)[0]
-
-    def _expected(self, before: ProbeState) -> Lengths:
-        """The least sizes of the tangents in a second run, by the first one."""
-
-        def leaf(size: Array) -> Array:
-            size = jnp.where(before.count > 0, EXPECTED * size, 0.0)
-            return jnp.where(jnp.isfinite(size), size, 0.0)
-
-        return jax.tree.map(leaf, before.sizes)
 
     def _alarm(self, loop: Loop) -> Bool[Array, ""]:
         """Whether the steps of a first run do not resolve the tangents."""
