@@ -81,7 +81,8 @@ class Accuracy(AbstractParameters):
     - `derivative_control`: whether the step control of a run that is differentiated looks at its
       derivatives too, and repeats the run with shorter steps where those of the motion do not
       resolve them: at rest, or where a parameter that is zero leaves nothing to resolve. Without it
-      a gradient takes a little less time.
+      a gradient takes a little less time. Derivatives by `AdaptiveRegularised`, by methods of fixed
+      steps and by the adjoints of diffrax have the steps of the motion alone.
 
     The tolerances and `max_step` are traced: changing them causes no new compilation.
 
