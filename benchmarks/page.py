@@ -122,7 +122,7 @@ def _by_evaluations(name: str, rows: dict) -> str:
     """Draw evaluations against error, one panel a case, and return the line of the page that shows
     them."""
     from matplotlib.figure import Figure
-    from matplotlib.ticker import NullFormatter
+    from matplotlib.ticker import LogLocator, NullFormatter
 
     cases: dict[str, dict[str, list[tuple[float, float]]]] = {}
     for label, row in rows.items():
@@ -130,7 +130,9 @@ def _by_evaluations(name: str, rows: dict) -> str:
         series = cases.setdefault(case, {}).setdefault(setting.rsplit(" ", 1)[0], [])
         series.append((row["worst_relative_error"], row["evaluations_a_run"]))
     methods = list(dict.fromkeys(method for series in cases.values() for method in series))
-    figure = Figure(figsize=(9.0, 6.2), layout="constrained")
+    # Of the size at which the page shows it, so that its numbers can be read there.
+    figure = Figure(figsize=(7.2, 5.8), layout="constrained")
+    figure.get_layout_engine().set(hspace=0.06)
     for axes, (case, series) in zip(figure.subplots(2, 2).flat, cases.items(), strict=True):
         for method, points in series.items():
             colour = COLOURS[methods.index(method)]
@@ -140,8 +142,11 @@ def _by_evaluations(name: str, rows: dict) -> str:
         # Numbers between the decades run into each other.
         axes.xaxis.set_minor_formatter(NullFormatter())
         axes.yaxis.set_minor_formatter(NullFormatter())
-        axes.legend(fontsize=8, frameon=False)
-    figure.savefig(PAGE.parent / "figures" / f"benchmark_{name}.png", dpi=110)
+        axes.xaxis.set_major_locator(LogLocator(numticks=6))
+    # One for all panels, as the colours are: within a panel it would lie on a line.
+    lines = {line.get_label(): line for axes in figure.axes for line in axes.get_lines()}
+    figure.legend(lines.values(), lines, loc="outside lower center", ncols=3, frameon=False)
+    figure.savefig(PAGE.parent / "figures" / f"benchmark_{name}.png", dpi=140)
     return f"![Evaluations against error](figures/benchmark_{name}.png)\n\n"
 
 

@@ -25,7 +25,7 @@ r, v, mass = y.position, y.velocity, y.mass
 
 a = 1.0 / (2.0 / norm(r) - dot(v, v) / mu)
 slow = spiral_radius(a[0], rocket_equation(u, mass[0] / mass), mu)
-figure, (left, right) = plt.subplots(1, 2, figsize=(8.4, 3.6))
+figure, (left, right) = plt.subplots(1, 2, figsize=(6.8, 3.2))
 left.plot(*r[:2] / 1e6, lw=0.4)
 left.set(xlabel="x, 1000 km", ylabel="y, 1000 km", aspect="equal")
 right.plot(days, a / 1e6, label="flown")
