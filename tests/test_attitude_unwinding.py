@@ -131,7 +131,10 @@ def test_arms_that_swing_out():
             lambda u: 2.0 * u / float(arms.angle_rate(u * u, 10.0)), 0.0, np.sqrt(theta),
             epsabs=0.0, epsrel=1e-12,
         )[0]  # fmt: skip
-        assert_allclose(arms.swing_time(theta, 10.0), time, rtol=1e-11)
+        # Several spins, and several bodies, take one angle: the time is as the inverse of the spin.
+        assert_allclose(
+            arms.swing_time(theta, jnp.array([10.0, 20.0])), [time, 0.5 * time], rtol=1e-11
+        )
     end = integrate(arms, arms.state(10.0), float(arms.swing_time(0.6, 10.0)))
     expected = [arms.spin_rate(0.6, 10.0), 0.6, arms.angle_rate(0.6, 10.0)]
     assert_allclose(end, expected, rtol=1e-9)

@@ -1,6 +1,8 @@
 """Sequential quadratic programming, bounds, several starts, and reasons for stopping, on problems
 with known optima."""
 
+import dataclasses
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -158,6 +160,12 @@ def test_a_search_that_stops_short_is_not_infeasible():
     assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
     sentence = few.sentence()
     assert "where 0 is required. Allow more, or begin nearer." in sentence
+    # An unknown that starts at zero has the size 1, whatever those of the others.
+    uneven = dataclasses.replace(few, search=few.search._replace(size=jnp.array([7.0, 1.0, 2e4])))
+    assert uneven.sentence() == (
+        f"{sentence} x[1] is counted in ones, for it starts near zero, and x[2] in 2e+04: give "
+        f"minimise(scale=...) the changes that matter."
+    )
     assert f"equal_zero[0] is {few.criterion.equal_zero[0]:.3g}" in sentence
 
 

@@ -104,6 +104,46 @@ def custom(function):
     return Scene((Custom(function),), body)
 
 
+def test_a_tolerance_beside_the_accuracy_says_where_it_goes():
+    """In every verb; other unknown arguments get the nearest name, or all of them."""
+    verbs = (simulate, simulate_batch, simulate_mission, simulate_mission_batch)
+    for verb in verbs:
+        with pytest.raises(TypeError, match=r"rtol: give accuracy=Accuracy\(rtol=...\)\.$"):
+            verb(KEPLER, Y, SPAN, rtol=1e-9)  # type: ignore[call-overload]
+    unknown: dict = {"tol": 1e-9}, {"throws": True}, {"zzz": 1}
+    sentences = (
+        r"no argument tol: give accuracy=1e-9, or",
+        "Did you mean throw\\?$",
+        "It has system, y",
+    )
+    for given, sentence in zip(unknown, sentences, strict=True):
+        with pytest.raises(TypeError, match=sentence):
+            simulate(KEPLER, Y, SPAN, **given)
+
+
+def test_a_property_that_is_called_says_that_it_is_one():
+    scene = Scene([PointGravity(1.0)])
+    assert scene.parts == ("position", "velocity")
+    with pytest.raises(TypeError, match="property: write the property without parentheses"):
+        scene.parts()  # type: ignore[operator]
+
+
+def test_raw_moments_of_several_bodies_say_what_to_write():
+    for shape in ((3, 3), (3, 64), (64, 3)):
+        with pytest.raises(InputError, match=r"bodies give PrincipalInertia\(moments\), \(3, bod"):
+            RigidBody(inertia=np.arange(1.0, 1.0 + np.prod(shape)).reshape(shape))
+
+
+def test_an_array_without_an_axis_of_runs_is_named():
+    """Of a system and of a mission, whose runs are cut into blocks."""
+    system, states = Decay(jnp.ones(100)), jnp.ones(100)
+    sentence = r"rates of shape \(100,\), for its field declares no axis of runs"
+    with pytest.raises(InputError, match=sentence):
+        simulate_batch(system, states, SPAN)
+    with pytest.raises(InputError, match=sentence):
+        simulate_mission_batch(Mission([Phase(system, 1.0)]), states)
+
+
 @pytest.mark.parametrize(
     ("call", "sentence"),
     [

@@ -36,6 +36,7 @@ import math
 from typing import final
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
@@ -198,7 +199,9 @@ class SwingOutArms(AbstractSystem):
         in `core/safe.py`)."""
         theta = jnp.asarray(theta)
         kind = precision_of(self, theta, w0)
-        places = jnp.asarray(0.5 + 0.5 * _PLACES, kind).reshape(-1, *(1,) * theta.ndim)
+        # Several bodies, or several first spins, may share an angle.
+        rank = max(jnp.ndim(x) for x in (theta, w0, *jax.tree.leaves(self)))
+        places = jnp.asarray(0.5 + 0.5 * _PLACES, kind).reshape(-1, *(1,) * rank)
         weights = jnp.asarray(0.5 * _WEIGHTS, kind).reshape(places.shape)
         # theta = u^2: the rate starts as the root of the angle.
         start = theta == 0.0

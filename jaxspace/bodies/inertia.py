@@ -179,6 +179,12 @@ def diagonal(d: Vector) -> Matrix:
     return jnp.eye(3, dtype=d.dtype).reshape(3, 3, *(1,) * (d.ndim - 1)) * d[:, None]
 
 
+# The shapes of raw arrays do not say which axis is that of the bodies.
+_OF_SEVERAL = (
+    "give PrincipalInertia(moments), (3, bodies), or InertiaTensor(tensors), (3, 3, bodies)."
+)
+
+
 def as_inertia(x: Any) -> AbstractInertia:
     """An inertia from three principal moments (shape (3,)), a tensor (shape (3, 3)), or an inertia
     as it is.
@@ -197,10 +203,13 @@ def as_inertia(x: Any) -> AbstractInertia:
     if x.shape == (3,):
         return PrincipalInertia(x)
     if x.shape == (3, 3):
-        return InertiaTensor(x)
+        try:
+            return InertiaTensor(x)
+        except InputError as error:
+            raise InputError(f"{error} For the moments of three bodies {_OF_SEVERAL}") from None
     raise InputError(
-        f"inertia has the shape {x.shape}: "
-        "it must be (3,), the principal moments, or (3, 3), the tensor."
+        f"inertia has the shape {x.shape}: it must be (3,), the principal moments, or (3, 3), the "
+        f"tensor. For several bodies {_OF_SEVERAL}"
     )
 
 

@@ -13,6 +13,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.extras import extra
+from ..core.listed import Listed
 from ..core.printing import printed
 from ..core.text import aligned, in_words
 from ..simulation import Status
@@ -141,7 +142,7 @@ class Dispersion(eqx.Module):
         # Stable, so that equal counts stay in the order of their codes.
         order = np.argsort(-counts, kind="stable")
         statuses = [Status(int(code)) for code in codes[order]]
-        return tuple(
+        return Listed(
             Failure(status, int(count), status.sentence)
             for status, count in zip(statuses, counts[order], strict=True)
         )
@@ -194,7 +195,7 @@ class Dispersion(eqx.Module):
         """Warnings about the numbers, a sentence each: runs that are missing in the store, and
         outputs that are infinite or not a number in good runs."""
         sentences = (self.missing_runs, *(row.warning for row in self.table()))
-        return tuple(sentence for sentence in sentences if sentence)
+        return Listed(sentence for sentence in sentences if sentence)
 
     def contributors(self, output: str, count: int | None = 5) -> Contributors:
         """The inputs with the largest shares of the variance of an output, over the good runs.

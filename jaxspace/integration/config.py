@@ -199,7 +199,7 @@ def check_tolerance(rtol: float, dtype: DTypeLike) -> None:
     if rtol < least:
         raise InputError(
             f"Accuracy.rtol is {rtol:.3g}: for {jnp.dtype(dtype).name} states it must be at least "
-            f"{least:.2g}; loosen it, or use float64."
+            f"{least:.2g}; loosen it, or compute in float64 (jaxspace.enable_x64)."
         )
 
 

@@ -15,6 +15,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
+from ..core.listed import Listed
 from ..dispersion import Campaign, StopRule
 from ..optimization import Progress
 from ..scene import Scene
@@ -307,7 +308,7 @@ class SceneFile:
     def warnings(self) -> tuple[str, ...]:
         """Sentences on what is allowed but probably a mistake: a range without the nominal value,
         more than one draw of a thousand that will be refused."""
-        return warnings_of(self.inputs)
+        return Listed(warnings_of(self.inputs))
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
         """The nominal run as a mission, at the accuracy of the file times `factor`; its status

@@ -72,6 +72,10 @@ SENTENCES = {
 }
 
 
+# The reasons at which another scale may help.
+SHORT_OF_IT = (StopReason.STEP_LIMIT, StopReason.INFEASIBLE, StopReason.NO_PROGRESS)
+# Quotient of the sizes of two unknowns from which on a search may stop early.
+UNEVEN = 1e3
 # How many of the constraints that are not met a sentence names.
 MOST_NAMED = 4
 # A constraint whose scaled violation is below this part of the largest one counts as met.
@@ -171,7 +175,9 @@ class Minimum(eqx.Module):
                 *_named("non_negative", self.criterion.non_negative, above, "at least 0"),
             ]
         short = self.gradient.dtype == jnp.float32
-        return SENTENCES[StopReason(int(self.reason))].format(
+        reason = StopReason(int(self.reason))
+        helps = self._sizes() if reason in SHORT_OF_IT else ""
+        sentence = SENTENCES[reason].format(
             numbers=", ".join([numbers, listed(unmet)]) if unmet else numbers,
             steps=int(self.steps),
             objective=float(self.criterion.objective),
@@ -182,6 +188,25 @@ class Minimum(eqx.Module):
             where=f" after {int(self.steps)} steps" if int(self.steps) else " at the start",
             asked="" if self.tolerance is None else f" {float(self.tolerance):.1e}",
             wider=", compute in float64 (jaxspace.enable_x64)" if short else "",
+        )
+        return f"{sentence} {helps}" if helps else sentence
+
+    def _sizes(self) -> str:
+        """What to do about unknowns that the search counts in ones beside much larger ones, in a
+        sentence; empty where there are none."""
+        size = np.ravel(np.asarray(getattr(self.search, "size", 1.0)))
+        largest = int(np.argmax(size))
+        ones = np.flatnonzero(size == 1.0)
+        if size[largest] < UNEVEN or not ones.size:
+            return ""
+        names = [
+            (jax.tree_util.keystr(path, simple=True, separator=".") or "x") + index
+            for path, leaf in jax.tree_util.tree_flatten_with_path(self.x)[0]
+            for index in ([f"[{k}]" for k in range(leaf.size)] if leaf.ndim else [""])
+        ]
+        return (
+            f"{names[ones[0]]} is counted in ones, for it starts near zero, and {names[largest]} "
+            f"in {size[largest]:.3g}: give minimise(scale=...) the changes that matter."
         )
 
     def _farthest(self) -> float:

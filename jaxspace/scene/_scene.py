@@ -37,6 +37,7 @@ from ..core import (
     State,
     Vector,
 )
+from ..core.listed import Listed
 from ..core.structure import reads_a_leaf
 from ._capabilities import body_motion, scene_decoupled, scene_regularised, scene_split
 from ._conserved import conserved
@@ -119,12 +120,13 @@ class Scene(AbstractScene):
         """The parts that a state of this scene holds, in the order of `BodyState`."""
         # A scene without effects is a point in uniform motion.
         empty = not self.effects and not self.carry
-        return read_effects(self.effects, self.body, TRANSLATION if empty else self.carry).parts
+        carry = TRANSLATION if empty else self.carry
+        return Listed(read_effects(self.effects, self.body, carry).parts)
 
     @property
     def readings(self) -> tuple[Reading, ...]:
         """The parts that each effect reads and adds."""
-        return read_effects(self.effects, self.body, self.carry).effects
+        return Listed(read_effects(self.effects, self.body, self.carry).effects)
 
     def check_state(self, y: BodyState) -> None:
         """Raise `InputError` unless the state holds the parts of this scene and no others; the

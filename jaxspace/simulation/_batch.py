@@ -21,7 +21,14 @@ from ._repeat import Configs, cured, exact
 from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
-from .checks import as_events, check_dense, check_structure, check_times, check_values
+from .checks import (
+    as_events,
+    check_dense,
+    check_structure,
+    check_times,
+    check_values,
+    hints_of_arguments,
+)
 from .finish import finished
 from .trajectory import RunCall, Trajectory
 
@@ -29,6 +36,7 @@ from .trajectory import RunCall, Trajectory
 SAMPLED = 16
 
 
+@hints_of_arguments
 def simulate_batch(
     systems: AbstractSystem,
     y0s: State,
@@ -81,11 +89,11 @@ def simulate_batch(
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
     whole = cut_batch(batched, shared)
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
-    check_structure(whole[0], whole[1], start, one_run=False, stacklevel=2)
+    check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
     traced = is_traced((batched, shared))
     if not traced:
         check_values(whole[0], ts, whole[1])
-    warn_of_switches(whole[0], events, whole[1], start, stacklevel=2)
+    warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
 
@@ -103,7 +111,7 @@ def simulate_batch(
         options = {"exactly": not dense}
         result, configs = cured(result, configs, again_by(run, batched), configs_for, **options)
     trajectory = dataclasses.replace(result, call=RunCall(whole[0], accuracy, configs[0]))
-    return finished(trajectory, throw, stacklevel=2)
+    return finished(trajectory, throw, stacklevel=3)
 
 
 def _resolve_for(

@@ -2,9 +2,10 @@
 
 Runs of similar rates share a block, and its steps."""
 
+import contextlib
 import dataclasses
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import equinox as eqx
 import jax
@@ -13,6 +14,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, State
+from ..core.layout import component_axes_of
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
@@ -70,7 +72,9 @@ def run_missions(
     def block(piece: PyTree, given: PyTree) -> MissionTrajectory:
         shared, configs = given
         mission, y0, t0 = cut_batch(piece, shared)
-        result = mission_reached(run_mission(mission, y0, t0, num_saved, configs, 1))
+        with _shared_arrays_named(mission, blocks.size):
+            run = run_mission(mission, y0, t0, num_saved, configs, 1)
+        result = mission_reached(run)
         phases = tuple(_every_run(phase) for phase in result.phases)
         return dataclasses.replace(result, phases=phases)
 
@@ -79,7 +83,8 @@ def run_missions(
 
 def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
     """Raise `InputError` if the derivative has another number of runs than the block."""
-    shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
+    with _shared_arrays_named(system, runs):
+        shapes = jax.tree.leaves(eqx.filter_eval_shape(broadcast_state, system, t, y0))
     if all(x.shape[-1:] == (runs,) for x in shapes):
         return
     name = type(system).__name__
@@ -87,6 +92,31 @@ def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
         f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the runs must be on the "
         f'last axis, and a parameter that carries runs must say so (Float[Array, "*#runs"]).'
     )
+
+
+@contextlib.contextmanager
+def _shared_arrays_named(systems: PyTree, runs: int) -> Iterator[None]:
+    """In this context, let an error about shapes name the arrays that all runs share because their
+    fields declare no axis of runs: one of them was most likely meant to carry runs."""
+    try:
+        yield
+    except (TypeError, ValueError) as error:
+        leaves = jax.tree_util.tree_flatten_with_path(systems)[0]
+        axes = jax.tree.leaves(component_axes_of(systems))
+        shared = [
+            f"{jax.tree_util.keystr(path).lstrip('.')} of shape {x.shape}"
+            for (path, x), declared in zip(leaves, axes, strict=True)
+            if declared < 0 and eqx.is_array(x) and x.ndim
+        ]
+        # Of shapes alone: a traced number in the place of a known one has another reason.
+        other = isinstance(error, InputError | jax.errors.JAXTypeError)
+        if other or "shape" not in str(error) or not shared:
+            raise
+        raise InputError(
+            f"systems cannot be evaluated for {runs} runs at once: {error} All runs share "
+            f"{', '.join(shared)}, for its field declares no axis of runs: annotate one that "
+            f'carries runs by it, such as Float[Array, "*#runs"].'
+        ) from error
 
 
 def _every_run(result: Trajectory) -> Trajectory:

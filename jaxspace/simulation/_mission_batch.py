@@ -11,12 +11,13 @@ from ._mission import Mission, check_mission
 from ._repeat import Configs, cured, exact
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
-from .checks import as_times, check_num_saved
+from .checks import as_times, check_num_saved, hints_of_arguments
 from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .phases import resolve_phases
 
 
+@hints_of_arguments
 def simulate_mission_batch(
     missions: Mission,
     y0s: State,
@@ -75,4 +76,4 @@ def simulate_mission_batch(
     if not traced:
         result, configs = cured(result, configs, again_by(run, batched), configs_for)
     trajectory = with_calls(result, mission, given, configs)
-    return finished(trajectory, throw, stacklevel=2)
+    return finished(trajectory, throw, stacklevel=3)

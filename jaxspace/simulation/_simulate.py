@@ -23,12 +23,21 @@ from ._mission import check_system
 from ._repeat import Configs, cured, exact
 from ._runs import run_system
 from ._warnings import warn_of_switches
-from .checks import as_events, check_dense, check_events, check_structure, check_times, check_values
+from .checks import (
+    as_events,
+    check_dense,
+    check_events,
+    check_structure,
+    check_times,
+    check_values,
+    hints_of_arguments,
+)
 from .failures import enough_steps, place_of_failure
 from .finish import finished
 from .trajectory import RunCall, Trajectory
 
 
+@hints_of_arguments
 def simulate(
     system: AbstractSystem,
     y0: PyTree,
@@ -75,14 +84,14 @@ def simulate(
     ts = check_times(ts, y0)
     given = as_accuracy(accuracy)
     start = jax.ShapeDtypeStruct((), ts.dtype)
-    check_structure(system, y0, start, one_run=True, stacklevel=2)
+    check_structure(system, y0, start, one_run=True, stacklevel=3)
     # Once for all that reads numbers, because to look through the arrays takes time.
     traced = is_traced((system, y0, ts, given))
     if not traced:
         check_values(system, ts, y0)
     events = captured_as_leaves(as_events(events))
     check_events(events, system, y0, start, 0)
-    warn_of_switches(system, events, y0, start, stacklevel=2)
+    warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)
     starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)
 
@@ -97,7 +106,7 @@ def simulate(
     configs = configs_for(None, False)
     result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
     result = dataclasses.replace(result, call=RunCall(system, given, configs[0]))
-    return finished(result, throw, lambda: _place(result, run), stacklevel=2)
+    return finished(result, throw, lambda: _place(result, run), stacklevel=3)
 
 
 def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:

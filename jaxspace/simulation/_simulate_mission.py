@@ -10,7 +10,7 @@ from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initia
 from ..integration.status import Status
 from ._mission import Mission, check_mission
 from ._repeat import Configs, cured, exact
-from .checks import as_times, check_num_saved
+from .checks import as_times, check_num_saved, hints_of_arguments
 from .failures import mission_reached, place_of_failure
 from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
@@ -18,6 +18,7 @@ from .mission_runs import run_mission
 from .phases import resolve_phases
 
 
+@hints_of_arguments
 def simulate_mission(
     mission: Mission,
     y0: PyTree,
@@ -74,7 +75,7 @@ def simulate_mission(
     if not is_concrete(result.status) or int(result.status) > Status.EVENT:
         result = _failed_are_nan(result)
     trajectory = with_calls(result, mission, given, configs)
-    return finished(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=2)
+    return finished(trajectory, throw, lambda: _failed_phase(trajectory), stacklevel=3)
 
 
 def _failed_phase(result: MissionTrajectory) -> str:

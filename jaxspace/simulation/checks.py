@@ -1,8 +1,10 @@
 """Checks before a run is compiled: its times, structures and events."""
 
+import functools
+import inspect
 import reprlib
 from collections.abc import Callable, Iterable
-from typing import Any, TypeAlias
+from typing import Any, TypeAlias, TypeVar, cast
 
 import equinox as eqx
 import jax
@@ -15,14 +17,43 @@ from ..core.checks import check_finite, is_concrete
 from ..core.layout import run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
-from ..integration.accuracy import state_dtype
+from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.events import Event
 from ..integration.field_trace import field_trace
 from ..integration.layout import broadcast_state
 from ._warnings import warn_of_kinks
 
+Verb = TypeVar("Verb", bound=Callable[..., Any])
+
 # A time, s, or its shape.
 Time: TypeAlias = Scalar | jax.ShapeDtypeStruct
+
+
+# Names of a tolerance in other libraries.
+TOLERANCES = ("tol", "tolerance", "rel_tol", "reltol", "abs_tol", "abstol", "solver", "stepsize")
+
+
+def hints_of_arguments(verb: Verb) -> Verb:
+    """The verb, which says what to write in place of an argument that it does not have. It raises
+    `TypeError` for one, as every function does."""
+    known = [*inspect.signature(verb).parameters]
+
+    @functools.wraps(verb)
+    def checked(*given: object, **named: object) -> object:
+        for name in named.keys() - set(known):
+            raise TypeError(f"{verb.__name__} has no argument {name}{_hint(name, known)}")
+        return verb(*given, **named)
+
+    return cast(Verb, checked)
+
+
+def _hint(name: str, known: list[str]) -> str:
+    """What to write in place of an unknown argument, to the end of the sentence."""
+    if name in Accuracy.__dataclass_fields__:
+        return f": give accuracy=Accuracy({name}=...)."
+    if name in TOLERANCES:
+        return ": give accuracy=1e-9, or accuracy=Accuracy(rtol=..., atol=..., method=...)."
+    return "." + (InputError.hint(name, known) or f" It has {', '.join(known)}.")
 
 
 def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
