@@ -1,13 +1,27 @@
 """Events that happen at one time: motion in straight lines, whose corners are known exactly."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from both_modes import both_modes
 from jaxtyping import Array, Float
 
-from jaxspace import BodyState, Event, Status, simulate, simulate_batch
+from jaxspace import (
+    Accuracy,
+    BodyState,
+    Event,
+    Mission,
+    Phase,
+    Status,
+    simulate,
+    simulate_batch,
+    simulate_mission,
+)
 from jaxspace.core import AbstractSystem
+from jaxspace.orbits import TwoBody
+from jaxspace.solvers import DOP853, FixedSteps, Tsit5
 
 HOW = {"accuracy": 1e-9}
 
@@ -209,3 +223,151 @@ def test_derivatives_where_mirrors_commute_and_of_the_time_of_the_end():
     x = jnp.array([1.0, 0.5, 1.0, -1.0, 0.25, -1.0])
     for mode in (jax.jacfwd, jax.jacrev):
         np.testing.assert_allclose(jax.jit(mode(ends))(x), mode(truth)(x), rtol=1e-12, atol=1e-12)
+
+
+def pushed_and_doubled(x):
+    """Where `corner` is after three seconds: pushed where it meets the plane z = 0, then doubled
+    where it meets x = 0, at one time. By distance and speed."""
+    d, u = x
+    left = 3.0 - d / u
+    return jnp.stack([-2.0 * u * left, 2.0 * left, -2.0 * u * left])
+
+
+SAMPLED = {
+    "fixed steps": Accuracy(method=FixedSteps(DOP853(), 8)),
+    "adjoint": Accuracy(method=Tsit5(), adjoint=diffrax.RecursiveCheckpointAdjoint()),
+}
+
+
+@pytest.mark.parametrize("how", ["fixed steps", pytest.param("adjoint", marks=pytest.mark.sweep)])
+def test_methods_whose_runs_are_sampled(how):
+    """In straight lines they are exact."""
+    events = (jump(falls(2), pushed), jump(falls(0), doubled))
+
+    @jax.jit
+    def final(x):
+        run = simulate(
+            Coast(), corner(*x), jnp.array([0.0, 3.0]), events=events, accuracy=SAMPLED[how]
+        )
+        return run.final.position
+
+    x, weights = jnp.array([1.3, 0.7]), jnp.array([1.0, -2.0, 0.5])
+    (value, pull), (right, pull_right) = jax.vjp(final, x), jax.vjp(pushed_and_doubled, x)
+    np.testing.assert_allclose(value, right, rtol=1e-12)
+    np.testing.assert_allclose(pull(weights)[0], pull_right(weights)[0], rtol=1e-12)
+
+
+@pytest.mark.sweep
+def test_a_condition_that_is_touched_beside_one_that_is_passed():
+    """The square of x is least where z falls through zero."""
+    touched = jump(lambda t, y: y.position[0] ** 2, doubled, 1, touch=1e-6)
+    events = (jump(falls(2), pushed), touched)
+
+    @jax.jit
+    def final(x):
+        run = simulate(Coast(), corner(*x), jnp.array([0.0, 3.0]), events=events, **HOW)
+        return run.final.position
+
+    x, weights = jnp.array([1.3, 0.7]), jnp.array([1.0, -2.0, 0.5])
+    (value, pull), (right, pull_right) = jax.vjp(final, x), jax.vjp(pushed_and_doubled, x)
+    np.testing.assert_allclose(value, right, rtol=1e-12)
+    np.testing.assert_allclose(pull(weights)[0], pull_right(weights)[0], rtol=1e-12)
+
+
+def test_a_jump_where_a_condition_is_touched():
+    """Where x is 0.5, which its square about it touches; the runs go on from there."""
+    touched = jump(lambda t, y: (y.position[0] - 0.5) ** 2, doubled, 1, touch=1e-6)
+    run = simulate(Coast(), corner(), jnp.array([0.0, 3.0]), events=[touched], **HOW)
+    assert run.crossings[0].count == 1
+    np.testing.assert_allclose(run.final.position, [-4.5, 0.0, -4.5], rtol=1e-12)
+
+
+def test_an_orbit_in_closed_form():
+    """At the far end of an ellipse the radius is largest where the body passes the x axis: it is
+    pushed there, and then its speed doubled, both along the orbit."""
+    far = jump(lambda t, y: jnp.sum(y.position * y.velocity, axis=0), doubled)
+    passed = jump(falls(1), lambda t, y: BodyState(y.position, y.velocity.at[1].add(0.1)))
+    system, ts = TwoBody(1.0), jnp.array([0.0, 14.0])
+
+    def final(speed):
+        y0 = BodyState(jnp.array([1.0, 0.0, 0.0]), speed * jnp.array([0.0, 1.0, 0.0]))
+        run = simulate(system, y0, ts, events=[passed, far], accuracy=1e-9)
+        return jnp.concatenate([run.final.position, run.final.velocity])
+
+    def truth(speed):
+        a = 1.0 / (2.0 - speed**2)
+        half, r = jnp.pi * a**1.5, 2.0 * a - 1.0
+        after = 2.0 * (0.1 - speed / r)
+        y = BodyState(jnp.stack([-r, 0.0, 0.0]), jnp.stack([0.0, after, 0.0]))
+        y = system.closed_form().flow(ts[-1] - half, y)
+        return jnp.concatenate([y.position, y.velocity])
+
+    value, *slopes = both_modes(final)(1.2)
+    right, right_slope = jax.jvp(truth, (1.2,), (1.0,))
+    # The time of the far end is known to the roundings of the condition, some 1e-14.
+    np.testing.assert_allclose(value, right, rtol=1e-11, atol=1e-11)
+    for slope in slopes:
+        np.testing.assert_allclose(slope, right_slope, rtol=1e-10, atol=1e-10)
+
+
+def test_phases_that_end_at_one_time():
+    """The second one ends where it begins: at a zero at its start, which counts where `at_start`
+    says so."""
+    ends = (
+        Event(falls(2), -1, within=9.0),
+        Event(falls(0), -1, within=9.0, at_start=True),
+    )
+
+    def final(x):
+        phases = [
+            Phase(Coast(), ends[0], pushed, "to z = 0"),
+            Phase(Coast(), ends[1], doubled, "to x = 0"),
+            Phase(Coast(), 1.5, name="on"),
+        ]
+        run = simulate_mission(Mission(phases), corner(*x), **HOW)
+        return jnp.append(run["on"].final.position, run["on"].ts[-1])
+
+    def truth(x):
+        d, u = x
+        return jnp.stack([-3.0 * u, 3.0, -3.0 * u, d / u + 1.5])
+
+    x = jnp.array([1.3, 0.7])
+    value, *slopes = both_modes(final)(x)
+    np.testing.assert_allclose(value, truth(x), rtol=1e-12)
+    for slope in slopes:
+        np.testing.assert_allclose(slope, jax.jacfwd(truth)(x), rtol=1e-12, atol=1e-12)
+
+
+@pytest.mark.sweep
+def test_a_batch_of_which_some_runs_have_events_at_one_time():
+    """Two mirrors and an end: all three together, two of them, one mirror with the end, none, and
+    each alone. The mirrors act before the end: the motion is unfolded up to it."""
+    times = np.array([[1.0, 1.0, 0.5, 5.0, 0.7], [1.0, 2.0, 1.5, 5.0, 2.1], [1, 1, 1.5, 5, 1.2]])
+    u = np.array([[1.0, 0.5, 2.0, 1.0, 3.0], [0.25, 1.0, 1.0, 2.0, 1.0], [2.0, 1, 1, 1, 0.5]])
+    end = Event(falls(1), -1)
+    events = [jump(falls(2), turned(2)), end, jump(falls(0), turned(0))]
+    ts = jnp.array([0.0, 3.0])
+
+    @jax.jit
+    def final(d, u):
+        run = simulate_batch(Coast(), BodyState(d, -u), ts, events=events, throw=False, **HOW)
+        return run.final.position
+
+    def truth(d, u):
+        stop = jnp.minimum(d[1] / u[1], 3.0)
+        passed = jnp.asarray(times <= np.minimum(times[1], 3.0))
+        turns = jnp.where(passed.at[1].set(False), -1.0, 1.0)
+        return turns * (d - u * stop)
+
+    inputs = jnp.asarray(times * u), jnp.asarray(u)
+    rng = np.random.default_rng(0)
+    along = tuple(jnp.asarray(rng.normal(size=u.shape)) for _ in inputs)
+    weights = jnp.asarray(rng.normal(size=u.shape))
+    # Roundings of distances of a few metres.
+    near = {"rtol": 1e-12, "atol": 1e-12}
+    for found, right in zip(
+        jax.jvp(final, inputs, along), jax.jvp(truth, inputs, along), strict=True
+    ):
+        np.testing.assert_allclose(found, right, **near)
+    pulled, right = (jax.vjp(f, *inputs)[1](weights) for f in (final, truth))
+    np.testing.assert_allclose(pulled, right, **near)

@@ -55,7 +55,10 @@ class AlongStep(NamedTuple):
         if self.event.touch is None:
             return self.condition(t)
         rate = jax.jvp(self.condition, (t,), (jnp.ones_like(t),))[1]
-        return rate / self.segment.rate.astype(rate.dtype)
+        duration = self.segment.rate.astype(rate.dtype)
+        # In no time nothing is touched.
+        lasting = duration != 0.0
+        return jnp.where(lasting, rate / jnp.where(lasting, duration, 1.0), 1.0)
 
     def at(self, nodes: Scalar) -> tuple[Scalar, Scalar]:
         """The `value` and its rate in normalised time, at nodes on the first axis."""
