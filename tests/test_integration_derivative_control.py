@@ -24,7 +24,7 @@ from jaxspace.bodies import Load, RigidBody
 from jaxspace.orbits import UniformGravity
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
-from jaxspace.solvers import DOP853, RKN1210, Tsit5
+from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
 
 RATE, SPAN = 20.0, 10.0
 TS = np.array([0.0, SPAN])
@@ -75,14 +75,17 @@ def test_a_force_that_is_zero_on_a_body_at_rest(method):
             assert abs(reverse - forward) < 1e-12
 
 
-def test_a_torque_that_is_zero_on_a_body_at_rest():
+@pytest.mark.parametrize(
+    "method", ["auto", pytest.param(MuntheKaas(), marks=pytest.mark.sweep)], ids=["auto", "group"]
+)
+def test_a_torque_that_is_zero_on_a_body_at_rest(method):
     def rate(e):
         twist = Custom(
             lambda t, y, body: Load(torque_B=jnp.stack([0.0 * e, 0.0 * e, e * jnp.sin(RATE * t)]))
         )
         y0 = BodyState(attitude=Quaternion(jnp.array([1.0, 0, 0, 0])), omega=jnp.zeros(3))
         scene = Scene([twist], RigidBody(1.0, [1.0, 1.0, 1.0]))
-        return simulate(scene, y0, TS, accuracy=1e-9).final.omega[2]
+        return simulate(scene, y0, TS, accuracy=Accuracy(1e-9, method=method)).final.omega[2]
 
     _, forward, reverse = both_modes(rate)(0.0)
     # omega' = e sin(20 t).

@@ -9,12 +9,14 @@ import jax.numpy as jnp
 import numpy as np
 import optimistix
 import pytest
+from jax.test_util import check_grads
 from jaxtyping import Array, Float
 
 from jaxspace import Scene
 from jaxspace.bodies import BodyState, Load
 from jaxspace.core import AbstractRegularised, AbstractSplit, AbstractSystem
 from jaxspace.orbits import PointGravity
+from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, simulate
 from jaxspace.solvers import (
@@ -27,7 +29,8 @@ from jaxspace.solvers import (
     Stormer,
     Tsit5,
 )
-from jaxspace.solvers.protocol import bind, refine, solver_traits
+from jaxspace.solvers.protocol import bind, linear_errors, refine, solver_traits
+from jaxspace.solvers.runge_kutta import whole_error
 from jaxspace.solvers.tolerances import Tolerance
 
 T0, SPEED = 3.0, 2.0
@@ -229,6 +232,36 @@ def test_traits_of_the_solvers_of_diffrax():
 
 def bound(method, save_ts=None):
     return bind(method, tolerance=TOLERANCE, save_ts=save_ts, run_axes=1)
+
+
+def test_an_estimate_of_errors_is_differentiable_and_has_linear_parts():
+    """Of y' = -k y^2 with a quaternion beside it: both modes of derivative of the estimate against
+    differences, and the estimate from its parts. At rest the parts alone have derivatives."""
+    y0 = {"y": jnp.array([1.0, 2.0]), "q": Quaternion(jnp.array([1.0, 0.0, 0.0, 0.0]))}
+
+    def rate(t, y, k):
+        omega = k * jnp.array([jnp.sin(3.0 * t), 0.2, 0.1 * t])
+        return {"y": -k * y["y"] ** 2, "q": y["q"].rate(omega)}
+
+    def error(k, method):
+        given = (diffrax.ODETerm(rate), jnp.array(0.0), jnp.array(0.7), y0, k)
+        found = method.step(*given, method.init(*given[:4], k), jnp.array(False))[1]
+        return jnp.concatenate([jnp.ravel(x) for x in jax.tree.leaves(found)])
+
+    for method in (DOP853(dense=False), MuntheKaas(DOP853(dense=False))):
+        k = jnp.array(0.8)
+        # Differences at 1e-5 of an estimate of 1e-6 to 1e-3.
+        check_grads(lambda k, m=method: 1e3 * error(k, m), (k,), 1, ("fwd", "rev"), 1e-6, 1e-6)
+        in_parts = linear_errors(method)
+        given = (diffrax.ODETerm(rate), jnp.array(0.0), jnp.array(0.7), y0, k)
+        parts = in_parts.step(*given, in_parts.init(*given[:4], k), jnp.array(False))[1]
+        whole = jnp.concatenate([jnp.ravel(x) for x in jax.tree.leaves(whole_error(parts))])
+        if isinstance(method, DOP853):
+            # On the group the parts are put together in other components.
+            np.testing.assert_allclose(whole, error(k, method), rtol=1e-9, atol=1e-15)
+        at_rest = jax.jvp(lambda k, m=in_parts: error(k, m), (0.0 * k,), (1.0,))[1]
+        assert np.max(np.abs(at_rest)) > 1e-9
+        assert np.max(np.abs(jax.jacfwd(lambda k, m=method: error(k, m))(0.0 * k))) == 0.0
 
 
 def test_a_solver_is_bound_to_what_it_has_to_know():

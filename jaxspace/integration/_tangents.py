@@ -33,7 +33,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
-from ..solvers.protocol import bind, field_of_step, forward_mode, small_program
+from ..solvers.protocol import bind, field_of_step, forward_mode, linear_errors, small_program
+from ..solvers.runge_kutta import whole_error
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 
@@ -152,7 +153,8 @@ class Probes(eqx.Module):
         moving = [leaves[k] for k in self.numbers]
 
         def along(probe: tuple[list[Array], State]) -> tuple[State, State]:
-            return jax.jvp(of, (moving, step.y0), probe)[1]
+            y1, error = jax.jvp(of, (moving, step.y0), probe)[1]
+            return y1, whole_error(error)
 
         # One after the other, in the layout of the motion. Together they would take several times
         # as long for many runs, whose axis has to be the last one.
@@ -195,7 +197,7 @@ class TangentControl(eqx.Module):
         # Nothing is saved within a step here.
         axes = tolerance.run_axes
         method = bind(small_program(method), tolerance=tolerance, save_ts=None, run_axes=axes)
-        return cls(probes, tolerance, forward_mode(method), term)
+        return cls(probes, tolerance, linear_errors(forward_mode(method)), term)
 
     def look(
         self, field: ScaledField, step: StepTaken, going: Bool[Array, ""] | bool, state: ProbeState

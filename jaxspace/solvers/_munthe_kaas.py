@@ -23,8 +23,16 @@ from ..core import AbstractGroupElement, State
 from ..core.barrier import barrier
 from ..core.groups import on_group
 from .dense_output import AbstractDenseOutput
-from .protocol import AbstractFieldSolver, Advance, SolverTraits, bind, small_program, solver_traits
-from .runge_kutta import DOP853
+from .protocol import (
+    AbstractFieldSolver,
+    Advance,
+    SolverTraits,
+    bind,
+    linear_errors,
+    small_program,
+    solver_traits,
+)
+from .runge_kutta import DOP853, of_each_part
 from .tolerances import Tolerance
 from .vector_field import StepField
 
@@ -110,6 +118,9 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     def small_program(self) -> "MuntheKaas":
         return MuntheKaas(small_program(self.solver))
 
+    def linear_errors(self) -> "MuntheKaas":
+        return MuntheKaas(linear_errors(self.solver))
+
     def order(self, terms: diffrax.AbstractTerm | None) -> int | None:
         return self.solver.order(terms)
 
@@ -125,8 +136,12 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
             _TERM, t0, t1, local, inner_args, inner_state, jnp.array(False)
         )
         y1 = barrier(_moved(y0, x1))
+
         # By blocks of the state, because the step control measures errors so.
-        embedded = _moved(y0, jax.tree.map(jnp.subtract, x1, x_error))
-        error = jax.tree.map(jnp.subtract, y1, embedded)
+        def in_blocks(x_error: State) -> State:
+            embedded = _moved(y0, jax.tree.map(jnp.subtract, x1, x_error))
+            return jax.tree.map(jnp.subtract, y1, embedded)
+
+        error = of_each_part(in_blocks, x_error)
         inner = self.solver.interpolation_cls(t0=t0, t1=t1, **dense)
         return Advance(y1, error, dict(y0=y0, inner=inner), result=result)

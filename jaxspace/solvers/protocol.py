@@ -88,6 +88,11 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         """The same method as a program that compiles sooner and runs slower, if it has one."""
         return self
 
+    def linear_errors(self) -> diffrax.AbstractSolver:
+        """The same method with an estimate of the error that is linear in what the step does; as by
+        default."""
+        return self
+
     def func(
         self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
     ) -> State:
@@ -293,6 +298,14 @@ def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, small_program(solver.solver))
     return solver.small_program() if isinstance(solver, AbstractDeclaredSolver) else solver
+
+
+def linear_errors(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The same method with an error in parts that are linear in what the step does, so that their
+    tangents are the errors of a tangent; `whole_error` puts them together."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, linear_errors(solver.solver))
+    return solver.linear_errors() if isinstance(solver, AbstractDeclaredSolver) else solver
 
 
 def forward_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:

@@ -14,14 +14,14 @@ that jumps there has the value of this step.
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, TypeAlias, final
+from typing import Any, ClassVar, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
@@ -242,12 +242,18 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
 
     - `dense`: whether states within a step can be computed. `simulate` sets it.
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
-      slower. Set for derivatives of single runs."""
+      slower. Set for derivatives of single runs.
+    - `in_parts`: whether the error of a step is returned as its `EmbeddedErrors`. Set for the
+      errors of tangents."""
 
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
+    in_parts: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _NestedProducts
+
+    def linear_errors(self) -> "DOP853":
+        return dataclasses.replace(self, in_parts=True)
 
     @property
     def traits(self) -> SolverTraits:
@@ -270,10 +276,12 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         # Behind a barrier, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
         error = jax.tree.map(
-            blend,
+            EmbeddedErrors,
             combine(None, h, tableau.DOP853_ERROR_5, ks),
             combine(None, h, tableau.DOP853_ERROR_3, ks),
         )
+        if not self.in_parts:
+            error = whole_error(error)
         # Not left for the compiler to remove, because each first call would trace and lower it.
         within = None
         if self.dense:
@@ -286,24 +294,44 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         return Advance(y1, error, dict(y0=y0, coefficients=within))
 
 
-@jax.custom_jvp
+class EmbeddedErrors(NamedTuple):
+    """The errors of DOP853 of the orders 5 and 3: linear in what a step does, as their `blend` is
+    not."""
+
+    fifth: Array
+    third: Array
+
+
+def whole_error(error: PyTree) -> State:
+    """The estimate of an error that may be in parts, as those of `DOP853.in_parts`."""
+
+    def leaf(x: PyTree) -> Array:
+        return blend(x.fifth, x.third) if _is_in_parts(x) else x
+
+    return jax.tree.map(leaf, error, is_leaf=_is_in_parts)
+
+
+def of_each_part(function: Callable[[State], State], error: PyTree) -> PyTree:
+    """The function of an error, or of each of its parts."""
+    if not any(map(_is_in_parts, jax.tree.leaves(error, is_leaf=_is_in_parts))):
+        return function(error)
+    fifth, third = (
+        function(jax.tree.map(lambda x, k=k: x[k], error, is_leaf=_is_in_parts)) for k in (0, 1)
+    )
+    return jax.tree.map(EmbeddedErrors, fifth, third)
+
+
+def _is_in_parts(x: object) -> bool:
+    return isinstance(x, EmbeddedErrors)
+
+
 def blend(e5: Array, e3: Array) -> Array:
     """The error estimate e5^2 / sqrt(e5^2 + e3^2 / 100) (Hairer, Norsett, Wanner II.10), by
-    component.
-
-    Its tangent is the same estimate of the error of a tangent, by which a run that is
-    differentiated controls its steps. The derivative of the estimate would be zero at rest."""
+    component."""
     bottom = e5 * e5 + 0.01 * e3 * e3
     # A component that does not change has zero over zero; a safe value keeps derivatives finite.
     positive = bottom > 0.0
     return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
-
-
-@blend.defjvp
-def _blend_of_tangent(
-    primals: tuple[Array, Array], tangents: tuple[Array, Array]
-) -> tuple[Array, Array]:
-    return blend(*primals), blend(*tangents)
 
 
 def _dense_coefficients(
