@@ -68,9 +68,10 @@ costs: $(VENV)/.test  ## measure what each test takes, and so which of them `tes
 	@rm -rf .programs
 	@$(PYTEST) --write-costs --part quick
 
-hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, and for a silent NaN
+hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, a silent NaN, wrong derivatives at rest
 	@$(BIN)/python tests/hunt.py
 	@$(BIN)/python tests/nan_hunt.py
+	@$(BIN)/python tests/slope_hunt.py
 
 validation: $(VENV)/.test $(VENV)/.bench  ## the numbers of others beside ours, and their page of the manual
 	@$(BIN)/python -m validation
