@@ -1,6 +1,8 @@
 """The commands of campaigns: resume, replay, failures, and the end of a campaign by a signal."""
 
+import dataclasses
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -15,8 +17,11 @@ from scipy.stats import binomtest
 from test_campaigns import child, write
 
 from jaxspace.cli import main
+from jaxspace.cli._parser import parser, with_joined_runs
+from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, disperse, open_store
-from jaxspace.io import SceneFile, load
+from jaxspace.dispersion.requirements import Requirement
+from jaxspace.io import SceneError, SceneFile, load
 from jaxspace.io.campaign_report import failures_report
 from jaxspace.io.report import dispersion_report
 from jaxspace.simulation import Status
@@ -150,6 +155,14 @@ def test_replay_flies_one_run_again(store, tmp_path, capsys):
     (row,) = [r for r in rows if r[:1] == ["periapsis_altitude"]]
     assert row[2] == row[3] == f"{kept.outputs['periapsis_altitude'][17]:.6g}"
     assert (tmp_path / "a" / "coast_run_17_coast.png").exists()
+    # In the units of the file, which gives the height in miles.
+    (row,) = [r for r in rows if r[:1] == ["initial.orbit.periapsis_altitude"]]
+    height = kept.inputs["initial.orbit.periapsis_altitude"][17] / 1609.344
+    assert row[1:] == ["mi", "400", f"{height:.6g}"] and "coast: from 0 min to 10 min" in printed
+    extreme = ["replay", str(store), "--run", "greatest", "apoapsis_altitude"]
+    assert main([*extreme, "--out", str(tmp_path / "a")]) == 0
+    values = np.where(kept.good, kept.outputs["apoapsis_altitude"], -np.inf)
+    assert f"run {np.argmax(values)}, seed 3" in capsys.readouterr().out
     assert main(["replay", str(store), "--run", "1200"]) == 2
     assert "--run is 1200: it must be from 0 to 1199." in capsys.readouterr().err
     # One that `failures` lists: it cannot be flown, and the reason is the one that stands there.
@@ -254,6 +267,78 @@ def small(**outputs):
     return Dispersion(inputs, outputs, status, np.ones(8, int), {"x": "km"}, 0, attributes=record)
 
 
+def judged(count, runs, **required):
+    """Runs of which so many violate x <= 0, with what is required besides."""
+    x = np.where(np.arange(runs) < count, 1.0, -1.0 - np.arange(runs))
+    record = {"requirements": {"x": Requirement(high=0.0, **required).record}, "inputs": ""}
+    zero = np.zeros(runs, int)
+    return Dispersion({"a": x}, {"x": x}, zero, zero, {"x": "km"}, 0, attributes=record)
+
+
+def test_a_requirement_with_an_allowed_share_has_a_verdict():
+    """By the interval of Clopper and Pearson: without a violation its end is 1 - 0.025^(1/n)."""
+    # 1 - 0.025^(1/368) is 0.00997, and 1 - 0.025^(1/366) is 0.01003.
+    words = {(0, 368): "pass", (0, 366): "not yet known", (5, 100): "fail"}
+    for (count, runs), word in words.items():
+        (verdict,) = judged(count, runs, allowed=0.01).verdicts.values()
+        low, high = binomtest(count, runs).proportion_ci(0.95, "exact")
+        assert verdict.word == word and verdict.allowed == 0.01
+        np.testing.assert_allclose(verdict.violation[1:3], (low, high), rtol=1e-10, atol=1e-15)
+    # More confidence makes the interval wider.
+    assert judged(0, 368, allowed=0.01, confidence=0.99).verdicts["x"].word == "not yet known"
+    assert judged(0, 9).verdicts == {} and judged(0, 9).requirements == {"x": (None, 0.0)}
+    report = dispersion_report(judged(0, 368, allowed=0.01), {})
+    (row,) = [line for line in report.splitlines() if "≤" in line]
+    assert row.split()[-3:] == ["1", "%", "pass"]
+    assert "verdict" not in dispersion_report(judged(0, 9), {})
+
+
+def test_a_file_gives_the_share_and_the_confidence_of_a_requirement(tmp_path):
+    path = tmp_path / "coast.toml"
+    given = '{{ output = "apoapsis_altitude"{} }}'
+    limits = ', at_most = "3000 km", allowed = "5 %", confidence = 0.99'
+    path.write_text(COAST.replace('"apoapsis_altitude"]', given.format(limits) + "]"))
+    required = load(path).campaign(warn=False).requirements
+    assert required == (("apoapsis_altitude", Requirement(None, 3000.0, 0.05, 0.99)),)
+    wrong = {
+        ', at_most = "3000 km", allowed = 5': "allowed is 5: it must be between 0 and 1, both excl",
+        ', at_most = "3000 km", confidence = "x"': 'outputs.1.confidence is "x": it must be a numb',
+        ', allowed = "5 %"': "outputs.1.allowed is that of a requirement: give at_least or at_most",
+    }
+    for entries, sentence in wrong.items():
+        path.write_text(COAST.replace('"apoapsis_altitude"]', given.format(entries) + "]"))
+        with pytest.raises(SceneError, match=re.escape(sentence)):
+            load(path)
+
+
+def test_extremes_name_their_runs():
+    """In tables; the worst run is that farthest outside of the requirement."""
+    kept = judged(1, 6)
+    kept = dataclasses.replace(kept, numbers=np.arange(40, 46), status=np.array([0, 0, 0, 0, 0, 5]))
+    # The last run has failed; the least of the others is that before it.
+    assert [kept.run_of(which, "x") for which in ("worst", "least", "greatest")] == [40, 44, 40]
+    report = dispersion_report(kept, {}).splitlines()
+    row = report[report.index("extremes, each with its run") + 2].split()
+    assert row[0] == "x" and row[3] == "44" and row[-1] == "40"
+    with pytest.raises(InputError, match="a has no requirement, by which a run is the worst"):
+        kept.run_of("worst", "a")
+    with pytest.raises(InputError, match="must be one of worst, least, greatest"):
+        kept.run_of("best", "x")
+    lost = dataclasses.replace(kept, outputs={"x": np.full(6, np.nan)})
+    with pytest.raises(InputError, match="x is a number in no run"):
+        lost.run_of("least", "x")
+
+
+def test_the_two_words_of_a_run_are_read_as_one():
+    """Wherever the store stands."""
+    read = parser().parse_args(with_joined_runs(["replay", "--run", "worst", "x y", "s.zarr"]))
+    assert read.run == ("worst", "x y") and read.file == "s.zarr"
+    assert parser().parse_args(with_joined_runs(["replay", "--run", "7", "s"])).run == 7
+    for words in (["--run", "worst", "--show"], ["--run", "best", "x"]):
+        with pytest.raises(SystemExit):
+            parser().parse_args(with_joined_runs(["replay", "s.zarr", *words]))
+
+
 def test_tables_tell_what_is_not_finite_and_what_is_violated():
     x = np.array([1.0, np.nan, 2.0, np.inf, 1.0, np.nan, 3.0, 4.0])
     kept = small(x=x, y=np.where(x == 1.0, np.nan, 0.5 * x))
@@ -266,7 +351,7 @@ def test_tables_tell_what_is_not_finite_and_what_is_violated():
     # Infinite, not a number, failed and 4.
     low, high = binomtest(4, 8).proportion_ci(0.95, "exact")
     assert row.split("km")[1].split() == (
-        f"4 of 8 50 % {100 * low:.3g} % to {100 * high:.3g} %".split()
+        f"4 of 8 50 % {100 * low:.3g} % to {100 * high:.3g} % 95 %".split()
     )
     printed = failures_report(None, kept, 2)
     assert "3 runs ended well with an output that is not a number:" in printed

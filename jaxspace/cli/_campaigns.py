@@ -4,6 +4,7 @@ import functools
 import os
 import shlex
 import sys
+import time
 import warnings
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -133,6 +134,7 @@ def _run_and_report(
     compare: tuple[str, ...] | None,
     **how: Any,
 ) -> int:
+    began = time.perf_counter()
     # The campaign of a flight from a rail flies the nominal one, too: a program for it alone would
     # take a third of the wait.
     with waiting("simulating the nominal run"):
@@ -162,13 +164,13 @@ def _run_and_report(
         outputs = nominal_outputs(file, result, nominal)
         tables = dispersion_report(result, outputs)
     print(tables)
-    print(_times(result))
     methods = file.compare if compare is None else compare
     if methods:
         with waiting("computing the moments by other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
     keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
+    print(_times(result, time.perf_counter() - began))
     print(f"store  {store}")
     # The cause of a failure comes first.
     print_next(file, "report" if result.good.all() else "failures", store)
@@ -204,22 +206,31 @@ def _left(store: str, untouched: bool) -> str:
     )
 
 
-def _times(result: Dispersion) -> str:
+def _times(result: Dispersion, whole: float) -> str:
+    """What the command took, `whole`, s, with the nominal run, the statistics and the pictures."""
     # Without the compilation, which does not grow with the number of runs.
     ahead = result.attributes["preparation_seconds"]
     computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
     return (
-        f"{result.seconds:.1f} s: {ahead:.1f} s to compile and to plan, then "
-        f"{result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores"
+        f"{whole:.1f} s in all: {ahead:.1f} s to compile and to plan, {computing:.1f} s for the "
+        f"runs ({result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores)"
     )
 
 
 def replay(
-    store: str, run: int, samples: int, folder: str, show: bool, modules: Sequence[str] = ()
+    store: str,
+    which: int | tuple[str, str],
+    samples: int,
+    folder: str,
+    show: bool,
+    modules: Sequence[str] = (),
 ) -> int:
-    """Run one sample of a store again, print it, and draw its phases."""
+    """Run one sample of a store again, print it, and draw its phases.
+
+    `which`: its number, or "worst", "least" or "greatest" and the name of an output."""
     dispersion = _opened_quietly(store)
+    run = which if isinstance(which, int) else dispersion.run_of(*which)
     if run >= dispersion.planned_runs:
         raise InputError(f"--run is {run}: it must be from 0 to {dispersion.planned_runs - 1}.")
     file = _scene(store, dispersion, modules)
@@ -230,10 +241,12 @@ def replay(
             run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
         )
     print(replay_report(file, result, dispersion))
+    title = f"{file.title}, run {run}"
     for name, phase in result.trajectory.items():
-        draw(file, phase, path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_")))
+        path = path_of(file, folder, f"_run_{run}_{name}.png".replace(" ", "_"))
+        draw(file, phase, path, f"{title}: {name}")
     if show:
-        show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"))
+        show_page(file, result.trajectory, path_of(file, folder, f"_run_{run}.html"), title)
     else:
         print_next(file, "replay", store, "--run", run, "--show")
     return 0 if result.status.good else 1

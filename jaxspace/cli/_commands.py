@@ -43,7 +43,8 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
             report = mission_report(file, result, finer)
         print(report)
         for name, phase in result.items():
-            draw(file, phase, path_of(file, folder, f"_{name}.png".replace(" ", "_")))
+            path = path_of(file, folder, f"_{name}.png".replace(" ", "_"))
+            draw(file, phase, path, f"{file.title}: {name}")
     else:
         with waiting("simulating the run, and once more for its error"), by_numpy():
             result = file.simulate(ts=_pictured_times(file), throw=False)
@@ -104,7 +105,8 @@ def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str]
         print(f"\n{sensitivity_report(result)}")
     print(f"file   {best}")
     for name, phase in run.items():
-        draw(file, phase, path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_")))
+        path = path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_"))
+        draw(file, phase, path, f"{file.title}, optimum: {name}")
     figure = path_of(file, folder, "_search.png")
     result.minimum.plot(file.title).savefig(figure)
     print(f"figure {figure}")
@@ -255,8 +257,9 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
     return 0 if result.passed else 1
 
 
-def draw(file: SceneFile, trajectory: Trajectory, path: str) -> None:
-    """Draw a trajectory of a scene to a picture at `path`, in the units of the scene."""
+def draw(file: SceneFile, trajectory: Trajectory, path: str, title: str = "") -> None:
+    """Draw a trajectory of a scene to a picture at `path`, in the units of the scene; by default
+    with the `title` of the file."""
     # Imported late: commands that draw nothing do not wait for it.
     import matplotlib
 
@@ -264,18 +267,22 @@ def draw(file: SceneFile, trajectory: Trajectory, path: str) -> None:
 
     # Draws to files alone, so that a machine without a display serves.
     matplotlib.use("Agg")
-    trajectory_figure(trajectory, scale=file.shown_unit).savefig(path)
+    title = title or file.title
+    trajectory_figure(trajectory, scale=file.shown_unit, title=title).savefig(path)
     print(f"figure {path}")
 
 
-def show_page(file: SceneFile, run: Trajectory | MissionTrajectory, path: str) -> None:
-    """Open a run of a scene in the browser, as a page at `path`."""
+def show_page(
+    file: SceneFile, run: Trajectory | MissionTrajectory, path: str, title: str = ""
+) -> None:
+    """Open a run of a scene in the browser, as a page at `path`; by default with the `title` of the
+    file."""
     # Imported late, as in `draw`.
     from ..plots import show_run
 
     # A flight from a rail has no table of a planet.
     radius = (file.values.get("planet") or {}).get("radius")
-    print(f"page   {show_run(run, path, planet_radius=radius, title=file.title)}")
+    print(f"page   {show_run(run, path, planet_radius=radius, title=title or file.title)}")
 
 
 def print_next(file: SceneFile, *command: object) -> None:

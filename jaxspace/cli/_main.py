@@ -6,14 +6,15 @@ import gc
 import sys
 from collections.abc import Callable, Sequence
 
-from ._parser import parser
+from ._parser import parser, with_joined_runs
 from ._stopping import STOPPED, clear_interruption
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Carry out one command and return its exit status: 0, 1 for runs that failed, 2 for input that
     cannot be used, 130 for a command that was stopped."""
-    given = parser().parse_args(arguments)
+    words = sys.argv[1:] if arguments is None else arguments
+    given = parser().parse_args(with_joined_runs(words))
     try:
         # Imports JAX, for which `--help` and a wrong option must not wait.
         carry_out = _imported()

@@ -2,7 +2,7 @@
 
 import argparse
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import jaxspace
 
@@ -31,6 +31,7 @@ WITH_MODULES = (
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
 # Not from the package of campaigns, whose import takes time.
+EXTREMES = ("worst", "least", "greatest")
 METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
 
@@ -194,8 +195,37 @@ def _engine_option(command: argparse.ArgumentParser) -> None:
     )
 
 
+def with_joined_runs(arguments: Sequence[str]) -> list[str]:
+    """The arguments, with the two words of `--run worst OUTPUT` as one: an option of one or of two
+    words would take the store for its second."""
+    result: list[str] = []
+    for word in arguments:
+        extreme = result[-2:-1] == ["--run"] and result[-1] in EXTREMES
+        if extreme and not word.startswith("-"):
+            result[-1] += f" {word}"
+        else:
+            result.append(word)
+    return result
+
+
+def _which_run(text: str) -> int | tuple[str, str]:
+    which, space, output = text.partition(" ")
+    if space and which in EXTREMES:
+        return which, output
+    if which in EXTREMES:
+        raise argparse.ArgumentTypeError(f"{which!r} needs the name of an output behind it")
+    return _whole(text)
+
+
 def _replay_options(replay: argparse.ArgumentParser) -> None:
-    replay.add_argument("--run", type=_whole, required=True, help="the number of the run")
+    replay.add_argument(
+        "--run",
+        type=_which_run,
+        required=True,
+        metavar="NUMBER | worst OUTPUT",
+        help="the number of the run; or `worst OUTPUT`, the run farthest outside of the "
+        "requirement on an output, or nearest to its limit; `least OUTPUT`, `greatest OUTPUT`",
+    )
     replay.add_argument(
         "--samples", type=_count, default=200, help="states of each phase (default: 200)"
     )

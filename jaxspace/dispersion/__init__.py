@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from . import limits as limits
     from . import rare as rare
     from . import replay as replay
+    from . import requirements as requirements
     from . import sensitivity as sensitivity
     from . import spread as spread
     from . import statistics as statistics

@@ -22,8 +22,10 @@ from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
 from .names import check_names
 from .replay import Replay, replay
+from .requirements import Requirement, requirement_of
 
-Limits: TypeAlias = tuple[float | None, float | None]
+# A pair of limits, or a `Requirement`.
+Limits: TypeAlias = tuple[float | None, float | None] | Requirement
 T = TypeVar("T")
 
 
@@ -68,7 +70,8 @@ class Campaign(eqx.Module):
     - `limits`: for inputs by name, the quantity and the range that its class allows; a run with an
       input outside of it is refused (`allowed`).
     - `requirements`: for outputs by name, the least and the greatest allowed value, `None` for no
-      limit; statistics and reports count violations.
+      limit, as a pair or a `Requirement`, which may allow a share of violations; statistics and
+      reports count violations and give a verdict.
     - `design`: how the runs are distributed (`LatinHypercube`, `Sobol`); at random by default.
     - `along`: number of states of each phase that `outputs` reads, evenly spaced from its start to
       its end; by default the two ends. `greatest` and `least` need more.
@@ -109,12 +112,8 @@ class Campaign(eqx.Module):
                 raise InputError(
                     f"Campaign.inputs[{name!r}] is {distribution!r}: it must be a distribution."
                 )
-        for name, (low, high) in self.requirements:
-            if low is not None and high is not None and low > high:
-                raise InputError(
-                    f"Campaign.requirements[{name!r}] is from {low:g} to {high:g}: the least value "
-                    f"must not be above the greatest."
-                )
+        for name, limits in self.requirements:
+            requirement_of(limits).check(f"Campaign.requirements[{name!r}]")
         check_finite("Campaign.start", self.start)
         if self.along < 2:
             raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")

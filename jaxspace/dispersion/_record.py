@@ -11,6 +11,7 @@ from ..core.own_code import text_hash
 from ..integration.accuracy import Accuracy
 from ._batch_runner import cores
 from ._campaign import Campaign
+from .requirements import requirement_of
 
 LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray", "zarr")
 
@@ -60,7 +61,9 @@ def record(campaign: Campaign, accuracy: Accuracy, runs: int) -> dict[str, objec
         **({"files": dict(campaign.files)} if campaign.files else {}),
         **({"modules": modules} if modules else {}),
         "inputs": campaign.text(),
-        "requirements": dict(campaign.requirements),
+        "requirements": {
+            name: requirement_of(limits).record for name, limits in campaign.requirements
+        },
         "planned_runs": runs,
         "rtol": rtol,
         "atol": 1e-3 * rtol if accuracy.atol is None else float(np.asarray(accuracy.atol)),

@@ -21,6 +21,7 @@ from ._export import as_dataset, as_frame
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors
 from .limits import Percentile, Probability, clopper_pearson, percentile
+from .requirements import Requirement, Verdict, requirement_of, verdict_of
 from .sensitivity import RankCorrelation, rank_correlation
 from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
 from .table import Row, row_of
@@ -31,6 +32,8 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
+# Which run of an output is asked for.
+WHICH = ("worst", "least", "greatest")
 # Rows of a printed result.
 MOST_ROWS = 30
 
@@ -111,8 +114,13 @@ class Dispersion(eqx.Module):
     def requirements(self) -> dict[str, tuple[float | None, float | None]]:
         """The least and the greatest value that is allowed of each output that has a requirement,
         `None` for no such limit."""
+        return {name: (one.low, one.high) for name, one in self._required.items()}
+
+    @property
+    def _required(self) -> dict[str, Requirement]:
+        """The requirements on the outputs, by name."""
         result = self.attributes.get("requirements", {})
-        return {name: (at[0], at[1]) for name, at in result.items() if name in self.outputs}
+        return {name: requirement_of(x) for name, x in result.items() if name in self.outputs}
 
     @property
     def cores(self) -> int:
@@ -186,7 +194,7 @@ class Dispersion(eqx.Module):
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         return [
-            row_of(name, self.units.get(name, ""), x[self.good])
+            row_of(name, self.units.get(name, ""), x[self.good], self._numbers_of_runs[self.good])
             for name, x in getattr(self, of).items()
         ]
 
@@ -303,15 +311,60 @@ class Dispersion(eqx.Module):
         return clopper_pearson(int(np.count_nonzero(~met)), self.runs, confidence)
 
     def violations(self) -> dict[str, Probability]:
-        """Probability, for each output, that its requirement is not met (`violation`)."""
+        """Probability, for each output, that its requirement is not met (`violation`), with the
+        confidence of the requirement."""
         return {
             name: self.violation(
                 name,
-                at_least=-np.inf if low is None else low,
-                at_most=np.inf if high is None else high,
+                at_least=-np.inf if required.low is None else required.low,
+                at_most=np.inf if required.high is None else required.high,
+                confidence=required.confidence,
             )
-            for name, (low, high) in self.requirements.items()
+            for name, required in self._required.items()
         }
+
+    @property
+    def verdicts(self) -> dict[str, Verdict]:
+        """Whether the runs show that a requirement is met, for each output with an allowed share of
+        violations: "pass", "fail" or "not yet known"."""
+        violations = self.violations()
+        return {
+            name: verdict_of(violations[name], required.allowed)
+            for name, required in self._required.items()
+            if required.allowed is not None
+        }
+
+    def run_of(self, which: str, output: str) -> int:
+        """The number of the good run with an extreme value of an output.
+
+        **Arguments**
+
+        - `which`: "least", "greatest", or "worst": the run farthest outside of the requirement on
+          the output, or nearest to its limit.
+        - `output`: name of the output.
+
+        **Raises** `InputError` for an unknown name, for "worst" without a requirement, and where no
+        good run has a number."""
+        x = np.where(self.good, self.values(output).astype(float), np.nan)
+        low, high = self.requirements.get(output, (None, None))
+        if which not in WHICH:
+            raise InputError(f"which is {which!r}: it must be one of {', '.join(WHICH)}.")
+        if which == "worst" and low is None and high is None:
+            raise InputError(
+                f"{output} has no requirement, by which a run is the worst one: it must be least "
+                f"or greatest, or the output must have at_least or at_most."
+            )
+        margins = [*([] if low is None else [x - low]), *([] if high is None else [high - x])]
+        by = {"least": x, "greatest": -x}.get(which)
+        by = np.min(margins, axis=0) if by is None else by
+        if np.isnan(by).all():
+            raise InputError(f"{output} is a number in no run that ended well.")
+        return int(self._numbers_of_runs[np.nanargmin(by)])
+
+    @property
+    def _numbers_of_runs(self) -> np.ndarray:
+        """The numbers of the runs, (runs,)."""
+        return np.arange(self.runs) if self.numbers is None else self.numbers
 
     def required(self, name: str) -> str:
         """The requirement on an output in signs, such as "≥ 180 and ≤ 190"; empty without one."""

@@ -24,6 +24,7 @@ class Row(NamedTuple):
     - `runs`: the number of good runs in which it is finite.
     - `above`, `below`: of those in which it is infinite and positive, or negative.
     - `undefined`: of those in which it is not a number, which are in no statistic.
+    - `min_run`, `max_run`: the numbers of the runs of the extremes; -1 where there is none.
     """
 
     name: str
@@ -38,6 +39,8 @@ class Row(NamedTuple):
     above: int = 0
     below: int = 0
     undefined: int = 0
+    min_run: int = -1
+    max_run: int = -1
 
     def shown(self, value: float) -> str:
         """A value of this quantity in digits that its deviation justifies: the rule of every
@@ -65,9 +68,10 @@ class Row(NamedTuple):
         return f"{self.name} is {self.missing()} of {good} good runs. {left}"
 
 
-def row_of(name: str, unit: str, x: np.ndarray) -> Row:
-    """The row of a quantity with these values, those of all good runs."""
+def row_of(name: str, unit: str, x: np.ndarray, runs: np.ndarray) -> Row:
+    """The row of a quantity with these values, those of all good runs, whose numbers are `runs`."""
     # In double precision, so that the moments of many runs of single precision lose nothing.
+    runs = runs[~np.isnan(x)]
     known = x[~np.isnan(x)].astype(float)
     undefined = x.size - known.size
     if known.size == 0:
@@ -90,4 +94,6 @@ def row_of(name: str, unit: str, x: np.ndarray) -> Row:
         int(np.count_nonzero(known == np.inf)),
         int(np.count_nonzero(known == -np.inf)),
         undefined,
+        int(runs[np.argmin(known)]),
+        int(runs[np.argmax(known)]),
     )

@@ -312,9 +312,12 @@ def _dispersion() -> Table:
 
 class OutputList(Kind):
     """A list of names or paths, or tables with the keys `output`, `at`, `take`, `unit`, `name`, and
-    for a requirement `at_least` and `at_most`."""
+    for a requirement `at_least`, `at_most`, the share of the runs that may violate it (`allowed`)
+    and the `confidence` of its verdict."""
 
-    KEYS = ("output", "at", "take", "unit", "name", "at_least", "at_most")
+    # Those that may be numbers without a unit.
+    NUMBERS = ("at_least", "at_most", "allowed", "confidence")
+    KEYS = ("output", "at", "take", "unit", "name", *NUMBERS)
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         if not (isinstance(value, list) and value):
@@ -331,8 +334,7 @@ class OutputList(Kind):
         for key, text in value.items():
             if key not in self.KEYS:
                 reading.errors.append(unknown(f"{path}.{key}", key, self.KEYS))
-            # A limit may be a number without a unit.
-            elif not isinstance(text, str) and not key.startswith("at_"):
+            elif not isinstance(text, str) and key not in self.NUMBERS:
                 reading.errors.append(wrong(f"{path}.{key}", text, "text"))
         if "output" not in value:
             reading.errors.append(missing(f"{path}.output", "the name of an output"))
@@ -344,7 +346,7 @@ class OutputList(Kind):
     def schema(self) -> Schema:
         text = {"type": "string"}
         limit = {"type": ["string", "number"]}
-        kinds = {key: limit if key.startswith("at_") else text for key in self.KEYS}
+        kinds = {key: limit if key in self.NUMBERS else text for key in self.KEYS}
         table = {
             "type": "object",
             "properties": kinds,

@@ -7,6 +7,7 @@ from typing import NamedTuple
 from ..bodies import BodyState
 from ..core.quantities import Quantity, quantities
 from ..dispersion.names import check_names
+from ..dispersion.requirements import Requirement
 from ..vehicles import LaunchSite
 from ._catalog import OutputFunction, output_methods, state_class
 from ._checks import Parsed
@@ -72,13 +73,18 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     shown_name = entry.get("name", default)
     check_names(f"{key}.name" if "name" in entry else key, [shown_name])
     low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
+    allowed, confidence = (_share(f"{key}.{k}", entry.get(k)) for k in ("allowed", "confidence"))
+    given = [k for k in ("allowed", "confidence") if entry.get(k) is not None]
+    if given and low is None and high is None:
+        raise ValueError(f"{key}.{given[0]} is that of a requirement: give at_least or at_most.")
+    required = Requirement(low, high, allowed, 0.95 if confidence is None else confidence)
     if low is not None and high is not None and low > high:
         raise ValueError(
             f"{key}.at_least is {shown(entry['at_least'])} and {key}.at_most is "
             f"{shown(entry['at_most'])}: the least must not be above the most."
         )
     return OutputSpec(
-        *(shown_name, what.at, unit, factor, what.function, what.path, shared, (low, high)),
+        *(shown_name, what.at, unit, factor, what.function, what.path, shared, required),
         *(what.effect, take, phases),
     )
 
@@ -161,6 +167,16 @@ def _limit(key: str, value: object, si: str, factor: float) -> float | None:
         return factor * read_number(value, Quantity(si, "limit"))[0]
     except ValueError as error:
         raise ValueError(wrong(key, value, str(error))) from None
+
+
+def _share(key: str, value: object) -> float | None:
+    """A share between 0 and 1. Raises `ValueError` with the whole sentence."""
+    if value is None:
+        return None
+    share = _limit(key, value, "", 1.0)
+    if share is None or not 0.0 < share < 1.0:
+        raise ValueError(wrong(key, value, 'between 0 and 1, both excluded, such as "1 %"'))
+    return share
 
 
 def unit_of(spec: OutputSpec, file: Parsed) -> str:

@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
 from ..dispersion.extremes import greatest, least
+from ..dispersion.requirements import Requirement
 from ..simulation import CompactRun, MissionTrajectory
 from ._catalog import OutputFunction
 from ._kinds import Values
@@ -80,7 +81,7 @@ class OutputSpec(NamedTuple):
 
     - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
     - `shared`: entries of the file for arguments of the function.
-    - `required`: the least and the greatest value that is allowed, in `unit`; `None` for none.
+    - `required`: what is required of it, in `unit`.
     - `take`: the extreme along these `phases`, or its time; of none at `at`."""
 
     name: str
@@ -90,7 +91,7 @@ class OutputSpec(NamedTuple):
     function: OutputFunction | None
     path: tuple[str, ...]
     shared: tuple[tuple[str, str], ...]
-    required: tuple[float | None, float | None] = (None, None)
+    required: Requirement = Requirement()
     effect: str = ""
     take: str = ""
     phases: tuple[int, ...] = ()

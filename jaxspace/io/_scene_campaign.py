@@ -51,7 +51,7 @@ def campaign_of(
         file.text,
         limits,
         design,
-        {spec.name: spec.required for spec in file.outputs if spec.required != (None, None)},
+        {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
         along,
         dict(texts),
         file.accuracy,

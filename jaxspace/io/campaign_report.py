@@ -14,6 +14,7 @@ from ..dispersion.replay import Replay
 from ..simulation import Status
 from ._scene_file import SceneFile
 from .report import Row, drift_rows, number, state_rows, status_line
+from .units import in_unit
 
 # Marks of a doubtful number, and of an absent one.
 WARNING, NO_NUMBER = "warning", "none"
@@ -22,11 +23,16 @@ WARNING, NO_NUMBER = "warning", "none"
 def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -> str:
     """One run of a campaign: its inputs beside the nominal ones, its outputs beside those of the
     store (`dispersion`), the state at the end of every phase, and how it ended."""
-    units = {name: how.nominal.quantity.unit for name, how in file.inputs.items()}
     rows = [("input", "unit", "nominal", "this run")]
     for name, value in run.inputs.items():
-        nominal = number(float(file.inputs[name].nominal)) if name in file.inputs else ""
-        rows.append((name, units.get(name, ""), nominal, number(value)))
+        unit, factor, nominal = "", 1.0, ""
+        if name in file.inputs:
+            given = file.inputs[name].nominal
+            # In the unit in which the file gives the number.
+            unit = given.unit or file.units.of(name, given.quantity.unit)
+            factor = in_unit(given.quantity.unit, unit)
+            nominal = number(factor * float(given))
+        rows.append((name, unit, nominal, number(factor * value)))
     lines = [f"{file.title}: run {run.number}, seed {run.seed}", "", aligned(rows)]
     stored = _row_of(dispersion, run.number)
     rows = [("output", "unit", "in the store", "here")]
@@ -34,8 +40,11 @@ def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -
         there = number(stored[spec.name]) if spec.name in stored else "-"
         rows.append((spec.name, spec.unit, there, number(run.outputs[spec.name])))
     lines += ["", aligned(rows)]
+    clock = file.units.of("end", "s")
+    factor = in_unit("s", clock)
     for name, phase in run.trajectory.items():
-        lines += ["", f"{name}: from {number(phase.ts[0])} s to {number(phase.ts[-1])} s"]
+        first, last = (number(factor * float(t)) for t in (phase.ts[0], phase.ts[-1]))
+        lines += ["", f"{name}: from {first} {clock} to {last} {clock}"]
         # A controller changes what the system alone conserves, so that a drift is no error.
         drift = phase.drift() if phase.control is None else {}
         lines.append(aligned([*state_rows(phase.final, file.units), *drift_rows(drift)]))

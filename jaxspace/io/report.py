@@ -237,10 +237,13 @@ def _or_dash(x: float) -> str:
 def dispersion_report(
     result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
 ) -> str:
-    """The outputs of a campaign: a table beside their `nominal` values, how often the requirements
-    are violated, the ellipses of the landings where it has some, the `count` inputs that make most
-    of the variance of each output, and how the runs ended."""
+    """The outputs of a campaign: a table beside their `nominal` values, their extremes, how often
+    the requirements are violated, the ellipses of the landings where it has some, the `count`
+    inputs that make most of the variance of each output, and how the runs ended."""
     lines = [dispersion_table(result, nominal)]
+    extremes = extreme_table(result)
+    if extremes:
+        lines.append(f"\nextremes, each with its run\n{extremes}")
     requirements = requirement_table(result)
     if requirements:
         lines.append(f"\nrequirements\n{requirements}")
@@ -267,18 +270,39 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
     return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
 
 
+def extreme_table(result: Dispersion) -> str:
+    """The least and the greatest value of every output, each with the number of its run; empty
+    where no run ended well."""
+    rows: list[Row] = [("output", "unit", "least", "run", "greatest", "run")]
+    for row in result.table():
+        if row.min_run >= 0:
+            ends = ((row.min, row.min_run), (row.max, row.max_run))
+            cells = [cell for x, run in ends for cell in (row.shown(x), str(run))]
+            rows.append((row.name, row.unit, *cells))
+    return aligned(rows) if len(rows) > 1 else ""
+
+
 def requirement_table(result: Dispersion) -> str:
-    """How often each requirement is violated, with its interval; empty without requirements. A
-    failed run counts as a violation."""
-    rows: list[Row] = [("output", "required", "violated", "share", "with 95 % confidence")]
+    """How often each requirement is violated, with its interval, and the verdict where a share is
+    allowed; empty without requirements. A failed run counts as a violation."""
+    verdicts = result.verdicts
+    heads = ("output", "required", "violated", "share", "interval", "confidence")
+    rows: list[Row] = [(*heads, "allowed", "verdict") if verdicts else heads]
     for name, violation in result.violations().items():
         required = f"{result.required(name)} {result.units.get(name, '')}".rstrip()
         share, low, high = (
             f"{100.0 * x:.3g} %" for x in (violation.value, violation.low, violation.high)
         )
         count = f"{violation.count} of {violation.runs}"
-        rows.append((name, required, count, share, f"{low} to {high}"))
+        cells = (name, required, count, share, f"{low} to {high}", _percent(violation.confidence))
+        if name in verdicts:
+            cells = (*cells, _percent(verdicts[name].allowed), verdicts[name].word)
+        rows.append((*cells, *[""] * (len(rows[0]) - len(cells))))
     return aligned(rows) if len(rows) > 1 else ""
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.6g} %"
 
 
 def footprint_table(result: Dispersion) -> str:

@@ -158,9 +158,11 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     """The outputs, with their nominal values, limits and requirements."""
     required = dispersion.requirements
     violations = dispersion.violations()
+    verdicts = dispersion.verdicts
     heads = ["output", "nominal", "mean", "deviation", "middle 99\u00a0%", "limit of 99.5\u00a0%"]
     heads += ["least, greatest", "runs"]
     heads += ["required", "violated", "at most"] if required else []
+    heads += ["allowed", "verdict"] if verdicts else []
     lines = [_cells(heads, "th", 1)]
     for row in dispersion.table():
         name = in_words(row.name) + (f" [{row.unit}]" if row.unit else "")
@@ -174,10 +176,16 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
             )
             # No sign stands at the end of a line.
             cells += [re.sub("([≥≤]) ", "\\1\u00a0", dispersion.required(row.name)), *words]
+        if verdicts:
+            verdict = verdicts.get(row.name)
+            cells += (
+                [f"{100.0 * verdict.allowed:.6g}\u00a0%", verdict.word] if verdict else ["", ""]
+            )
         lines.append(_cells(cells, text=1, heads=heads))
     note = "The limit of 99.5 % lies in its interval with 95 % confidence."
     if required:
-        note += " A failed run counts as a violation; “at most” holds with 97.5 % confidence."
+        note += " A failed run counts as a violation; “at most” is the end of the interval"
+        note += " of 95 %, or of the confidence that the requirement gives."
     warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.warnings)
     return f'{_outputs_table(lines)}{warnings}<p class="note">{note}</p>'
 
@@ -194,9 +202,11 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
         return ["", *["none"] * 5]
     limit = dispersion.percentile(row.name, 0.995)
     nominal_value = row.shown(nominal[row.name]) if row.name in nominal else "–"
-    spans = ((row.low, row.high), (limit.low, limit.high), (row.min, row.max))
+    spans = ((row.low, row.high), (limit.low, limit.high))
     # One break, which is not within a number.
     shown = [" … ".join(row.shown(x) for x in span) for span in spans]
+    ends = ((row.min, row.min_run), (row.max, row.max_run))
+    shown.append(" … ".join(f"{row.shown(x)} (run\u00a0{run})" for x, run in ends))
     return [nominal_value, row.shown(row.mean), row.shown(row.std), *shown]
 
 
