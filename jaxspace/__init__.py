@@ -55,6 +55,7 @@ if TYPE_CHECKING:
     from .scene import Scene as Scene
     from .simulation import Accuracy as Accuracy
     from .simulation import Event as Event
+    from .simulation import FinalError as FinalError
     from .simulation import Mission as Mission
     from .simulation import Phase as Phase
     from .simulation import Status as Status
@@ -92,6 +93,7 @@ _MODULE_OF = {
     "AbstractSystem": "core",
     "Scene": "scene",
     "Accuracy": "simulation",
+    "FinalError": "simulation",
     "Event": "simulation",
     "Mission": "simulation",
     "Phase": "simulation",

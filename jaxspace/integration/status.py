@@ -30,6 +30,7 @@ class Status(enum.IntEnum):
     RAISED = 12
     COMMAND_NOT_FINITE = 13
     TIME_UNRESOLVED = 14
+    FINAL_ERROR_MISSED = 15
 
     @property
     def sentence(self) -> str:
@@ -95,6 +96,11 @@ _SENTENCES = {
     Status.TIME_UNRESOLVED: (
         "The run is too short for the precision of its time: count the seconds from an epoch that "
         "is close to it."
+    ),
+    Status.FINAL_ERROR_MISSED: (
+        "The run reached its end, but not with the error that is asked for there: ask for a larger "
+        "one, take float64, or declare the times at which forces jump, for the steps of no method "
+        "resolve an edge that they do not know."
     ),
 }
 

@@ -8,6 +8,7 @@ from ._batch import simulate_batch as simulate_batch
 from ._compact import CompactRun as CompactRun
 from ._compact import simulate_compact as simulate_compact
 from ._crossings import crossings as crossings
+from ._final_error import FinalError as FinalError
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
 from ._mission_batch import simulate_mission_batch as simulate_mission_batch

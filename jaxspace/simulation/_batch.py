@@ -16,8 +16,10 @@ from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.stiffness import InitialConditions
 from ._batch_runs import again_by, run_systems
+from ._final_error import FinalError
 from ._mission import check_system
 from ._repeat import Configs, cured, exact
+from ._to_final_error import to_final_error
 from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
@@ -42,7 +44,7 @@ def simulate_batch(
     y0s: State,
     ts: Real[ArrayLike, "times *#runs"] | Sequence[Real[ArrayLike, ""]],
     *,
-    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
     events: Sequence[Event] = (),
     dense: bool = False,
     in_axes: InAxes = None,
@@ -80,6 +82,9 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
+    if isinstance(accuracy, FinalError):
+        options = {"events": events, "dense": dense, "in_axes": in_axes}
+        return to_final_error(simulate_batch, (systems, y0s, ts), accuracy, throw, options)
     systems = captured_as_leaves(systems)
     # A state that is not finite fails only its own run.
     y0s = as_state(y0s)

@@ -7,8 +7,10 @@ from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state
 from ._batch_runs import again_by, run_missions
+from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._repeat import Configs, cured, exact
+from ._to_final_error import to_final_error
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
 from .checks import as_times, check_num_saved, hints_of_arguments
@@ -23,7 +25,7 @@ def simulate_mission_batch(
     y0s: State,
     t0: Real[ArrayLike, "*runs"] = 0.0,
     *,
-    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
     num_saved: int = 2,
     in_axes: InAxes = None,
     throw: bool = False,
@@ -51,6 +53,9 @@ def simulate_mission_batch(
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
     check_mission("missions", missions, "simulate_batch")
+    if isinstance(accuracy, FinalError):
+        options = {"num_saved": num_saved, "in_axes": in_axes}
+        return to_final_error(simulate_mission_batch, (missions, y0s, t0), accuracy, throw, options)
     missions = captured_as_leaves(missions)
     y0s = as_state(y0s)
     check_num_saved(num_saved)

@@ -19,9 +19,11 @@ from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
 from ..integration.status import Status
 from ..integration.stiffness import InitialConditions
+from ._final_error import FinalError
 from ._mission import check_system
 from ._repeat import Configs, cured, exact
 from ._runs import run_system
+from ._to_final_error import to_final_error
 from ._warnings import warn_of_switches
 from .checks import (
     as_events,
@@ -43,7 +45,7 @@ def simulate(
     y0: PyTree,
     ts: Real[ArrayLike, " times"] | Sequence[Real[ArrayLike, ""]],
     *,
-    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
     events: Sequence[Event] = (),
     dense: bool = False,
     throw: bool = True,
@@ -77,6 +79,9 @@ def simulate(
     from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
     compiled program runs."""
     check_system("system", system, "simulate_mission")
+    if isinstance(accuracy, FinalError):
+        options = {"events": events, "dense": dense}
+        return to_final_error(simulate, (system, y0, ts), accuracy, throw, options)
     system = captured_as_leaves(system)
     y0 = as_state(y0)
     check_initial_state(y0)

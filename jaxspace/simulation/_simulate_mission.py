@@ -8,8 +8,10 @@ from ..core.captured import captured_as_leaves
 from ..core.checks import is_concrete
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
 from ..integration.status import Status
+from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._repeat import Configs, cured, exact
+from ._to_final_error import to_final_error
 from .checks import as_times, check_num_saved, hints_of_arguments
 from .failures import mission_reached, place_of_failure
 from .finish import finished, with_calls
@@ -24,7 +26,7 @@ def simulate_mission(
     y0: PyTree,
     t0: Real[ArrayLike, ""] = 0.0,
     *,
-    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
     num_saved: int = 2,
     throw: bool = True,
 ) -> MissionTrajectory:
@@ -53,6 +55,9 @@ def simulate_mission(
     returns no state; and a system. `SimulationError`, with the phase, for a failed run; under
     `jit`, when the compiled program runs."""
     check_mission("mission", mission, "simulate")
+    if isinstance(accuracy, FinalError):
+        options = {"num_saved": num_saved}
+        return to_final_error(simulate_mission, (mission, y0, t0), accuracy, throw, options)
     mission = captured_as_leaves(mission)
     y0 = as_state(y0)
     check_initial_state(y0)

@@ -1,0 +1,220 @@
+"""The error at the end that a user asks for, in place of a tolerance.
+
+Beside `Accuracy`, which says what error a step may make: what comes of it at the end depends on the
+motion. `_to_final_error.py` finds the tolerance.
+"""
+
+import functools
+from collections.abc import Callable, Iterable
+from typing import Any, NamedTuple, final
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
+
+from ..core import InputError
+from ..core.checks import check_positive, is_concrete
+from ..core.printing import printed
+from ..core.types import as_float
+from ..integration.accuracy import DEFAULT, Accuracy, check_number
+from ..integration.status import Status
+from .mission_result import MissionTrajectory
+from .trajectory import Trajectory
+
+
+class Measured(NamedTuple):
+    """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,), and
+    whether the run is `good`, (*runs,)."""
+
+    values: tuple[Array, ...]
+    allowed: tuple[Array, ...]
+    good: Bool[Array, "*runs"]
+
+
+@final
+@printed(relative="")
+class FinalError(eqx.Module):
+    """The error that a run may have at its end: `simulate(..., accuracy=FinalError(position=1.0))`.
+
+    The verbs then repeat the run with smaller tolerances until the error, as the runs show it, is
+    below what is asked, and return the last run. Its `stats["final_error"]` is the estimate, in
+    units of what is asked; `run.accuracy.rtol` is the tolerance that it took. Where it cannot be
+    met the status is `FINAL_ERROR_MISSED`.
+
+    **Arguments**
+
+    - `relative`: of every block of the final state (position, velocity, mass, ...), relative to the
+      largest length of this block at the save times; or
+    - `blocks`: by name, the error of a block in its unit: `position=1.0, velocity=1e-3`. Those
+      which are not named are free. A block within another one has both names: `{"wheels.rate":
+      1e-3}` as keywords, `FinalError(**{...})`; or
+    - `output`: a function of the trajectory that returns a number or a tree of numbers, one for
+      each run, such as a height of apogee; and the error `within` which they are asked for, one for
+      all or a tree of the same form.
+    - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are found.
+
+    **Raises** `InputError` for an error that is not positive, and unless exactly one of the three
+    ways of asking is taken."""
+
+    relative: Float[Array | np.ndarray, ""] | None
+    blocks: dict[str, Float[Array | np.ndarray, ""]]
+    within: PyTree[Float[Array | np.ndarray, ""]]
+    accuracy: Accuracy
+    output: Callable[[Any], PyTree] | None = eqx.field(static=True)
+
+    def __init__(
+        self,
+        relative: Float[ArrayLike, ""] | None = None,
+        *,
+        output: Callable[[Any], PyTree] | None = None,
+        within: PyTree[Float[ArrayLike, ""]] = None,
+        accuracy: Accuracy = DEFAULT,
+        **blocks: Float[ArrayLike, ""],
+    ):
+        ways = [relative is not None, bool(blocks), output is not None]
+        if sum(ways) != 1:
+            raise InputError(
+                "FinalError takes one way of asking: a relative error, FinalError(1e-9); errors of "
+                "blocks in their units, FinalError(position=1.0); or an output and the error "
+                f"within which it is asked for. Here {sum(ways)} are given."
+            )
+        if (output is None) != (within is None):
+            raise InputError("FinalError.output and FinalError.within are given together.")
+        if accuracy.rtol is not None or accuracy.atol is not None:
+            raise InputError(
+                "FinalError.accuracy has a tolerance, which follows from the error that is asked "
+                "for: give its method and limits alone."
+            )
+        self.relative = None if relative is None else _error("relative", relative)
+        self.blocks = {name: _error(name, x) for name, x in blocks.items()}
+        self.within = jax.tree.map(lambda x: _error("within", x), within)
+        self.accuracy = accuracy
+        self.output = output
+
+    def measured(self, result: Trajectory | MissionTrajectory) -> Measured:
+        """What is compared of a result. Raises `InputError` for a block that the state has not."""
+        last = result if isinstance(result, Trajectory) else result.phases[-1]
+        axes = last.run_axes
+        good = result.status <= Status.EVENT
+        if self.output is not None:
+            values, form = jax.tree.flatten(self.output(result))
+            within = jax.tree.leaves(self.within)
+            if len(within) == 1:
+                within = within * len(values)
+            elif jax.tree.structure(self.within) != form:
+                raise InputError(
+                    f"FinalError.within is {self.within}: it must be one number, or a tree like "
+                    f"the output, {form}."
+                )
+            return _of_one_precision(values, within, good)
+        finals = _named(result.final)
+        if self.relative is not None:
+            sizes = _sizes(result, last, axes)
+            allowed = [jnp.asarray(self.relative, sizes[n].dtype) * sizes[n] for n in finals]
+            return _of_one_precision(finals.values(), allowed, good)
+        asked = {name: x for name in finals if (x := self._of_block(name)) is not None}
+        self.check_blocks(result.final)
+        return _of_one_precision([finals[name] for name in asked], asked.values(), good)
+
+    def check_blocks(self, final: PyTree) -> None:
+        """Raise `InputError` for an error of a block that the final state has not."""
+        known = list(_named(final))
+        for name in self.blocks:
+            if not any(_belongs(block, name) for block in known):
+                raise InputError(
+                    f"FinalError.{name} is given, and the final state has no such block: it has "
+                    f"{', '.join(known)}.{InputError.hint(name, known)}"
+                )
+
+    def _of_block(self, block: str) -> Array | np.ndarray | None:
+        found = [x for name, x in self.blocks.items() if _belongs(block, name)]
+        return found[-1] if found else None
+
+    def usual_tolerance(self, y0: PyTree) -> Array | np.ndarray | float:
+        """The tolerance with which a motion that neither forgets nor amplifies its errors would
+        have this error."""
+        if self.relative is not None:
+            return self.relative
+        pairs = [(x, self._of_block(name)) for name, x in _named(y0).items()]
+        asked = [(x, allowed) for x, allowed in pairs if allowed is not None]
+        # By NumPy where the numbers are known: each operation would be a program of its own.
+        lib = np if all(is_concrete(x) and is_concrete(a) for x, a in asked) else jnp
+        parts = []
+        for x, allowed in asked:
+            size = lib.max(lib.abs(x))
+            # Of a block that starts at zero the size is not known.
+            known = size > 0.0
+            ratio = allowed / lib.where(known, size, 1.0)
+            parts.append(lib.where(known, ratio, USUAL))
+        # Of an output nothing is known before the first run.
+        return functools.reduce(lib.minimum, parts) if parts else USUAL
+
+
+# As the default tolerance of double precision leaves it.
+USUAL = 1e-8
+
+
+def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
+    """The largest difference of two runs, for each run, in units of what is allowed."""
+    axes = b.good.ndim
+
+    def ratio(x: Array, y: Array, allowed: Array) -> Array:
+        apart = x - y
+        length = jnp.sqrt(jnp.sum(apart * apart, axis=tuple(range(apart.ndim - axes))))
+        # Of a block that is zero all along no error is allowed, and none is made.
+        return jnp.where(length == 0.0, 0.0, length / allowed)
+
+    every = jnp.stack([ratio(*each) for each in zip(a.values, b.values, b.allowed, strict=True)])
+    worst = jnp.max(every, axis=0)
+    return jnp.where(a.good & jnp.isfinite(worst), worst, jnp.inf)
+
+
+def _error(name: str, value: Any) -> Array | np.ndarray:
+    """An error that is asked for, as an array; of NumPy where it is known, also under `jit`."""
+    check_number(f"FinalError.{name}", value)
+    with jax.ensure_compile_time_eval():
+        value = as_float(value)
+    if value.ndim > 0:
+        raise InputError(
+            f"FinalError.{name} has the shape {value.shape}: it must be one number, for all runs."
+        )
+    check_positive(f"FinalError.{name}", value)
+    return np.asarray(value) if is_concrete(value) else value
+
+
+def _of_one_precision(
+    values: Iterable[Any], allowed: Iterable[Any], good: Bool[Array, "*runs"]
+) -> Measured:
+    arrays = tuple(map(jnp.asarray, values))
+    pairs = zip(allowed, arrays, strict=True)
+    return Measured(arrays, tuple(jnp.asarray(a, x.dtype) for a, x in pairs), good)
+
+
+def _named(state: PyTree) -> dict[str, Array]:
+    """The blocks of a state by their names."""
+    leaves = jax.tree_util.tree_flatten_with_path(state)[0]
+    name = jax.tree_util.keystr
+    return {name(path, simple=True, separator="."): x for path, x in leaves}
+
+
+def _belongs(block: str, name: str) -> bool:
+    """Whether a block has this name, or is part of one that has it."""
+    return block == name or block.startswith(f"{name}.")
+
+
+def _sizes(
+    result: Trajectory | MissionTrajectory, last: Trajectory, axes: int
+) -> dict[str, Float[Array, "*runs"]]:
+    """The largest length of each block of the final state at the save times of the last phase."""
+
+    def largest(x: Array, kept: int) -> Array:
+        length = jnp.sqrt(jnp.sum(x * x, axis=tuple(range(x.ndim - kept))))
+        return jnp.max(length, axis=0) if kept > axes else length
+
+    finals, on_the_way = _named(result.final), _named(last.states)
+    sizes = {name: largest(x, axes) for name, x in finals.items()}
+    if finals.keys() == on_the_way.keys():
+        sizes = {n: jnp.maximum(x, largest(on_the_way[n], axes + 1)) for n, x in sizes.items()}
+    return sizes

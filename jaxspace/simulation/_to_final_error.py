@@ -1,0 +1,258 @@
+"""The tolerance for which the error at the end is what a user asks for (`FinalError`).
+
+Runs with ever smaller tolerances r_0 > r_1 > ... differ at their ends by d_k = |y_k - y_k+1|, which
+is about the error of the run k, and errors fall with the tolerance by a power p:
+
+    E_k+1 = S d_k (r_k+1 / r_k)^p,     p = log(d_k-1 / d_k) / log(r_k-1 / r_k)
+
+with a safety S. The run with E <= 1, in units of what is asked, is returned. A tolerance is a
+number of the program: all runs are one program. Under a transformation the search is a loop without
+derivatives, and the last run is made once more, with them.
+"""
+
+import dataclasses
+import warnings
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeVar
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import AbstractSystem, InputError, Scalar
+from ..core.captured import captured_as_leaves
+from ..core.tracing import is_traced
+from ..integration.accuracy import as_state, least_tolerance, state_dtype
+from ..integration.config import IntegrationConfig
+from ..integration.status import Status
+from ._final_error import FinalError, Measured, distance
+from .finish import finished
+from .mission_result import MissionTrajectory
+from .trajectory import Trajectory
+
+Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
+
+# The first two tolerances lie so far apart: the first run takes half the steps of the second.
+APART = 300.0
+# In units of the error that a motion without growth would have.
+SECOND = 0.1
+# Below the tolerance from which "auto" takes another method: all runs are one program.
+LOOSEST = 9e-6
+# The largest of all, in single precision.
+MOST = 1e-4
+# The error of one step falls with the tolerance, and that of all with the steps of a method of
+# order 8 by a ninth less; the power is measured from the third run on, and not believed beyond.
+POWER, STEEPEST = 0.85, 1.1
+SAFETY = 4.0
+# What the roundings of the steps add to a tolerance, in units in the last place: below it errors
+# fall no more.
+ROUNDED = 64.0
+# A following run aims below what is asked, and its tolerance is at most so many times smaller.
+AIM, LONGEST, SHORTEST = 0.7, 1e-4, 0.3
+MOST_RUNS = 8
+
+
+class Search(NamedTuple):
+    """The search after a run.
+
+    - `rtol`: the tolerance of the next run; `made`: those of the last two, the later one last.
+    - `last`: what was measured of the last run.
+    - `apart`: the largest difference of the last two runs, and of the two before.
+    - `estimate`: the error of the last run, in units of what is asked, (*runs,).
+    - `runs`: how many were made; `over`: whether the last one is the result."""
+
+    rtol: Scalar
+    made: Float[Array, " 2"]
+    last: Measured
+    apart: Scalar
+    estimate: Float[Array, "*runs"]
+    runs: Array
+    over: Bool[Array, ""]
+
+
+def to_final_error(
+    verb: Callable[..., Result],
+    run: tuple[PyTree, PyTree, PyTree],
+    asked: FinalError,
+    throw: bool,
+    options: dict[str, Any],
+) -> Result:
+    """The result of a verb with the error that is `asked` for.
+
+    **Arguments**
+
+    - `verb`: one of the four; `run`: its system or mission, its initial state and its times.
+    - `throw`, `options`: its further arguments."""
+    y0 = as_state(run[1])
+    dtype = state_dtype(y0)
+    if isinstance(run[0], AbstractSystem):
+        # Before anything is compiled; the jumps of a mission may lead to other blocks.
+        asked.check_blocks(y0)
+
+    def simulated(parts: tuple, rtol: Scalar) -> Result:
+        run, options = parts
+        accuracy = dataclasses.replace(asked.accuracy, rtol=rtol)
+        return verb(*run, accuracy=accuracy, throw=False, **options)
+
+    # The numbers that functions capture have derivatives, too, which a search has not.
+    parts = captured_as_leaves(((run[0], y0, run[2]), options))
+
+    least = 2.0 * least_tolerance(dtype)
+    # In single precision the first run may be one of another method: little room is left.
+    second = jnp.clip(SECOND * asked.usual_tolerance(y0), least, max(least, LOOSEST / APART))
+    first = jnp.minimum(APART * second, MOST).astype(dtype)
+    if is_traced((parts, asked)):
+        result, search = _traced(simulated, parts, asked, first, least)
+    else:
+        result, search = _known(simulated, parts, asked, float(first), least)
+    good = result.status <= Status.EVENT
+    missed = good & (search.estimate > 1.0)
+    result = _with_estimate(result, search, missed)
+    return finished(result, throw, lambda: _best(search), stacklevel=3)
+
+
+def _known(
+    simulated: Callable[[tuple, Scalar], Result],
+    parts: tuple,
+    asked: FinalError,
+    first: float,
+    least: float,
+) -> tuple[Result, Search]:
+    rtol, search = first, None
+    while True:
+        # The warnings are those of the run that is returned.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            result = simulated(parts, rtol)
+        now = asked.measured(result)
+        if _is_exact(result):
+            return result, _exact(now, rtol)
+        search = _begun(now, rtol, least) if search is None else _advance(search, now, least)
+        if bool(search.over):
+            return result, search
+        rtol = float(search.rtol)
+
+
+def _traced(
+    simulated: Callable[[tuple, Scalar], Result],
+    parts: tuple,
+    asked: FinalError,
+    first: Scalar,
+    least: float,
+) -> tuple[Result, Search]:
+    still = _without_derivatives(parts)
+
+    def measured(rtol: Scalar) -> Measured:
+        return _without_derivatives(asked.measured(simulated(still, rtol)))
+
+    first = jax.lax.stop_gradient(first)
+    shape = eqx.filter_eval_shape(simulated, still, first)
+    if _is_exact(shape):
+        result = simulated(parts, first)
+        return result, _exact(asked.measured(result), first)
+    blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(measured, first))
+    # Of a run that was not made nothing is good, so that the first pass only remembers.
+    start = _begun(blank, first * APART, least)._replace(rtol=first, runs=jnp.asarray(0))
+
+    def step(search: Search) -> Search:
+        now = measured(search.rtol)
+        begun, after = _begun(now, search.rtol, least), _advance(search, now, least)
+        return jax.tree.map(lambda a, b: jnp.where(search.runs == 0, a, b), begun, after)
+
+    search = jax.lax.while_loop(lambda search: ~search.over, step, start)
+    return simulated(parts, search.made[1]), search
+
+
+def _without_derivatives(tree: PyTree) -> PyTree:
+    numbers, rest = eqx.partition(tree, eqx.is_inexact_array)
+    return eqx.combine(jax.lax.stop_gradient(numbers), rest)
+
+
+def _begun(now: Measured, rtol: Scalar, least: float) -> Search:
+    """The search after the first run."""
+    # In the precision of what is compared.
+    rtol = jnp.asarray(rtol, now.allowed[0].dtype)
+    infinite = jnp.full(now.good.shape, jnp.inf, rtol.dtype)
+    return Search(
+        jnp.maximum(rtol / APART, least),
+        jnp.stack([rtol, rtol]),
+        now,
+        jnp.asarray(jnp.inf, rtol.dtype),
+        infinite,
+        jnp.asarray(1),
+        jnp.asarray(False),
+    )
+
+
+def _exact(now: Measured, rtol: Scalar) -> Search:
+    """The search of a closed form, which has no error beside that of its roundings."""
+    begun = _begun(now, rtol, 0.0)
+    return begun._replace(estimate=jnp.zeros_like(begun.estimate), over=jnp.asarray(True))
+
+
+@jax.jit
+def _advance(s: Search, now: Measured, least: Scalar) -> Search:
+    """The search after a further run, with the tolerance `s.rtol`."""
+    before, rtol = s.made[1], s.rtol
+    each = distance(s.last, now)
+    # A run that failed has its own status, and no other run waits for it.
+    apart = jnp.max(jnp.where(now.good, each, 0.0))
+    seen = jnp.log(s.apart / apart) / jnp.log(s.made[0] / before)
+    power = jnp.where(jnp.isfinite(seen), jnp.clip(seen, 0.0, STEEPEST), POWER)
+    rounded = ROUNDED * jnp.finfo(apart.dtype).eps
+    factor = SAFETY * ((rtol + rounded) / (before + rounded)) ** power
+    estimate, worst = factor * each, factor * apart
+    smaller = jnp.clip((AIM / worst) ** (1.0 / jnp.maximum(power, 0.5)), LONGEST, SHORTEST)
+    runs = s.runs + 1
+    over = (worst <= 1.0) | (rtol <= 1.01 * least) | (runs >= MOST_RUNS)
+    return Search(
+        jnp.maximum(rtol * smaller, least),
+        jnp.stack([before, rtol]),
+        now,
+        apart,
+        estimate,
+        runs,
+        over,
+    )
+
+
+def _configs(result: Trajectory | MissionTrajectory) -> list[IntegrationConfig]:
+    phases = (result,) if isinstance(result, Trajectory) else result.phases
+    return [phase.config for phase in phases]
+
+
+def _is_exact(result: Trajectory | MissionTrajectory) -> bool:
+    """Whether closed forms alone give the result. Raises `InputError` where no tolerance decides
+    the steps."""
+    configs = _configs(result)
+    for config in configs:
+        if config.fixed_step:
+            raise InputError(
+                f"FinalError is asked of {type(config.method).__name__}, whose steps follow no "
+                f"tolerance: take a method with an error estimate, or number its steps."
+            )
+    return all(config.method == "closed_form" for config in configs)
+
+
+def _with_estimate(result: Result, search: Search, missed: Bool[Array, "*runs"]) -> Result:
+    """The result with the estimate among its numbers, and the status of runs that `missed`."""
+    stats = {"final_error": search.estimate, "final_error_runs": search.runs}
+    status = jnp.where(missed, Status.FINAL_ERROR_MISSED, result.status).astype(jnp.int32)
+    if isinstance(result, Trajectory):
+        return dataclasses.replace(result, status=status, stats={**result.stats, **stats})
+    *others, last = result.phases
+    last = dataclasses.replace(last, stats={**last.stats, **stats})
+    return dataclasses.replace(result, status=status, phases=(*others, last))
+
+
+def _best(search: Search) -> str:
+    """The sentence that says what was reached."""
+    estimate = np.asarray(search.estimate)
+    if estimate.ndim > 0 or not np.isfinite(estimate):
+        return ""
+    return (
+        f"With the smallest tolerance of {float(search.made[1]):.2g} the estimate is "
+        f"{float(estimate):.3g} times what is asked."
+    )

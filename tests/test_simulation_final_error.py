@@ -1,0 +1,194 @@
+"""The error at the end that is asked for: it is met, or said not to be, against closed forms."""
+
+import functools
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from systems import Integrated
+from unchecked import unchecked
+
+from jaxspace import BodyState, FinalError, simulate, simulate_batch, simulate_mission
+from jaxspace.core import InputError
+from jaxspace.orbits import TwoBody
+from jaxspace.simulation import (
+    Accuracy,
+    Event,
+    Mission,
+    Phase,
+    SimulationError,
+    Status,
+    simulate_mission_batch,
+)
+from jaxspace.solvers import DOP853, Stormer
+
+ORBIT = Integrated(TwoBody(1.0))
+METHOD = Accuracy(method=DOP853())
+# Five revolutions of the fastest of the speeds below.
+TS = jnp.array([0.0, 40.0])
+# The truth has roundings of its own, of which the time of passage holds most.
+ROUNDINGS = 1e-12
+
+
+def start(speed):
+    speed = jnp.asarray(speed)
+    zero = jnp.zeros_like(speed)
+    return BodyState(jnp.stack([zero + 1.0, zero, zero]), jnp.stack([zero, speed, 0.2 + zero]))
+
+
+def truth(speed):
+    return TwoBody(1.0).closed_form().flow(TS[1], start(speed))
+
+
+def apart(a, b):
+    return np.linalg.norm(np.asarray(a) - np.asarray(b), axis=0)
+
+
+@pytest.mark.parametrize("within", [1e-2, 1e-5, 1e-8, 1e-10])
+@pytest.mark.parametrize("speed", [0.7, 1.0, 1.2])
+def test_the_error_is_below_what_is_asked(within, speed):
+    asked = FinalError(position=within, velocity=10.0 * within, accuracy=METHOD)
+    run = simulate(ORBIT, start(speed), TS, accuracy=asked)
+    exact = truth(speed)
+    errors = (
+        apart(run.final.position, exact.position) / within,
+        apart(run.final.velocity, exact.velocity) / (10.0 * within),
+    )
+    estimate = float(run.stats["final_error"])
+    # The estimate is one that stays above the error, within what is asked.
+    assert max(errors) <= estimate + ROUNDINGS / within <= 1.0 + ROUNDINGS / within
+    assert int(run.status) == Status.COMPLETED and run.accuracy.rtol > 0.0
+
+
+def test_a_relative_error_is_that_of_every_block():
+    run = simulate(ORBIT, start(1.0), TS, accuracy=FinalError(1e-7, accuracy=METHOD))
+    exact = truth(1.0)
+    assert apart(run.final.position, exact.position) < 1e-7 * np.linalg.norm(exact.position)
+    assert apart(run.final.velocity, exact.velocity) < 1e-7 * np.linalg.norm(exact.velocity)
+
+
+def test_a_smaller_error_compiles_nothing(monkeypatch):
+    simulate(ORBIT, start(1.0), TS, accuracy=FinalError(1e-4, accuracy=METHOD))
+
+    def compiled(*args, **kwargs):
+        raise AssertionError("a program was compiled")
+
+    monkeypatch.setattr("jax._src.compiler.compile_or_get_cached", compiled)
+    simulate(ORBIT, start(1.0), TS, accuracy=FinalError(1e-9, accuracy=METHOD))
+
+
+def test_every_run_of_a_batch_has_its_error_and_a_failed_one_harms_no_other():
+    speeds = jnp.array([0.8, 1.0, jnp.nan, 1.2])
+    asked = FinalError(position=1e-6, accuracy=METHOD)
+    batch = simulate_batch(ORBIT, start(speeds), TS, accuracy=asked)
+    good = np.array([0, 1, 3])
+    exact = truth(speeds[good])
+    assert np.all(apart(batch.final.position[:, good], exact.position) < 1e-6)
+    assert batch.stats["final_error"].shape == (4,)
+    np.testing.assert_array_equal(batch.status, [0, 0, Status.NOT_FINITE, 0])
+
+
+def test_under_every_transformation():
+    """The derivative is that of the run, whose tolerance has none."""
+
+    def height(speed):
+        asked = FinalError(position=1e-8, accuracy=METHOD)
+        return simulate(ORBIT, start(speed), TS, accuracy=asked).final.position[0]
+
+    exact = lambda speed: truth(speed).position[0]  # noqa: E731
+    value, slope = jax.jit(jax.value_and_grad(height))(1.1)
+    np.testing.assert_allclose(value, exact(1.1), atol=1e-8)
+    speeds = jnp.array([0.9, 1.1])
+    values, slopes = jax.vmap(lambda speed: jax.jvp(height, (speed,), (1.0,)))(speeds)
+    np.testing.assert_allclose(values, jax.vmap(exact)(speeds), atol=1e-8)
+    # A derivative by the speed is some hundred times the position: as much larger is its error.
+    np.testing.assert_allclose([slope, slopes[1]], jax.grad(exact)(1.1), atol=1e-5)
+
+
+def test_a_closed_form_is_run_once():
+    run = simulate(TwoBody(1.0), start(1.0), TS, accuracy=FinalError(position=1e-9))
+    assert int(run.stats["final_error_runs"]) == 1 and float(run.stats["final_error"]) == 0.0
+    jitted = jax.jit(
+        lambda s: simulate(TwoBody(1.0), start(s), TS, accuracy=FinalError(1e-9)).final.position
+    )
+    np.testing.assert_array_equal(jitted(1.0), run.final.position)
+
+
+def test_a_quantity_of_interest():
+    """The time at which the orbit first crosses the plane y = 0 again, by its event."""
+    period = 2.0 * np.pi
+    event = Event(lambda t, y: y.position[1], direction=1)
+    asked = FinalError(output=lambda run: run.ts[-1], within=1e-7, accuracy=METHOD)
+    flat = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
+    run = simulate(ORBIT, flat, TS, accuracy=asked, events=[event])
+    assert abs(float(run.ts[-1]) - period) < 1e-7 and int(run.status) == Status.EVENT
+
+
+@functools.cache
+def mission():
+    kick = lambda t, y: BodyState(y.position, 1.1 * y.velocity)  # noqa: E731
+    return Mission([Phase(ORBIT, 10.0, kick, "low"), Phase(ORBIT, 20.0, name="high")])
+
+
+def kicked(speed):
+    flow = TwoBody(1.0).closed_form().flow
+    y = flow(jnp.asarray(10.0), start(speed))
+    return flow(jnp.asarray(20.0), BodyState(y.position, 1.1 * y.velocity))
+
+
+def test_a_mission_has_the_error_after_all_its_phases():
+    asked = FinalError(position=1e-7, accuracy=METHOD)
+    run = simulate_mission(mission(), start(0.9), accuracy=asked)
+    assert apart(run.final.position, kicked(0.9).position) < 1e-7
+    assert 0.0 < float(run[-1].stats["final_error"]) <= 1.0
+    speeds = jnp.array([0.8, 1.0])
+    batch = simulate_mission_batch(mission(), start(speeds), accuracy=asked)
+    assert np.all(apart(batch.final.position, kicked(speeds).position) < 1e-7)
+
+
+def test_what_cannot_be_met_is_said():
+    """Less than the roundings of five revolutions."""
+    asked = FinalError(position=1e-17, accuracy=METHOD)
+    with pytest.raises(SimulationError, match="not with the error .* times what is asked"):
+        simulate(ORBIT, start(0.8), TS, accuracy=asked)
+    batch = simulate_batch(ORBIT, start(jnp.array([0.8, 1.0])), TS, accuracy=asked)
+    np.testing.assert_array_equal(batch.status, Status.FINAL_ERROR_MISSED)
+    # The best that there is stays there.
+    assert np.all(apart(batch.final.position, truth(jnp.array([0.8, 1.0])).position) < 1e-10)
+
+
+def test_single_precision_meets_what_it_resolves():
+    low = lambda tree: jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), tree)  # noqa: E731
+    run = simulate(
+        low(ORBIT), low(start(1.0)), low(TS), accuracy=FinalError(position=0.1), throw=False
+    )
+    assert int(run.status) == Status.COMPLETED
+    assert apart(run.final.position, truth(1.0).position) < 0.1
+
+
+@pytest.mark.parametrize(
+    ("made", "said"),
+    [
+        (lambda: FinalError(), "one way of asking"),
+        (lambda: FinalError(1e-9, position=1.0), "one way of asking"),
+        (lambda: FinalError(0.0), "FinalError.relative is 0"),
+        (lambda: FinalError(position=-1.0), "FinalError.position is -1"),
+        (lambda: FinalError(position="1 m"), "FinalError.position is '1 m': it must be a number"),
+        (lambda: FinalError(position=jnp.ones(3)), r"has the shape \(3,\)"),
+        (lambda: FinalError(output=len), "are given together"),
+        (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "has a tolerance"),
+        (lambda: run_with(FinalError(positon=1.0)), "no such block.*Did you mean position"),
+        (
+            lambda: run_with(FinalError(1e-9, accuracy=Accuracy(method=Stormer(8, steps=64)))),
+            "Stormer, whose steps follow no tolerance",
+        ),
+    ],
+)
+def test_what_makes_no_sense_is_refused(made, said):
+    with unchecked(), pytest.raises(InputError, match=said):
+        made()
+
+
+def run_with(asked):
+    return simulate(ORBIT, start(1.0), TS, accuracy=asked)
