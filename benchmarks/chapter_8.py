@@ -106,7 +106,7 @@ def _staging(share: jax.Array) -> Criterion:
     return Criterion(mass, equal_zero=jnp.sum(share) - 1.0)
 
 
-# As one program, as the searches of the package are: outside of `jit` a search compiles its problem.
+# As one program, as the searches of the package are: by itself each search compiles its problem.
 @jax.jit
 def staging_by_programmes() -> Minimum:
     """The shares as unknowns of quadratic programmes."""

@@ -57,7 +57,8 @@ def simulate(
     - `system`: any `AbstractSystem`, such as a `Scene`.
     - `y0`: the initial state.
     - `ts`: save times, s. The first is that of `y0`; descending times run backwards.
-    - `accuracy`: the relative tolerance of each step, or an `Accuracy`; 1e-9 by default.
+    - `accuracy`: the relative tolerance of each step, 1e-9 by default; an `Accuracy`; or the error
+      at the end that is asked for, a `FinalError`.
     - `events`: the run stops at the first zero of any of these. At the zeros of an event with
       `terminal=False` it goes on, after the jump if the event has one, and every zero is returned
       (`Trajectory.crossings`).
