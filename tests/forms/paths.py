@@ -145,6 +145,14 @@ def low_thrust(x):
     return numbers(o.LowThrust(x[0], x[1]).acceleration_at(x[2]))
 
 
+def q_law(x):
+    """What is left to a target orbit and the direction to it: from the target's semi-major axis,
+    eccentricity and inclination, the lowest periapsis, the softening, and a state; mu = 1."""
+    law = o.QLaw(1.0, x[0], 1.0, x[1], x[2], None, x[3], x[4])
+    y = BodyState(x[5:8], x[8:11])
+    return *numbers(law.increment_left(y)), law.direction(y)
+
+
 def names(*functions):
     return tuple(f"orbits.{name}" for name in functions)
 
@@ -234,4 +242,12 @@ FORMS = (
         [(*LOW, *on_conic(0.1, 2.0, 0.3), 0.3, 2.5, 1.0)],
     ),
     Form(low_thrust, names("LowThrust.acceleration_at"), [(2e-4, 3.0, 100.0), (2e-4, 3.0, 0.0)]),
+    Form(
+        q_law,
+        names("QLaw.increment_left", "QLaw.direction"),
+        [
+            (6.0, 0.1, 0.2, 1.1, 1e-3, *on_conic(0.3, 2.0, 0.4)),
+            (6.0, 0.1, 0.2, 0.5, 1e-3, *on_conic(1.4, 0.5, 0.4)),
+        ],
+    ),
 )

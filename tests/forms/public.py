@@ -25,7 +25,7 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.AbstractWind*
         attitude.ParticleEquations gyros.*State mechanics.*State mechanics.Accelerations
         orbits.AbstractPath orbits.LookAngles orbits.RadialMotion orbits.OrbitState orbits.Impulse
-        rockets.GravityTurnState rockets.Separation rockets.PitchKick vehicles.Recovery
+        rockets.GravityTurnState rockets.Separation rockets.PitchKick
         optimization.Rendezvous
         optimization.PropellantUse.sentence control.Abstract* control.Box* control.Episode
         control.LoopRun* control.StepPlan
@@ -64,7 +64,7 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.with_parts attitude.continuous_precession
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
-        rockets.PropellantDepletion rockets.Thrust.propellant_left bodies.FreeRotation.flow
+        rockets.PropellantDepletion orbits.AtTargetOrbit rockets.Thrust.propellant_left bodies.FreeRotation.flow
         attitude.Top.closed_form rockets.Thrust.net_thrust bodies.spring_speed
         vehicles.FinSet.roll_slope
     """.split(),
@@ -93,7 +93,7 @@ LEFT_OUT: dict[str, list[str]] = {
     """.split(),
     "puts parts together, whose formulas are above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
-        vehicles.sounding_flight vehicles.flight_phases rockets.SteeredThrust.of_thrust
+        vehicles.sounding_flight vehicles.flight_phases vehicles.Recovery.trigger rockets.SteeredThrust.of_thrust
         control.Together*
         bodies.come_apart bodies.release bodies.Detached*
         control.with_command
