@@ -165,28 +165,33 @@ def test_the_distance_falls_all_the_way():
 
 
 def test_derivatives_at_the_circle_and_the_equator():
-    """A target on the equator, in whose plane the tilt is smooth, from the circle there; and one
-    in another plane, where the derivatives are those of the mean of both sides."""
+    """A target on the equator, in whose plane the tilt is smooth, from the circle there; one in
+    another plane, where the derivatives are those of the mean of both sides; and one from a tilt of
+    1e-19 rad, across which they are as large as it is small, and along which they are not."""
     y = np.concatenate(states())[:, 2]
-    tilts = jnp.array([0.0, 0.1])
+    places = np.stack([y, y, [7e6, 0.0, 0.0, 0.0, 7.6e3, 6e-16]])
+    tilts = np.array([0.0, 0.1, 0.1])
 
     def direction(y, inclination):
         steering = law(softening=50.0, eccentricity=0.0, inclination=inclination)
         return steering.direction(BodyState(y[:3], y[3:]))
 
     @jax.jit
-    def slopes(y):
+    def slopes(places):
         modes = (jax.jacfwd, jax.jacrev)
-        return [jax.vmap(mode(direction), (None, 0))(y, tilts) for mode in modes]
+        return [jax.vmap(mode(direction))(places, tilts) for mode in modes]
 
     scale = np.array([1e3, 1e3, 1e3, 1.0, 1.0, 1.0])
-    forward, reverse = (np.asarray(x) * scale for x in slopes(y))
+    forward, reverse = (np.asarray(x) * scale for x in slopes(places))
     assert np.all(np.isfinite(forward))
     largest = np.max(np.abs(forward[0]))
-    np.testing.assert_allclose(reverse, forward, atol=1e-12 * largest)
+    np.testing.assert_allclose(reverse[:2], forward[:2], atol=1e-12 * largest)
+    # By the place along x and the speed along y, which leave the node where it is.
+    along = np.ix_([2], [0, 1, 2], [0, 4])
+    np.testing.assert_allclose(reverse[along], forward[along], atol=1e-12 * largest)
     step = 1e-2 * scale
     shift = np.diag(step)
-    shifted = jax.jit(direction)(jnp.asarray(y[:, None] + np.hstack([shift, -shift])), tilts[:1])
+    shifted = jax.jit(direction)(jnp.asarray(y[:, None] + np.hstack([shift, -shift])), 0.0)
     expected = (shifted[:, :6] - shifted[:, 6:]) / (2.0 * step) * scale
     # The square of the step's change of the eccentricity, 1e-6, over its rounding of 0.05.
     np.testing.assert_allclose(forward[0], expected, atol=1e-6 * largest)

@@ -8,12 +8,12 @@
     S = sqrt(1 + ((a - a_T)/(3 a_T))^4)             tau = tan(i/2)
 
     symbol   meaning                                                             unit
-    Q        distance from the target orbit, which the thrust lets fall          m^2/s^2
+    Q        distance from the target orbit, which the thrust makes smaller      m^2/s^2
     d        thrust over the full thrust                                         1
     b        softening: the thrust is full where |D| is larger                   m/s
     a, e, i  semi-major axis, eccentricity, inclination; of the target with _T   m, 1, rad
-    a_x ...  fastest change of an element for an acceleration of one, over all   m per m/s
-             directions of the thrust and all places on the orbit
+    a_x, e_x, tau_x   fastest change of an element by an acceleration of one,    its own
+             over all directions of the thrust and all places on the orbit       per m/s
     S        keeps the orbit from growing without end                            1
     p, r_p   semi-latus rectum, periapsis radius p/(1 + e)                       m
     r_min    lowest periapsis; k = 100 says how steep the penalty below it is    m
@@ -23,20 +23,20 @@ Source: Petropoulos (2004), AIAA 2004-5089, and (2005), AAS 05-162; elements tha
 equator: Varga and Perez (2016), AIAA/AAS Astrodynamics Specialist Conference. Their Q is this one
 over the square of the acceleration, which leaves the direction as it is.
 
-Q depends on the shape of the orbit alone, which a thrust changes through the velocity alone (the
-equations of Gauss): so the direction is the slope of Q over the velocity. Node, line of apsides and
-place on the orbit are free. Close to the target sqrt(Q) is the increment of speed that is left; far
-from it, it is several times as much.
+Q depends on the orbit and not on the place there, and a thrust changes the orbit through the
+velocity alone (the equations of Gauss): so Q falls fastest against its slope over the velocity.
+Node, line of apsides and place on the orbit are free. Close to the target sqrt(Q) is the increment
+of speed that is left; far from it, it is several times as much.
 
 Three things differ from the papers, so that nothing is singular:
 
-- where they have e in a_x, tau_x and r_p, here it is sqrt(e^2 + 0.05^2) - 0.05, smooth at e = 0;
-- tau_x is that of an orbit with its periapsis on the line of nodes, as no node exists at i = 0;
-- they always thrust in full; the direction then flips ever faster on the way to the target.
+- for e in a_x, tau_x and r_p stands sqrt(e^2 + 0.05^2) - 0.05, which is smooth at e = 0;
+- tau_x is that of an orbit with its periapsis on the line of nodes, for at i = 0 there is no node;
+- the thrust is softened: in full, its direction would flip ever faster close to the target.
 
-The law is not optimal: a transfer takes some percent longer than the best one. It does not coast.
-An orbit at i = 0 exactly is not tilted, as all nodes are alike there, and at i = 180 degrees tau is
-infinite.
+The law is not optimal: a transfer takes some percent longer than the best one. It never coasts. It
+does not tilt an orbit that lies in the equator exactly, where all nodes are alike; at i = 180
+degrees tau is infinite.
 """
 
 from collections.abc import Callable
@@ -48,9 +48,8 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity, reference
-from ..core.safe import safe_sqrt
 from ..core.square_roots import inverse_sqrt, sqrt
-from ..core.vectors import axis, cross, dot, inverse_norm, norm, scale, unit
+from ..core.vectors import axis, components, cross, dot, inverse_norm, norm, scale, unit
 from ._planet import gravitational_parameter
 from .elements import eccentricity_vector
 
@@ -109,33 +108,62 @@ class QLaw(AbstractEffect):
     def increment_left(self, y: BodyState) -> Scalar:
         """The root of Q without its penalty, m/s, (*runs,), in the state `y`: close to the target
         the increment of speed that is left, and zero on a target orbit alone."""
-        return sqrt(self._distance(_Shape.of_state(y.position, y.velocity, self.mu))[0])
+        return sqrt(self._distance(self._gaps(_Orbit.of_state(y.position, y.velocity, self.mu)))[0])
 
     def direction(self, y: BodyState) -> Vector:
         """The thrust over the full thrust, d, in inertial axes, (3, *runs), in the state `y`: a
         unit vector but close to a target orbit, where it falls to zero."""
-        r, v, mu = y.position, y.velocity, self.mu
-        shape = _Shape.of_state(r, v, mu)
-        (q, log_penalty), slope = jax.vjp(self._distance, shape)
-        # The slope of Q over 1 + exp(...): the penalty itself would leave the range of float32.
-        (over,) = slope((jnp.ones_like(q), q * jnp.ones_like(log_penalty)))
-        # The slopes of e^2 over the velocity are those of 1 - p/a.
-        p = over.p - shape.per_a * over.e2
-        per_a = over.per_a - shape.p * over.e2
-        h = cross(r, v)
-        over_h = scale(2.0 * p / mu, h) + scale(over.tau2, _tau2_over_momentum(h))
-        D = cross(over_h, r) - scale(2.0 * per_a / mu, v)
-        return scale(-inverse_sqrt(dot(D, D) + self.softening * self.softening), D)
+        return self._along(self._slope(y))
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         assert y.position is not None
-        force = scale(self.thrust, self.direction(y))
+        D = self._slope(y)
+        force = scale(self.thrust, self._along(D))
         if self.exhaust_velocity is None:
             return Load(force_N=force)
-        return Load(force_N=force, mass_rate=-norm(force) / self.exhaust_velocity)
+        # Not the length of d, whose slope would be what is left of those of two long vectors.
+        D2 = dot(D, D)
+        still = D2 == 0.0
+        rest = self.softening * self.softening / jnp.where(still, 1.0, D2)
+        throttle = jnp.where(still, 0.0, inverse_sqrt(1.0 + rest))
+        return Load(force_N=force, mass_rate=-self.thrust * throttle / self.exhaust_velocity)
 
-    def _distance(self, x: "_Shape") -> tuple[Scalar, Scalar]:
+    def _along(self, D: Vector) -> Vector:
+        return scale(-inverse_sqrt(dot(D, D) + self.softening * self.softening), D)
+
+    def _slope(self, y: BodyState) -> Vector:
+        """D over 1 + exp(...), m/s: the penalty itself would leave the range of float32."""
+        orbit = _Orbit.of_state(y.position, y.velocity, self.mu)
+        (q, log_penalty), slope = jax.vjp(self._distance, self._gaps(orbit))
+        (over,) = slope((jnp.ones_like(q), q * jnp.ones_like(log_penalty)))
+        # Half of the slopes over the vectors e and tau. The nearest vector of the target's length
+        # moves across the gap to it, and so adds nothing.
+        to_e = self._to_target(orbit.e, self.eccentricity)
+        over_e = scale(over.e2, orbit.e) + scale(over.e_gap, to_e)
+        over_tau = None
+        if self.inclination is not None:
+            to_tau = self._to_target(orbit.tau, self._target_tau())
+            over_tau = scale(over.tau2, orbit.tau) + scale(over.tau_gap, to_tau)
+        return orbit.over_velocity(over.p, over.per_a, over_e, over_tau)
+
+    def _gaps(self, orbit: "_Orbit") -> "_Gaps":
+        e_gap = norm(orbit.e) - self.eccentricity
+        tau2 = tau_gap = None
+        if self.inclination is not None:
+            tau2 = dot(orbit.tau, orbit.tau)
+            tau_gap = (norm(orbit.tau) - self._target_tau()) ** 2
+        return _Gaps(orbit.p, orbit.per_a, dot(orbit.e, orbit.e), e_gap * e_gap, tau2, tau_gap)
+
+    def _target_tau(self) -> Scalar:
+        assert self.inclination is not None
+        return jnp.tan(0.5 * self.inclination)
+
+    def _to_target(self, x: Vector, length: Scalar) -> Vector:
+        """From the nearest vector of this length to `x`."""
+        return x - scale(length * jnp.ones_like(x[0]), unit(x))
+
+    def _distance(self, x: "_Gaps") -> tuple[Scalar, Scalar]:
         """Q without its penalty, m^2/s^2, and the logarithm of the penalty's factor."""
         e = sqrt(x.e2 + ROUNDING**2) - ROUNDING
         # Q_a by 1/a, which is regular at the parabola.
@@ -144,49 +172,67 @@ class QLaw(AbstractEffect):
         s = sqrt((ratio * ratio) * (ratio * ratio) + (gap / 3.0) ** 4)
         per = gap / (self.semi_major_axis * (1.0 + e))
         q = self.size_weight * 0.25 * s * self.mu * x.p * per * per
-        # Not by (e - e_T)^2, whose second derivative at e = e_T = 0 would be lost in the corner.
-        gap = _squared_gap(x.e2, self.eccentricity)
-        q = q + self.shape_weight * 0.25 * gap * self.mu / x.p
+        q = q + self.shape_weight * 0.25 * x.e_gap * self.mu / x.p
         if self.inclination is not None:
-            gap = _squared_gap(x.tau2, jnp.tan(0.5 * self.inclination))
+            assert x.tau2 is not None and x.tau_gap is not None
             rate = 2.0 * (1.0 - e) / (1.0 + x.tau2)
-            q = q + self.tilt_weight * gap * rate * rate * self.mu / x.p
+            q = q + self.tilt_weight * x.tau_gap * rate * rate * self.mu / x.p
         if self.lowest_periapsis is None:
             return q, 0.0 * q
         low = 1.0 - x.p / ((1.0 + e) * self.lowest_periapsis)
         return q, jax.nn.softplus(STEEPNESS * low)
 
 
-class _Shape(eqx.Module):
-    """What Q depends on, each (*runs,): p, m, 1/a, 1/m, e^2 and tau^2."""
+class _Gaps(eqx.Module):
+    """What Q depends on, each (*runs,): p, m, 1/a, 1/m, e^2, the squares of e - e_T and of
+    tau - tau_T, and tau^2; the last two where the target has an inclination."""
 
     p: Scalar
     per_a: Scalar
     e2: Scalar
-    tau2: Scalar
+    e_gap: Scalar
+    tau2: Scalar | None
+    tau_gap: Scalar | None
+
+
+class _Orbit(eqx.Module):
+    """The orbit of a state: p, 1/a, and vectors whose lengths are e and tau.
+
+    By vectors, which are smooth where the angles of node and periapsis are none."""
+
+    r: Vector
+    v: Vector
+    mu: Scalar
+    h: Vector
+    e: Vector
+    tau: Vector
+    p: Scalar
+    per_a: Scalar
 
     @classmethod
-    def of_state(cls, r: Vector, v: Vector, mu: Scalar) -> "_Shape":
+    def of_state(cls, r: Vector, v: Vector, mu: Scalar) -> "_Orbit":
         h = cross(r, v)
-        e = eccentricity_vector(r, v, mu)
-        h2 = dot(h, h)
-        below = sqrt(h2) + h[2]
+        # The tilt of h from the z axis: its side over |h| + h_z.
+        # Put together, for the z of a difference has a derivative in reverse mode, which cancels.
+        x, y, z = components(h)
+        tau = scale(1.0 / (norm(h) + z), jnp.stack([x, y, jnp.zeros_like(z)]))
         per_a = 2.0 * inverse_norm(r) - dot(v, v) / mu
-        # e^2 by its vector, and not by 1 - p/a, which loses half of the digits of a small e.
-        return cls(h2 / mu, per_a, dot(e, e), (h[0] * h[0] + h[1] * h[1]) / (below * below))
+        return cls(r, v, mu, h, eccentricity_vector(r, v, mu), tau, dot(h, h) / mu, per_a)
 
-
-def _tau2_over_momentum(h: Vector) -> Vector:
-    """The slope of tau^2 = (h_x^2 + h_y^2)/(|h| + h_z)^2 over h."""
-    z = axis(2, h[2])
-    per = 1.0 / (norm(h) + h[2])
-    side = h - h[2] * z
-    return 2.0 * per * per * (side - (dot(side, side) * per) * (unit(h) + z))
-
-
-def _squared_gap(square: Scalar, target: Scalar) -> Scalar:
-    """(x - target)^2 of x >= 0 by its square; the derivative of the corner x = 0 is zero."""
-    return square - (2.0 * safe_sqrt(square) - target) * target
+    def over_velocity(
+        self, p: Scalar, per_a: Scalar, half_e: Vector, half_tau: Vector | None
+    ) -> Vector:
+        """The slope over the velocity, from those over p and 1/a and half of those over the vectors
+        e and tau."""
+        per_mu = 2.0 / self.mu
+        over_h = scale(p * per_mu, self.h) + scale(per_mu, cross(half_e, self.v))
+        if half_tau is not None:
+            # Of the length of h in the divisor of tau.
+            along = dot(self.tau, half_tau)
+            part = half_tau - scale(along, unit(self.h) + axis(2, along))
+            over_h = over_h + scale(2.0 / (norm(self.h) + self.h[2]), part)
+        across = scale(per_mu, cross(self.h, half_e))
+        return cross(over_h, self.r) + across - scale(per_a * per_mu, self.v)
 
 
 @final

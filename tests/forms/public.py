@@ -64,7 +64,8 @@ LEFT_OUT: dict[str, list[str]] = {
         bodies.with_parts attitude.continuous_precession
         orbits.apoapsis orbits.periapsis orbits.TwoBody.closed_form
         orbits.PointGravity.closed_form attitude.TorqueFreeBody.closed_form
-        rockets.PropellantDepletion orbits.AtTargetOrbit rockets.Thrust.propellant_left bodies.FreeRotation.flow
+        rockets.PropellantDepletion orbits.AtTargetOrbit rockets.Thrust.propellant_left
+        bodies.FreeRotation.flow
         attitude.Top.closed_form rockets.Thrust.net_thrust bodies.spring_speed
         vehicles.FinSet.roll_slope
     """.split(),
@@ -93,7 +94,8 @@ LEFT_OUT: dict[str, list[str]] = {
     """.split(),
     "puts parts together, whose formulas are above": """
         vehicles.Vehicle.* vehicles.LaunchSite.environment vehicles.LaunchSite.air
-        vehicles.sounding_flight vehicles.flight_phases vehicles.Recovery.trigger rockets.SteeredThrust.of_thrust
+        vehicles.sounding_flight vehicles.flight_phases vehicles.Recovery.trigger
+        rockets.SteeredThrust.of_thrust
         control.Together*
         bodies.come_apart bodies.release bodies.Detached*
         control.with_command
