@@ -40,7 +40,8 @@ LEFT_OUT: dict[str, list[str]] = {
         vehicles.apogee
         core.components rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
-        *.breaks *.switches *.ground *.scaled bodies.sample_state attitude.TiltState
+        *.breaks *.switches *.ground *.scaled *.started_at bodies.sample_state
+        attitude.TiltState
         rockets.ThrustProfile.constant vehicles.Rail.load
         vehicles.Aerodynamics.surfaces attitude.ReactionWheels.rotor mechanics.*.state
         attitude.ShaftPendulum.state gyros.*.state vehicles.LaunchSite.east
