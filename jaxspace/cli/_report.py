@@ -125,7 +125,10 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
 
 def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
     """The scene file in a store, or `None`, with a sentence, where the campaign came from Python or
-    its file is no longer understood."""
+    its file is no longer understood. Raises for `modules` that cannot be used."""
+    if modules:
+        # Files that the user names are not left out in silence.
+        return stored_scene(result, modules)
     try:
         return stored_scene(result, modules)
     except (SceneError, InputError) as error:

@@ -39,6 +39,19 @@ class DamagedStore(UserWarning):
     """Files of a store differ from what was written; the message names them."""
 
 
+# What a file of any content raises where it is read as the head of a store.
+UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
+
+
+def _fault_of(error: Exception) -> str:
+    """What is wrong with a head, as the end of a sentence."""
+    if isinstance(error, OSError):
+        return f"cannot be read: {error.strerror}"
+    if isinstance(error, KeyError):
+        return f"has no {error.args[0]}"
+    return "is no JSON" if isinstance(error, ValueError) else "holds something else"
+
+
 class Store:
     """The store at `path`, for reading; `writable` opens it for writing."""
 
@@ -90,10 +103,10 @@ class Store:
             self.damaged_arrays = damaged_arrays(self.path, arrays)
         except StoreError:
             raise
-        except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
+        except UNREADABLE as error:
             raise StoreError(
-                f"{self.path} cannot be read: it must be the Zarr store of a dispersion "
-                f"({type(error).__name__}: {error})."
+                f"{self.path} cannot be read: it must be the Zarr store of a dispersion, and its "
+                f"head {_fault_of(error)}."
             ) from error
         return self
 
