@@ -522,11 +522,12 @@ def test_budget_prints_a_table_and_what_may_go(tmp_path, capsys):
     assert main(["budget", str(path), "--out", str(tmp_path / "a"), "--tolerance", "10 km"]) == 0
     printed = capsys.readouterr().out
     for word in (
-        "PointGravity",
-        "Oblateness",
+        # As the file names them.
+        "point_gravity  coast",
+        "oblateness     coast",
         "influence [m]",
         "share",
-        "within 10000 m: keep PointGravity; leave out Oblateness",
+        "within 10000 m: keep point_gravity; leave out oblateness",
     ):
         assert word in printed
     assert (tmp_path / "a" / "coast_budget.png").exists() and "coast_budget.png" in printed

@@ -20,6 +20,7 @@ from ..io.report import mission_report, optimum_report, run_report, sensitivity_
 from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
+from ..studies._scene_effects import effect_names
 from ._folder import make_folder
 from ._waiting import progress, waiting
 
@@ -226,10 +227,26 @@ def budget(
             # The influences are differences of runs, for which a coarse tolerance is not enough.
             accuracy=min(file.values["accuracy"], 1e-9),
         )
+    table = table.renamed(_effects_by_class(file))
     print(f"{file.title}: which effects matter")
     print(table)
     _draw_table(table, path_of(file, folder, "_budget.png"))
     return 0
+
+
+def _effects_by_class(file: SceneFile) -> dict[str, str]:
+    """The names that the file gives its effects, by those of their classes in a budget: several
+    where the phases have different ones of a class."""
+    found: dict[str, list[str]] = {}
+    for leg in file.parsed.legs:
+        names = list(leg.phase["effects"])
+        scene = file.scenes().get(leg.name)
+        if scene is None or len(names) != len(scene.effects):
+            continue
+        for label, name in zip(effect_names(scene), names, strict=True):
+            found.setdefault(label, []).append(name)
+    # Each once, in the order of the file.
+    return {label: ", ".join(dict.fromkeys(names)) for label, names in found.items()}
 
 
 def show_list(word: str = "", modules: Sequence[str] = ()) -> int:

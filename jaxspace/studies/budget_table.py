@@ -2,6 +2,8 @@
 
 __all__ = ["Influence"]
 
+import dataclasses
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, final
 
@@ -63,6 +65,16 @@ class EffectBudget:
     change: float | None = None
     seconds: float | None = None
     seconds_kept: float | None = None
+
+    def renamed(self, names: Mapping[str, str]) -> "EffectBudget":
+        """The same with other names of effects, such as those of a scene file; those that are not
+        among the keys of `names` stay."""
+        return dataclasses.replace(
+            self,
+            rows=tuple(r._replace(effect=names.get(r.effect, r.effect)) for r in self.rows),
+            kept=tuple(names.get(effect, effect) for effect in self.kept),
+            dropped=tuple(names.get(effect, effect) for effect in self.dropped),
+        )
 
     def __getitem__(self, effect: str) -> Influence:
         """The row of an effect."""
