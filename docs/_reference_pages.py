@@ -280,7 +280,8 @@ editors.
 
 A file is one of four kinds. A *system* names one system in `[system]`. A *scene* puts a body and
 effects together. A *mission* has `[[phase]]` tables. A *flight* takes a rocket, its `[vehicle]`,
-from its rail to the ground. Numbers are in SI, or text with a unit."""
+from its rail to the ground. Numbers are in SI, or text with a unit. A second effect of one kind has
+its name with a number: `[effects.drag_2]`."""
 
 HARD_CASES = """\
 # Hard cases
