@@ -20,7 +20,7 @@ from ..io.report import mission_report, optimum_report, run_report, sensitivity_
 from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
-from ..studies._scene_effects import effect_names
+from ..studies.budget_table import effect_names
 from ._folder import make_folder
 from ._waiting import progress, waiting
 

@@ -12,6 +12,7 @@ import numpy as np
 from ..core.printing import printed
 from ..core.text import aligned
 from ._duration import duration
+from ._scene_effects import effect_names as effect_names
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
