@@ -10,7 +10,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from jaxspace import BodyState  # noqa: E402
+from jaxspace import BodyState, FinalError  # noqa: E402
 from jaxspace.orbits import TwoBody  # noqa: E402
 from jaxspace.orbits.kepler import kepler_flow  # noqa: E402
 from validation import _gauss, asked  # noqa: E402
@@ -35,6 +35,9 @@ def test_a_scene_meets_what_is_asked(name):
     for rtol in (1e-8, 1e-10):
         met = asked.error(motion, "float64", rtol, exact)
         assert met < asked.PROMISE * rtol * larger
+    for within in (1e-6, 1e-9):
+        run = motion.run(FinalError(within))
+        assert run.status == 0 and exact.apart(run.final) < within
 
 
 def test_the_page_is_that_of_the_record():
@@ -45,6 +48,8 @@ def test_the_page_is_that_of_the_record():
         assert [len(errors) for errors in one.errors.values()] == list(
             map(len, asked.ASKED.values())
         )
+        # Where a run says that its error is met, it is at most three times as large.
+        assert all(end.error < 3.0 for ends in one.ends.values() for end in ends if end.met), name
         # What errors are measured against is known better than they are.
         assert one.reference < 0.5 * min(e for e in one.errors["float64"] if e > 1e-11), name
 

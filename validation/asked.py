@@ -12,14 +12,23 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from jaxspace import Accuracy, BodyState, Mission, Scene, load, simulate, simulate_mission
+from jaxspace import (
+    Accuracy,
+    BodyState,
+    FinalError,
+    Mission,
+    Scene,
+    load,
+    simulate,
+    simulate_mission,
+)
 from jaxspace.constants import MU_EARTH, RADIUS_EARTH
 from jaxspace.orbits import ClassicalElements, Oblateness, PointGravity
 from jaxspace.orbits.elements import state_from_elements
 from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853
 
-from . import _gauss
+from . import _gauss, at_the_end
 from .nesc import J2
 from .page import HERE, RESULTS
 
@@ -41,7 +50,7 @@ class Motion(NamedTuple):
     y0: Any
     ts: Any
 
-    def run(self, accuracy: Accuracy):
+    def run(self, accuracy: Accuracy | FinalError):
         """The run, failed or not."""
         verb = simulate_mission if isinstance(self.system, Mission) else simulate
         return verb(*self, accuracy=accuracy, throw=False)
@@ -105,11 +114,13 @@ class Measured(NamedTuple):
 
     - `errors`: by precision, of each tolerance asked for; NaN for a run that says that it failed.
     - `reference`: how far two references differ, of tolerances a hundred apart.
-    - `growth`: how many times larger a small change of the start has become at the end."""
+    - `growth`: how many times larger a small change of the start has become at the end.
+    - `ends`: by precision, what comes of errors at the end that are asked for."""
 
     errors: dict[str, list[float]]
     reference: float
     growth: float
+    ends: dict[str, list[at_the_end.AtTheEnd]] = {}
 
 
 def measured(motion: Motion) -> Measured:
@@ -123,7 +134,13 @@ def measured(motion: Motion) -> Measured:
         precision: [error(motion, precision, rtol, exact) for rtol in asked]
         for precision, asked in ASKED.items()
     }
-    return Measured(errors, exact.apart(again.state), growth(motion, ends, again))
+    at_end = {
+        precision: at_the_end.measured(
+            in_precision(motion, precision).run, exact.apart, precision, MAX_STEPS
+        )
+        for precision in at_the_end.WITHIN
+    }
+    return Measured(errors, exact.apart(again.state), growth(motion, ends, again), at_end)
 
 
 def error(motion: Motion, precision: str, rtol: float, exact: _gauss.End) -> float:
@@ -219,6 +236,10 @@ def stored() -> dict[str, Measured]:
             {p: [math.nan if e is None else e for e in es] for p, es in row["errors"].items()},
             row["reference"],
             row["growth"],
+            {
+                p: [at_the_end.AtTheEnd(e[0], e[1], e[2] or math.nan) for e in es]
+                for p, es in row["ends"].items()
+            },
         )
         for name, row in rows.items()
     }
@@ -229,7 +250,10 @@ def keep(found: dict[str, Measured]) -> None:
     rows = {}
     for name, one in found.items():
         errors = {p: [None if math.isnan(e) else e for e in es] for p, es in one.errors.items()}
-        rows[name] = one._replace(errors=errors)._asdict()
+        ends = {
+            p: [[None if math.isnan(x) else x for x in e] for e in es] for p, es in one.ends.items()
+        }
+        rows[name] = one._replace(errors=errors, ends=ends)._asdict()
     (RESULTS / "asked.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
@@ -261,7 +285,9 @@ def text(found: dict[str, Measured]) -> str:
     if late:
         lines.append(LATE)
         lines += [f"**{name}**: {NOTES[name]}\n" for name, some in misses.items() if some]
-    return "\n".join(lines).rstrip() + "\n"
+    page = "\n".join(lines).rstrip() + "\n"
+    ends = {name: one.ends for name, one in found.items() if one.ends}
+    return page + (at_the_end.text(ends) if ends else "")
 
 
 def _by_growth(found: dict[str, Measured]) -> int:

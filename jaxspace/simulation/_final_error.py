@@ -25,12 +25,13 @@ from .trajectory import Trajectory
 
 
 class Measured(NamedTuple):
-    """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,), and
-    whether the run is `good`, (*runs,)."""
+    """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,),
+    whether the run is `good`, (*runs,), and its `evaluations` of the vector field."""
 
     values: tuple[Array, ...]
     allowed: tuple[Array, ...]
     good: Bool[Array, "*runs"]
+    evaluations: Array
 
 
 @final
@@ -40,13 +41,15 @@ class FinalError(eqx.Module):
 
     The verbs then repeat the run with smaller tolerances until the error, as the runs show it, is
     below what is asked, and return the last run. Its `stats["final_error"]` is the estimate, in
-    units of what is asked; `run.accuracy.rtol` is the tolerance that it took. Where it cannot be
+    units of what is asked, `stats["final_error_evaluations"]` what all runs took together, and
+    `run.accuracy.rtol` the tolerance of the last. Where it cannot be
     met the status is `FINAL_ERROR_MISSED`.
 
     **Arguments**
 
     - `relative`: of every block of the final state (position, velocity, mass, ...), relative to the
-      largest length of this block at the save times; or
+      largest length of this block at the save times, and a thousandth of its unit, as for a
+      tolerance; or
     - `blocks`: by name, the error of a block in its unit: `position=1.0, velocity=1e-3`. Those
       which are not named are free. A block within another one has both names: `{"wheels.rate":
       1e-3}` as keywords, `FinalError(**{...})`; or
@@ -97,7 +100,9 @@ class FinalError(eqx.Module):
         """What is compared of a result. Raises `InputError` for a block that the state has not."""
         last = result if isinstance(result, Trajectory) else result.phases[-1]
         axes = last.run_axes
-        good = result.status <= Status.EVENT
+        alone = isinstance(result, Trajectory)
+        spent = result.stats["evaluations"] if alone else result.evaluations
+        counts = result.status <= Status.EVENT, jnp.asarray(spent)
         if self.output is not None:
             values, form = jax.tree.flatten(self.output(result))
             within = jax.tree.leaves(self.within)
@@ -108,15 +113,15 @@ class FinalError(eqx.Module):
                     f"FinalError.within is {self.within}: it must be one number, or a tree like "
                     f"the output, {form}."
                 )
-            return _of_one_precision(values, within, good)
+            return _of_one_precision(values, within, *counts)
         finals = _named(result.final)
         if self.relative is not None:
-            sizes = _sizes(result, last, axes)
-            allowed = [jnp.asarray(self.relative, sizes[n].dtype) * sizes[n] for n in finals]
-            return _of_one_precision(finals.values(), allowed, good)
+            sizes = _sizes(result, last, axes).values()
+            allowed = [jnp.asarray(self.relative, x.dtype) * (x + SMALL) for x in sizes]
+            return _of_one_precision(finals.values(), allowed, *counts)
         asked = {name: x for name in finals if (x := self._of_block(name)) is not None}
         self.check_blocks(result.final)
-        return _of_one_precision([finals[name] for name in asked], asked.values(), good)
+        return _of_one_precision([finals[name] for name in asked], asked.values(), *counts)
 
     def check_blocks(self, final: PyTree) -> None:
         """Raise `InputError` for an error of a block that the final state has not."""
@@ -152,6 +157,8 @@ class FinalError(eqx.Module):
         return functools.reduce(lib.minimum, parts) if parts else USUAL
 
 
+# A block close to zero, in its unit: as for the steps.
+SMALL = 1e-3
 # As the default tolerance of double precision leaves it.
 USUAL = 1e-8
 
@@ -163,8 +170,7 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
     def ratio(x: Array, y: Array, allowed: Array) -> Array:
         apart = x - y
         length = jnp.sqrt(jnp.sum(apart * apart, axis=tuple(range(apart.ndim - axes))))
-        # Of a block that is zero all along no error is allowed, and none is made.
-        return jnp.where(length == 0.0, 0.0, length / allowed)
+        return length / allowed
 
     every = jnp.stack([ratio(*each) for each in zip(a.values, b.values, b.allowed, strict=True)])
     worst = jnp.max(every, axis=0)
@@ -185,11 +191,14 @@ def _error(name: str, value: Any) -> Array | np.ndarray:
 
 
 def _of_one_precision(
-    values: Iterable[Any], allowed: Iterable[Any], good: Bool[Array, "*runs"]
+    values: Iterable[Any],
+    allowed: Iterable[Any],
+    good: Bool[Array, "*runs"],
+    evaluations: Array,
 ) -> Measured:
     arrays = tuple(map(jnp.asarray, values))
     pairs = zip(allowed, arrays, strict=True)
-    return Measured(arrays, tuple(jnp.asarray(a, x.dtype) for a, x in pairs), good)
+    return Measured(arrays, tuple(jnp.asarray(a, x.dtype) for a, x in pairs), good, evaluations)
 
 
 def _named(state: PyTree) -> dict[str, Array]:

@@ -61,7 +61,8 @@ class Search(NamedTuple):
     - `last`: what was measured of the last run.
     - `apart`: the largest difference of the last two runs, and of the two before.
     - `estimate`: the error of the last run, in units of what is asked, (*runs,).
-    - `runs`: how many were made; `over`: whether the last one is the result."""
+    - `runs`: how many were made, with so many `evaluations`; `over`: whether the last one is the
+      result."""
 
     rtol: Scalar
     made: Float[Array, " 2"]
@@ -69,6 +70,7 @@ class Search(NamedTuple):
     apart: Scalar
     estimate: Float[Array, "*runs"]
     runs: Array
+    evaluations: Array
     over: Bool[Array, ""]
 
 
@@ -182,6 +184,7 @@ def _begun(now: Measured, rtol: Scalar, least: float) -> Search:
         jnp.asarray(jnp.inf, rtol.dtype),
         infinite,
         jnp.asarray(1),
+        now.evaluations,
         jnp.asarray(False),
     )
 
@@ -214,6 +217,7 @@ def _advance(s: Search, now: Measured, least: Scalar) -> Search:
         apart,
         estimate,
         runs,
+        s.evaluations + now.evaluations,
         over,
     )
 
@@ -238,7 +242,11 @@ def _is_exact(result: Trajectory | MissionTrajectory) -> bool:
 
 def _with_estimate(result: Result, search: Search, missed: Bool[Array, "*runs"]) -> Result:
     """The result with the estimate among its numbers, and the status of runs that `missed`."""
-    stats = {"final_error": search.estimate, "final_error_runs": search.runs}
+    stats = {
+        "final_error": search.estimate,
+        "final_error_runs": search.runs,
+        "final_error_evaluations": search.evaluations,
+    }
     status = jnp.where(missed, Status.FINAL_ERROR_MISSED, result.status).astype(jnp.int32)
     if isinstance(result, Trajectory):
         return dataclasses.replace(result, status=status, stats={**result.stats, **stats})
