@@ -20,7 +20,9 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float
 
+from ..core.safe import safe_divide
 from ._descent_state import (
+    LEAST_RATE,
     LEAST_SHARE,
     STILL_LINES,
     STILL_STEPS,
@@ -191,14 +193,20 @@ def _stepped(s: DescentState, setting: Setting) -> DescentState:
         fresh = setting.stepper.begin(s.q)
         after = jax.tree.map(functools.partial(jnp.where, sound), after, fresh)
     change = jnp.max(jnp.abs(step) / jnp.maximum(jnp.abs(s.q), 1.0))
-    still = jnp.where(change <= 10.0 * jnp.finfo(s.q.dtype).eps, s.still + 1, 0)
-    most = STILL_LINES if setting.stepper.anew else STILL_STEPS
+    unchanged = change <= 10.0 * jnp.finfo(s.q.dtype).eps
+    fastest, most = s.fastest, STILL_LINES
+    if not setting.stepper.anew:
+        rate = safe_divide(jnp.max(jnp.abs(step)), jnp.max(jnp.abs(g)))
+        fastest, most = jnp.maximum(fastest, rate), STILL_STEPS
+        unchanged = unchanged | (rate <= LEAST_RATE * fastest)
+    still = jnp.where(unchanged, s.still + 1, 0)
     return s._replace(
         step=step,
         optimiser=after,
         left_out=s.left_out + jnp.where(sound, 0, 1),
         still=still,
         stopped=s.stopped | (still >= most),
+        fastest=fastest,
         round_steps=s.round_steps + 1,
     )
 

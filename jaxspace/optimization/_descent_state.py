@@ -15,6 +15,9 @@ from ._sqp_state import Limits, Values, probes_of
 # Steps that change nothing, after which a search ends: an optimiser with a line search begins anew
 # after each of them, one with a schedule may begin with small steps.
 STILL_LINES, STILL_STEPS = 3, 25
+# A rate this part of the greatest one has decayed to nothing. Schedules of optax end there, and not
+# at zero, because they are computed in single precision.
+LEAST_RATE = 1e-6
 # A step that is not finite even with this share of its length has no finite neighbour.
 LEAST_SHARE = 1e-12
 
@@ -40,7 +43,8 @@ class DescentState(NamedTuple):
     - `multipliers`: of the augmented Lagrangian; `missed`: its violation at the start of the round
       and of the last one; `round_steps`: steps of this round.
     - `optimiser`: what optax holds.
-    - `still`: steps in sequence that changed nothing; `stopped`: whether none will.
+    - `still`: steps in sequence that changed nothing; `stopped`: whether none will; `fastest`: the
+      greatest ratio of a step and its gradient.
     - `left_out`: steps that were not finite.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
     - `weight`, `size`, `rows`, `calls`, `probed`, `wrong`, `worst`, `taken`, `steps`: as in
@@ -58,6 +62,7 @@ class DescentState(NamedTuple):
     optimiser: Any
     still: Int[Array, ""]
     stopped: Bool[Array, ""]
+    fastest: Float[Array, ""]
     left_out: Int[Array, ""]
     averaging: Int[Array, ""]
     weight: Float[Array, " all"]
@@ -132,7 +137,7 @@ def begin(
         q, place, place, jnp.zeros_like(q), none + 1.0,
         z + probed.shares[0] * probed.direction if check else q,
         Multipliers(y, nu, none + FIRST_WEIGHT), (none + jnp.inf, none + jnp.inf), zero,
-        stepper.begin(q), zero, jnp.asarray(False), zero, zero, jnp.ones(rows, q.dtype), size,
+        stepper.begin(q), zero, jnp.asarray(False), none, zero, zero, jnp.ones(rows, q.dtype), size,
         jnp.full((max_steps, 3), jnp.nan, q.dtype), jnp.asarray(-PROBES if check else 0),
         jnp.zeros((PROBES, rows), q.dtype), none, zero, zero, zero,
     )  # fmt: skip
