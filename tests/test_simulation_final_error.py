@@ -11,6 +11,7 @@ from unchecked import unchecked
 
 from jaxspace import BodyState, FinalError, simulate, simulate_batch, simulate_mission
 from jaxspace.core import InputError
+from jaxspace.integration.accuracy import as_accuracy
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import (
     Accuracy,
@@ -178,6 +179,7 @@ def test_single_precision_meets_what_it_resolves():
         (lambda: FinalError(position=jnp.ones(3)), r"has the shape \(3,\)"),
         (lambda: FinalError(output=len), "are given together"),
         (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "has a tolerance"),
+        (lambda: as_accuracy(FinalError(1e-9)), "An error at the end is asked of simulate"),
         (lambda: run_with(FinalError(positon=1.0)), "no such block.*Did you mean position"),
         (
             lambda: run_with(FinalError(1e-9, accuracy=Accuracy(method=Stormer(8, steps=64)))),

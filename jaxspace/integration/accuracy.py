@@ -175,6 +175,12 @@ def as_accuracy(accuracy: Any) -> Accuracy:
         return accuracy
     if accuracy is None:
         return DEFAULT
+    if isinstance(accuracy, eqx.Module):
+        raise InputError(
+            f"accuracy is of type {type(accuracy).__name__}: it must be a relative tolerance or an "
+            f"Accuracy. An error at the end is asked of simulate, simulate_batch, simulate_mission "
+            f"and simulate_mission_batch."
+        )
     check_number("accuracy", accuracy)
     return Accuracy(rtol=accuracy)
 
