@@ -10,6 +10,7 @@ import jax.numpy as jnp
 
 from ..bodies import BodyState
 from ..core import Scalar, Vector, event, output
+from ..core.formula import formula
 from ..core.square_roots import sqrt
 from ..rotations import Quaternion
 from ._state import vertical
@@ -23,6 +24,7 @@ def disk_tilt(attitude: Quaternion) -> Scalar:
     return jnp.arctan2(jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1]), Z[2])
 
 
+@formula
 @event("", direction=-1, needs=("attitude",))
 def lies_flat(t: Scalar, y: BodyState) -> Scalar:
     """theta - 1e-4 rad: zero where a settling coin is almost flat.

@@ -46,6 +46,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractClosedForm, AbstractSystem, NumberField, Scalar, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.types import as_float
 
@@ -55,6 +56,7 @@ FASTEST_DRIFT = math.atan(math.sqrt(0.5))
 _HALVINGS = 60
 
 
+@formula
 def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     """Energy of rotation, J, of a symmetric body of the angular momentum `h`, kg m^2/s, whose axis
     stands at `theta`, rad, to it (Thomson 7.6-6).
@@ -68,6 +70,7 @@ def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     return 0.5 * h * h * (c * c / C + s * s / A)
 
 
+@formula
 def drift_by_dissipation(
     theta: Scalar, A: Scalar, C: Scalar, h: Scalar, dissipation: Scalar
 ) -> Scalar:
@@ -85,6 +88,7 @@ def drift_by_dissipation(
     return dissipation / (h * h * (1.0 / C - 1.0 / A) * jnp.sin(theta) * jnp.cos(theta))
 
 
+@formula
 def tube_drift_constant(
     gamma: Scalar,
     modulus: Scalar,
@@ -115,6 +119,7 @@ def tube_drift_constant(
     return jnp.sign(as_float(A - C)) * size * (C / A) ** 4 * w0**3
 
 
+@formula
 def antenna_drift_constant(
     count: Scalar,
     gamma: Scalar,
@@ -142,6 +147,7 @@ def antenna_drift_constant(
     return jnp.sign(as_float(A - C)) * count * gamma * per_body * shape
 
 
+@formula
 def structural_damping(gamma: Scalar) -> Scalar:
     """alpha = gamma/(2 pi), from the hysteretic factor (Thomson, Problem 7.6-9)."""
     return gamma / (2.0 * math.pi)

@@ -25,10 +25,12 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, quantity
+from ..core.formula import formula
 from ..core.safe import safe_divide
 from ..core.vectors import dot, scale
 
 
+@formula
 def energy_sink_angle(
     theta: Scalar, duration: Scalar, A: Scalar, C: Scalar, damping: Scalar
 ) -> Scalar:

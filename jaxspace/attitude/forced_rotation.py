@@ -29,12 +29,14 @@ import jax.numpy as jnp
 
 from ..bodies.inertia import AbstractInertia, parallel_axes
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, scale, unit
 
 
+@formula
 def required_torque(
     inertia: AbstractInertia,
     omega: Vector,
@@ -71,6 +73,7 @@ class BearingReactions(NamedTuple):
     drive: Scalar
 
 
+@formula
 def bearing_reactions(
     inertia: AbstractInertia,
     mass: Scalar,
@@ -112,6 +115,7 @@ def bearing_reactions(
     return BearingReactions(force - on_second, on_second, drive)
 
 
+@formula
 def bank_angle(speed: Scalar, radius: Scalar, gravity: Scalar) -> Scalar:
     """Bank of an airplane in a level turn without side force (Thomson 5.9-P10).
 

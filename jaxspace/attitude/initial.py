@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Choice, Scalar, Vector, argument, initial
+from ..core.formula import formula
 from ..core.types import as_float
 from ..core.vectors import cross, unit
 from ..rotations import Quaternion, from_euler_angles
@@ -20,6 +21,7 @@ _TILT = argument(
 )
 
 
+@formula
 @initial(
     "attitude",
     gives=("attitude",),

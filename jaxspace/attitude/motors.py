@@ -10,6 +10,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import BodyState
 from ..core import AbstractParameters, NumberField, OptionalNumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.vectors import solve3
 from ..rotations import Quaternion
@@ -72,6 +73,7 @@ class PointingControl(AbstractMotor):
         return -wheel_torques(axes, demand)
 
 
+@formula
 def wheel_torques(axes: Array, torque: Vector) -> Array:
     """The torques along the axes of wheels with the least sum of squares that add up to a torque.
 

@@ -34,6 +34,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot
@@ -69,6 +70,7 @@ class ParticleEquations(NamedTuple):
     jet_damping: Vector
 
 
+@formula
 def particle_equations(
     mass: Array,
     places: Array,

@@ -28,11 +28,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.jacobi import jacobi
 from ..core.printing import printed
 from ..core.shapes import check_components
 
 
+@formula
 def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
     """The pitch a time after rest at its amplitude, on a circle (Thomson 7.4, Problem 15).
 

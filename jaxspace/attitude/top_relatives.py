@@ -32,10 +32,12 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.roots import increasing_root
 from ..core.types import as_float
 
 
+@formula
 def sprung_flywheel_frequencies(
     inertia: Scalar, momentum: Scalar, first: Scalar, second: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -59,6 +61,7 @@ def sprung_flywheel_frequencies(
     return jnp.sqrt(first * second / (inertia * inertia * fast)), jnp.sqrt(fast)
 
 
+@formula
 def crusher_force(
     theta: Scalar,
     precession: Scalar,
@@ -87,6 +90,7 @@ def crusher_force(
     return weight * sine + precession * precession * gyroscopic
 
 
+@formula
 def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar) -> Scalar:
     """phi', rad/s, of the wheel about its axle.
 
@@ -96,6 +100,7 @@ def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar)
     return -(arm * jnp.sin(theta) + radius * jnp.cos(theta)) * precession / radius
 
 
+@formula
 def best_crusher_tilt(
     precession: Scalar,
     weight: Scalar,
@@ -132,6 +137,7 @@ def best_crusher_tilt(
     return newton(newton(jax.lax.stop_gradient(theta)))
 
 
+@formula
 def gyro_on_a_string(
     theta: Scalar,
     rate: Scalar,

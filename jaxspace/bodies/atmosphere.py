@@ -21,6 +21,7 @@ from typing import NamedTuple, final
 import jax.numpy as jnp
 
 from ..core import AbstractParameters, NumberField, Scalar, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 
@@ -45,6 +46,7 @@ class Air(NamedTuple):
     sound_speed: Scalar
 
 
+@formula
 def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
     """The state of dry air: rho = p M_0/(R T), c = sqrt(gamma R T/M_0) (U.S. Standard Atmosphere,
     1976, Eqs. 42 and 50).
@@ -56,6 +58,7 @@ def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
     return Air(temperature, pressure, pressure / per_mass, sqrt(HEAT_RATIO * per_mass))
 
 
+@formula
 def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
     """Ratio of the pressures of dry air in equilibrium after and before a climb at one temperature
     (U.S. Standard Atmosphere, 1976, Eq. 33b).
@@ -67,6 +70,7 @@ def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
     return jnp.exp(-GRAVITY * MOLAR_MASS / GAS_CONSTANT * climb / temperature)
 
 
+@formula
 def exponential_density(
     height: Scalar, density: Scalar, reference_height: Scalar, scale_height: Scalar
 ) -> Scalar:

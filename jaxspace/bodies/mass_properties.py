@@ -36,6 +36,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Matrix, Scalar, Vector
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import check_components, with_rank
 from ..core.square_roots import inverse_sqrt
@@ -106,6 +107,7 @@ def combined(*parts: MassProperties) -> MassProperties:
     return MassProperties(total, centre, tensor)
 
 
+@formula
 def turned_tensor(tensor: Matrix, attitude: Quaternion) -> Matrix:
     """C J C^T: the tensor in the axes to which `attitude` maps its own (Thomson 5.4).
 
@@ -124,6 +126,7 @@ def turned_tensor(tensor: Matrix, attitude: Quaternion) -> Matrix:
     return jnp.stack([matvec(turn, rows[i]) for i in range(3)], axis=0)
 
 
+@formula
 def moment_along(tensor: Matrix, direction: Vector) -> Scalar:
     """The moment of inertia l . J l about a direction (Thomson 5.4-8), kg m^2, (*runs,).
 
@@ -163,6 +166,7 @@ class PivotImpact(NamedTuple):
     energy_loss: Scalar
 
 
+@formula
 def pivot_impact(
     inertia: AbstractInertia, mass: Scalar, arm: Vector, velocity: Vector, omega: Vector
 ) -> PivotImpact:

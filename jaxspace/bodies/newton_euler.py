@@ -25,11 +25,13 @@ __all__ = ["angular_acceleration", "linear_acceleration"]
 import jax.numpy as jnp
 
 from ..core import Matrix, Scalar, Vector
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.vectors import cross, matvec, solve3
 from .inertia import AbstractInertia, diagonal
 
 
+@formula
 def linear_acceleration(
     acceleration: Vector | None, force: Vector | None, mass: Scalar | None
 ) -> Vector:
@@ -52,6 +54,7 @@ def linear_acceleration(
     return by_force if acceleration is None else acceleration + by_force
 
 
+@formula
 def angular_acceleration(
     inertia: AbstractInertia,
     omega: Vector,

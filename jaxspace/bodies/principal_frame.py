@@ -29,6 +29,7 @@ from jax.custom_derivatives import SymbolicZero
 from jaxtyping import Array
 
 from ..core import Matrix, Scalar, Vector
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.vectors import axis, cross, matvec
 from ..rotations import Quaternion
@@ -39,6 +40,7 @@ from .principal_axes import principal_axes
 _PAIRS = ((1, 2), (2, 0), (0, 1))
 
 
+@formula
 def free_turn(
     duration: Scalar, inertia: AbstractInertia, omega: Vector
 ) -> tuple[Quaternion, Vector]:

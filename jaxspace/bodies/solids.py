@@ -41,6 +41,7 @@ from jaxtyping import Array, Float
 
 from ..core import Matrix, Scalar, Vector, check
 from ..core.checks import check_non_negative, check_positive
+from ..core.formula import formula
 from ..core.shapes import check_components, with_rank
 from ..core.types import as_float
 from ..core.vectors import axis
@@ -48,6 +49,7 @@ from .inertia import diagonal
 from .mass_properties import MassProperties
 
 
+@formula
 def particles(
     masses: Float[Array, "particles *#runs"], places: Float[Array, "3 particles *#runs"]
 ) -> MassProperties:
@@ -73,6 +75,7 @@ def particles(
     return MassProperties(total, places[:, 0] + centre, tensor)
 
 
+@formula
 def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassProperties:
     """A uniform thin rod between two points, triangular plate between three or tetrahedron between
     four: from these any polygon and any polyhedron is put together.
@@ -102,6 +105,7 @@ def simplex(mass: Scalar, vertices: Float[Array, "3 vertices *#runs"]) -> MassPr
     return MassProperties(mass, vertices[:, 0] + centre, tensor)
 
 
+@formula
 def box(mass: Scalar, sides: Vector) -> MassProperties:
     """A box about its centre, with the axes along its sides; a plate where one of
     them is zero, a thin rod where two are (Thomson 5.5-P7).
@@ -115,6 +119,7 @@ def box(mass: Scalar, sides: Vector) -> MassProperties:
     return _triaxial("box", mass, sides, 1.0 / 12.0)
 
 
+@formula
 def ellipsoid(mass: Scalar, semi_axes: Vector) -> MassProperties:
     """A full ellipsoid about its centre, with the axes along its semi-axes.
 
@@ -127,6 +132,7 @@ def ellipsoid(mass: Scalar, semi_axes: Vector) -> MassProperties:
     return _triaxial("ellipsoid", mass, semi_axes, 1.0 / 5.0)
 
 
+@formula
 def sphere(mass: Scalar, radius: Scalar, inner_radius: Scalar = 0.0) -> MassProperties:
     """A sphere about its centre.
 
@@ -144,6 +150,7 @@ def sphere(mass: Scalar, radius: Scalar, inner_radius: Scalar = 0.0) -> MassProp
     return _part(mass, moment, moment)
 
 
+@formula
 def cylinder(
     mass: Scalar, radius: Scalar, length: Scalar, inner_radius: Scalar = 0.0
 ) -> MassProperties:
@@ -165,6 +172,7 @@ def cylinder(
     return _part(mass, 0.5 * axial + mass * length * length / 12.0, axial)
 
 
+@formula
 def cone(mass: Scalar, radius: Scalar, height: Scalar, top_radius: Scalar = 0.0) -> MassProperties:
     """A full cone, or the frustum of one, with the centre of its base at the origin and its axis
     along z.
@@ -190,6 +198,7 @@ def cone(mass: Scalar, radius: Scalar, height: Scalar, top_radius: Scalar = 0.0)
     return _part(mass, across, axial, 0.25 * h * (R * R + 2.0 * R * r + 3.0 * r * r) / S)
 
 
+@formula
 def conical_shell(
     mass: Scalar, radius: Scalar, height: Scalar, top_radius: Scalar = 0.0
 ) -> MassProperties:

@@ -42,6 +42,7 @@ from jax import lax
 from jaxtyping import PyTree
 
 from ..core import Choice, NumberField, Scalar, constructor, quantity
+from ..core.formula import formula
 from ..core.square_roots import sqrt
 from ..core.tables import within
 from ._upper_air import molar_mass_ratio, upper_changes
@@ -64,16 +65,19 @@ LAYERS = (
 )
 
 
+@formula
 def geopotential_height(height: Scalar) -> Scalar:
     """H, m, of the geometric `height` z, m (U.S. Standard Atmosphere, 1976, Eq. 18)."""
     return RADIUS * height / (RADIUS + height)
 
 
+@formula
 def geometric_height(height: Scalar) -> Scalar:
     """z, m, of the geopotential `height` H, m (U.S. Standard Atmosphere, 1976, Eq. 19)."""
     return RADIUS * height / (RADIUS - height)
 
 
+@formula
 def standard_atmosphere(height: Scalar) -> Air:
     """The U.S. Standard Atmosphere, 1976, at a geometric height.
 

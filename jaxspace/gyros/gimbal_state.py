@@ -8,6 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 
 from ..core import NumberField, OptionalNumberField, Scalar, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 
 LOCK = 1e-3  # rad
@@ -42,6 +43,7 @@ class GimbalState(eqx.Module):
     )
 
 
+@formula
 def near_gimbal_lock(t: Scalar, y: GimbalState) -> Scalar:
     """|sin(theta)| - 1e-3: zero where the rotor's axis is almost along the outer gimbal's: the
     condition of an event with `direction=-1`.

@@ -21,9 +21,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.square_roots import sqrt
 
 
+@formula
 def gyro_noise(
     key: Array, samples: int, step: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0
 ) -> Float[Array, "samples *#runs"]:
@@ -45,6 +47,7 @@ def gyro_noise(
     return angle_walk / root * white + bias
 
 
+@formula
 def allan_variance(
     rates: Float[Array, "samples *#runs"], step: Scalar, factors: Sequence[int]
 ) -> Float[Array, "times *#runs"]:
@@ -69,6 +72,7 @@ def allan_variance(
     return jnp.stack(result)
 
 
+@formula
 def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:
     """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over many samples.
 

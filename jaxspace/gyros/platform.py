@@ -28,6 +28,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.square_roots import inverse_sqrt
@@ -102,6 +103,7 @@ class PlatformAxis(AbstractSystem):
         return matrix, rows((0.0,), (0.0,), (0.0,), (self.torque / J,), (0.0,))[:, 0]
 
 
+@formula
 def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     """The signals of three gyros on a platform resolved onto its gimbals (Thomson 6.9).
 
@@ -122,6 +124,7 @@ def resolve_signals(signals: Vector, pitch: Scalar, yaw: Scalar) -> tuple[Scalar
     return roll, signals[1] - along * jnp.tan(yaw), across
 
 
+@formula
 def gimbal_lock_margin(yaw: Scalar) -> Scalar:
     """Margin of a yaw, rad, to gimbal lock, where two gimbals turn about one axis: |cos(yaw)|,
     zero at 90 deg. As the condition of an event it falls through a least margin."""

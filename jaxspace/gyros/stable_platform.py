@@ -37,6 +37,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -193,6 +194,7 @@ class StablePlatform(AbstractSystem):
         return jnp.concatenate([outer[None], inner])
 
 
+@formula
 def gimbal_axes(angles: Gimbals) -> Float[Array, "3 gimbals *#runs"]:
     """The axes of gimbals as columns, in axes of the platform: of roll, yaw and pitch, or with a
     fourth one before them.

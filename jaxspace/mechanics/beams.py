@@ -41,6 +41,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import check_positive
+from ..core.formula import formula
 from ..core.safe import safe_sqrt
 from ..core.types import as_float
 
@@ -91,6 +92,7 @@ def beam_roots(ends: Ends, count: int, support: float | None = None) -> Float[np
     return x
 
 
+@formula
 def beam_shape(
     ends: Ends, root: float, x: Scalar, derivative: int = 0, support: float | None = None
 ) -> Scalar:
@@ -233,6 +235,7 @@ def _two_span_shape(ends: Ends, root: float, x: Scalar, derivative: int, support
     return b**derivative / math.sqrt(mean) * jnp.where(left, shares[0] * near, far)
 
 
+@formula
 def assumed_modes(
     shapes: Callable[[Scalar], Array],
     length: Scalar,
@@ -289,6 +292,7 @@ def assumed_modes(
     return frequencies, jnp.moveaxis(shares, (-2, -1), (0, 1))
 
 
+@formula
 def beam_integral(function: Callable[[Array], Array], start: Scalar, end: Scalar) -> Array:
     """The integral of a function of the place between two places, each (*runs,), by Gauss: exact to
     rounding where the interval contains few waves of the mode.

@@ -19,6 +19,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ._description import AbstractDescription, GeneralisedState
@@ -202,6 +203,7 @@ def _correction(
     return matmul(mobility, answer)[:, 0]
 
 
+@formula
 def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scalar = 0.0) -> int:
     """Number of coordinates minus that of independent constraints, at a known state of one run
     (Thomson 9.2).

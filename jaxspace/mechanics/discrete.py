@@ -29,6 +29,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
+from ..core.formula import formula
 from ..core.types import as_float
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import columns, mass_matrix, matmul, momenta, solve
@@ -55,6 +56,7 @@ class _Canonical(NamedTuple):
     p: Array
 
 
+@formula
 def variational_motion(
     system: AbstractDescription,
     y: GeneralisedState,

@@ -22,12 +22,14 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.formula import formula
 from ._description import GeneralisedState
 from ._equations import columns, mass_matrix, matmul, solve
 from ._lagrangian import AbstractLagrangian
 from .constraints import constraints_of, schur_solve, together
 
 
+@formula
 def apply_impulse(
     system: AbstractLagrangian, t: Scalar, y: GeneralisedState, impulse: Float[Array, "n *#runs"]
 ) -> GeneralisedState:
@@ -57,6 +59,7 @@ def apply_impulse(
     return GeneralisedState(q, v + (free + matmul(mobility, answer))[:, 0])
 
 
+@formula
 def apply_impact(
     system: AbstractLagrangian,
     t: Scalar,

@@ -21,9 +21,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.vectors import cross, scale
 
 
+@formula
 def momentum_about(
     masses: Float[Array, "particles *#runs"],
     positions: Float[Array, "3 particles *#runs"],
@@ -45,6 +47,7 @@ def momentum_about(
     return jnp.sum(scale(masses, cross(arms, speeds)), axis=1)
 
 
+@formula
 def moment_about_moving_point(
     momentum_rate: Vector, mass: Scalar, arm: Vector, acceleration: Vector
 ) -> Vector:

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, InputError, Scalar, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ._description import GeneralisedState
 from ._equations import mass_matrix, momenta, solve
@@ -46,6 +47,7 @@ class _Routhian(eqx.Module):
         return self.system.lagrangian(t, q_all, v_all) - jnp.sum(constants * rates, axis=0)
 
 
+@formula
 def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> Lagrangian:
     """The system reduced to its non-cyclic coordinates, with the momenta of the cyclic ones as
     constants.

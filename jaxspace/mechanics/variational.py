@@ -23,6 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.special import stumpff_near
 from ..core.types import as_float
 from ._lagrangian import AbstractLagrangian
@@ -31,6 +32,7 @@ NODES = 24
 STEPS = 60
 
 
+@formula
 def action(
     system: AbstractLagrangian,
     path: Callable[[Array], Array],
@@ -61,6 +63,7 @@ def action(
     return (end - start) * jnp.sum(jnp.tile(jnp.asarray(0.5 * weights / pieces), pieces) * values)
 
 
+@formula
 def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     """The parameter a and the sag, m, of a chain between two points of equal height (C-12).
 
@@ -86,6 +89,7 @@ def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     return a, 2.0 * a * jnp.sinh(0.5 * u) ** 2
 
 
+@formula
 def brachistochrone(
     distance: Scalar, drop: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

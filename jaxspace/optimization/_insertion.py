@@ -28,6 +28,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
 from ..core.checks import check_positive
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.types import SingleNumberField, as_float
 from ..simulation import Mission, Phase, simulate_compact
@@ -114,6 +115,7 @@ class InsertionOptimum(eqx.Module):
     minimum: Minimum
 
 
+@formula
 def optimise_insertion(
     insertion: Insertion,
     law: Law,

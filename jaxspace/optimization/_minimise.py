@@ -16,6 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
+from ..core.formula import formula
 from ..core.tracing import is_traced
 from ._bounds import as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
@@ -27,6 +28,7 @@ from ._scaling import scaled_problem
 from ._search import search
 
 
+@formula
 def minimise(
     problem: Callable[[Point], Criterion],
     start: PyTree | Minimum,
@@ -95,6 +97,7 @@ def minimise(
     return minimum
 
 
+@formula
 def minimise_from(
     problem: Callable[[Point], Criterion],
     starts: PyTree,

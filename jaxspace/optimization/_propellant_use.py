@@ -40,6 +40,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, InputError, Scalar
 from ..core.checks import check_non_negative, check_positive, is_concrete
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
@@ -108,6 +109,7 @@ class PropellantUse(eqx.Module):
         return f"{share:.1%} of the propellant at the start, the rest at the end."
 
 
+@formula
 def propellant_use(
     velocity: Float[Array, "2 *#runs"],
     climb: Scalar,

@@ -39,6 +39,7 @@ from jaxtyping import Array, Float
 
 from ..core import NumberField, Scalar, check, quantity
 from ..core.checks import check_finite, check_non_negative, check_positive, is_concrete
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.types import as_float
 
@@ -151,6 +152,7 @@ def velocity_gain(ascent: Ascent) -> Scalar:
     return jnp.sum(weight * ascent.thrust(t), axis=0)
 
 
+@formula
 def burnout_state(
     ascent: Ascent, release_angle: Scalar, steering: Callable[[Scalar], Scalar]
 ) -> FlightState:

@@ -33,6 +33,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import InputError, Scalar
 from ..core.checks import check_positive
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.tracing import is_traced
@@ -105,6 +106,7 @@ class FlownStaging(eqx.Module):
         )
 
 
+@formula
 def staging_with_losses(
     design: StageDesign,
     payload: ArrayLike,

@@ -36,6 +36,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import Flag, InputError, Scalar, check
 from ..core.checks import check_non_negative, check_positive, is_concrete
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import safe_divide
@@ -74,6 +75,7 @@ def velocity_limit(exhaust_velocity: Stages, structural_factor: Stages) -> Scala
     return -jnp.sum(exhaust_velocity * jnp.log(structural_factor), axis=0)
 
 
+@formula
 def equal_stages_payload(
     total_velocity: Scalar,
     exhaust_velocity: Scalar,

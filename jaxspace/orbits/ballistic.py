@@ -35,6 +35,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
 from ..core.types import as_float
@@ -64,6 +65,7 @@ class BallisticImpact(NamedTuple):
     duration: Scalar
 
 
+@formula
 def ballistic_flight(
     radius: Scalar, speed: Scalar, flight_path_angle: Scalar, mu: Scalar
 ) -> BallisticFlight:
@@ -103,6 +105,7 @@ def ballistic_flight(
     return BallisticFlight(2.0 * half, height, duration)
 
 
+@formula
 def ballistic_angles(
     radius: Scalar, speed: Scalar, range_angle: Scalar, mu: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -137,6 +140,7 @@ def ballistic_angles(
     return jnp.where(ahead & (lam <= 1.0), low, jnp.nan), jnp.where(reached, high, jnp.nan)
 
 
+@formula
 def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tuple[Scalar, Scalar]:
     """The slowest launch that reaches a range: speed, m/s, and flight-path angle, rad, (*runs,)
     (Thomson 4.17).
@@ -155,6 +159,7 @@ def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tupl
     return speed, 0.25 * (jnp.pi - phi)
 
 
+@formula
 def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Scalar]:
     """The longest range of a speed below the circular one, and the angle for it: both in rad,
     (*runs,) (Thomson 4.17).
@@ -171,6 +176,7 @@ def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Sc
     return phi, 0.25 * (jnp.pi - phi)
 
 
+@formula
 def ballistic_impact(
     radius: Scalar,
     speed: Scalar,

@@ -21,10 +21,12 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
 
 
+@formula
 def bielliptic_break_even(ratio: Scalar) -> Scalar:
     """Distance of the middle impulse beyond which a bi-elliptic transfer costs less than Hohmann's.
 

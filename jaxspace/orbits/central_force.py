@@ -38,12 +38,14 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.safe import phi1, safe_divide
 from ..core.vectors import dot, inverse_norm, norm, scale
 
 KEEPS = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 
 
+@formula
 def power_law(r: Vector, k: Scalar, n: Scalar) -> Vector:
     """Acceleration -k r_hat / |r|^n (Thomson 4.15).
 
@@ -64,6 +66,7 @@ def power_law(r: Vector, k: Scalar, n: Scalar) -> Vector:
     return scale(-k * jnp.where(centre, at_centre, away), r)
 
 
+@formula
 def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) -> Scalar:
     """Potential energy per unit mass of `power_law`, smooth in every argument, n = 1 included.
 
@@ -82,6 +85,7 @@ def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) 
     return k * jnp.power(zero_at, 1.0 - n) * logarithm * phi1((1.0 - n) * logarithm)
 
 
+@formula
 def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     """Acceleration by a thin spherical shell of uniform mass (Harrison and Nettleton 5.8).
 
@@ -99,6 +103,7 @@ def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     return scale(jnp.where(outside, -mu * inverse_norm(far, 3), 0.0), r)
 
 
+@formula
 def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass of `shell_gravity`, m^2/s^2, zero at infinity; constant
     inside.
@@ -111,6 +116,7 @@ def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     return -mu / jnp.maximum(r, radius)
 
 
+@formula
 def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     """Acceleration by a sphere of uniform density, outside and inside (Harrison and Nettleton
     5.11).
@@ -123,6 +129,7 @@ def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     return scale(-mu * jnp.where(outside, inverse_norm(far, 3), 1.0 / radius**3), r)
 
 
+@formula
 def sphere_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass of `sphere_gravity`, m^2/s^2, zero at infinity (Harrison and
     Nettleton 5.10).

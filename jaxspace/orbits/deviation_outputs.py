@@ -23,10 +23,12 @@ __all__ = [
 from typing import Any
 
 from ..core import Scalar, Vector, output
+from ..core.formula import formula
 from ..core.vectors import cross, dot, norm, unit
 from .elements import eccentricity_vector, elements_from_state
 
 
+@formula
 @output("m")
 def radial_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state along its radius, m.
@@ -38,6 +40,7 @@ def radial_error(position: Vector, nominal: Any) -> Scalar:
     return dot(position - nominal.position, unit(nominal.position))
 
 
+@formula
 @output("m")
 def along_track_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state in its plane and across its
@@ -52,6 +55,7 @@ def along_track_error(position: Vector, nominal: Any) -> Scalar:
     return dot(position - nominal.position, unit(ahead))
 
 
+@formula
 @output("m")
 def cross_track_error(position: Vector, nominal: Any) -> Scalar:
     """Difference of the position from that of the `nominal` state across its plane, m: positive
@@ -65,6 +69,7 @@ def cross_track_error(position: Vector, nominal: Any) -> Scalar:
     return dot(position - nominal.position, unit(momentum))
 
 
+@formula
 @output("", mu="planet.mu")
 def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Eccentricity of the orbit; on a circle its derivative is zero.
@@ -76,6 +81,7 @@ def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return norm(eccentricity_vector(position, velocity, mu))
 
 
+@formula
 @output("rad", mu="planet.mu")
 def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Longitude of the ascending node, rad, within (-pi, pi]; zero over the equator.
@@ -87,6 +93,7 @@ def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return elements_from_state(position, velocity, mu).node
 
 
+@formula
 @output("rad", mu="planet.mu")
 def argument_of_periapsis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Angle from the ascending node to the periapsis, rad, within (-pi, pi]; zero on a circle.

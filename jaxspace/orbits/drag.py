@@ -27,9 +27,11 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, output, quantity
+from ..core.formula import formula
 from ..core.vectors import axis, cross, norm
 
 
+@formula
 def drag_acceleration(
     relative_velocity: Vector, density: Scalar, ballistic_coefficient: Scalar
 ) -> Vector:
@@ -46,6 +48,7 @@ def drag_acceleration(
     return factor * relative_velocity
 
 
+@formula
 def circular_decay_rate(
     radius: Scalar, density: Scalar, ballistic_coefficient: Scalar, mu: Scalar
 ) -> Scalar:

@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
 from ..core import InputError, NumberField, Scalar, quantity
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..core.square_roots import inverse_sqrt
@@ -49,6 +50,7 @@ class OrbitChange(NamedTuple):
     semi_major_axis: Scalar
 
 
+@formula
 def tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
@@ -81,6 +83,7 @@ def tangential_impulse(
     return OrbitChange(de, df, da)
 
 
+@formula
 def small_tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
@@ -104,6 +107,7 @@ def small_tangential_impulse(
     )
 
 
+@formula
 def apse_line_impulse(
     semi_latus_rectum: Scalar,
     eccentricity: Scalar,
@@ -134,6 +138,7 @@ def apse_line_impulse(
     return outwards, across
 
 
+@formula
 def eccentricities_through(
     radius: Scalar, true_anomaly: Scalar, semi_major_axis: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -154,6 +159,7 @@ def eccentricities_through(
     return -half - root, -half + root
 
 
+@formula
 def plane_change_impulse(speed: Scalar, new_speed: Scalar, angle: Scalar) -> Scalar:
     """Size of the impulse that turns the velocity by an angle and changes its length.
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from ..core import Scalar, Vector, argument, check, initial
 from ..core.checks import is_concrete
+from ..core.formula import formula
 from .elements import ClassicalElements, state_from_elements
 
 MU = argument(
@@ -25,6 +26,7 @@ _PLACE = {
 }
 
 
+@formula
 @initial(
     "orbit",
     gives=("position", "velocity"),
@@ -57,6 +59,7 @@ def orbit_from_radius(
     return state_from_elements(elements, mu)
 
 
+@formula
 @initial(
     "orbit",
     gives=("position", "velocity"),

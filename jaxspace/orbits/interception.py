@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, norm
@@ -52,6 +53,7 @@ class Interception(NamedTuple):
         return norm(self.departure) + norm(self.arrival)
 
 
+@formula
 def interception(
     chaser: OrbitState,
     target: OrbitState,

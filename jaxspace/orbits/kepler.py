@@ -45,6 +45,7 @@ from ..core import Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import check_non_negative, is_concrete
+from ..core.formula import formula
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
@@ -54,6 +55,7 @@ from ._anomaly import Anomaly, anomaly_after
 from ._straight_motion import straight_motion
 
 
+@formula
 def kepler_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:

@@ -30,6 +30,7 @@ from jaxtyping import Array, Int
 from ..core import InputError, Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.checks import check_positive
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
 from ..core.tracing import is_traced
@@ -65,6 +66,7 @@ class _Chord(NamedTuple):
     kappa: Scalar
 
 
+@formula
 def lambert(
     start: Vector,
     end: Vector,
@@ -106,6 +108,7 @@ def lambert(
     return jnp.where(result, v1, jnp.nan), jnp.where(result, v2, jnp.nan)
 
 
+@formula
 def transfer_status(
     start: Vector,
     end: Vector,
@@ -153,6 +156,7 @@ def _transfer(
     return *_velocities(x, chord, mu), jnp.where(short, TransferStatus.TOO_SHORT, status)
 
 
+@formula
 def least_duration(
     start: Vector, end: Vector, mu: Scalar, revolutions: int, *, normal: Vector | None = None
 ) -> Scalar:

@@ -18,8 +18,10 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 
 
+@formula
 def force_of_orbit(
     orbit: Callable[[Scalar], Scalar], angle: Scalar, angular_momentum: Scalar
 ) -> Scalar:

@@ -18,10 +18,12 @@ from typing import Any
 
 from ..bodies import BodyState
 from ..core import Scalar, Vector, event, output
+from ..core.formula import formula
 from ..core.vectors import dot, norm
 from .elements import apoapsis_radius, periapsis_radius
 
 
+@formula
 @output("m", mu="planet.mu", radius="planet.radius")
 def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Least height of the orbit, m, above a sphere of the `radius`, m.
@@ -34,6 +36,7 @@ def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: S
     return periapsis_radius(position, velocity, mu) - radius
 
 
+@formula
 @output("m", mu="planet.mu", radius="planet.radius")
 def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Greatest height of the orbit, m, above a sphere of the `radius`, m; infinite when it is not
@@ -47,6 +50,7 @@ def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Sc
     return apoapsis_radius(position, velocity, mu) - radius
 
 
+@formula
 @output("m", radius="planet.radius")
 def altitude(position: Vector, radius: Scalar) -> Scalar:
     """Height above a sphere, m.
@@ -58,6 +62,7 @@ def altitude(position: Vector, radius: Scalar) -> Scalar:
     return norm(position) - radius
 
 
+@formula
 @output("m/s")
 def radial_speed(position: Vector, velocity: Vector) -> Scalar:
     """Rate of the distance from the centre, m/s: zero at an apsis and on a circle.
@@ -69,12 +74,14 @@ def radial_speed(position: Vector, velocity: Vector) -> Scalar:
     return dot(position, velocity) / norm(position)
 
 
+@formula
 @output("m/s")
 def speed(velocity: Vector) -> Scalar:
     """Length of the velocity, m/s."""
     return norm(velocity)
 
 
+@formula
 @output("m/s")
 def speed_error(velocity: Vector, nominal: Any) -> Scalar:
     """Speed less that of the `nominal` state, m/s.
@@ -86,6 +93,7 @@ def speed_error(velocity: Vector, nominal: Any) -> Scalar:
     return norm(velocity) - norm(nominal.velocity)
 
 
+@formula
 @output("m/s")
 def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
     """Length of the difference of the velocity from that of the `nominal` state, m/s.
@@ -97,6 +105,7 @@ def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
     return norm(velocity - nominal.velocity)
 
 
+@formula
 @event("m^2/s", direction=1, needs=("position", "velocity"))
 def periapsis(t: Scalar, y: BodyState) -> Scalar:
     """r . v, m^2/s: zero at both apsides, and rising at the periapsis.
@@ -110,6 +119,7 @@ def periapsis(t: Scalar, y: BodyState) -> Scalar:
     return dot(y.position, y.velocity)
 
 
+@formula
 @event("m^2/s", direction=-1, needs=("position", "velocity"))
 def apoapsis(t: Scalar, y: BodyState) -> Scalar:
     """r . v, m^2/s: zero at both apsides, and falling at the apoapsis.
@@ -122,6 +132,7 @@ def apoapsis(t: Scalar, y: BodyState) -> Scalar:
     return dot(y.position, y.velocity)
 
 
+@formula
 @event("m", direction=1, needs=("position", "velocity"))
 def ascending_node(t: Scalar, y: BodyState) -> Scalar:
     """z, m: zero at the nodes, and rising at the ascending one.
@@ -134,6 +145,7 @@ def ascending_node(t: Scalar, y: BodyState) -> Scalar:
     return y.position[2]
 
 
+@formula
 @event("m", direction=-1, needs=("position", "velocity"))
 def descending_node(t: Scalar, y: BodyState) -> Scalar:
     """z, m: zero at the nodes, and falling at the descending one.

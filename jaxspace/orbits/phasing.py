@@ -21,6 +21,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.types import as_float
 from .burnout import vis_viva_speed
@@ -38,6 +39,7 @@ class Phasing(NamedTuple):
     opposite: Scalar
 
 
+@formula
 def phasing(
     radius: Scalar,
     semi_major_axis: Scalar,

@@ -18,12 +18,14 @@ from typing import ClassVar, final
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import AbstractSystem, NumberField, Scalar, Vector
+from ..core.formula import formula
 from ..core.vectors import inverse_norm, scale
 from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
 from ._planet import gravitational_parameter
 
 
+@formula
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
     """Acceleration a, m/s^2, (3, *runs) (Thomson 4.7).
 
@@ -36,6 +38,7 @@ def point_gravity(r: Vector, mu: Scalar) -> Vector:
     return scale(-mu * inverse_norm(r, 3), r)
 
 
+@formula
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, zero at infinity.
 

@@ -21,11 +21,13 @@ __all__ = ["projectile_angles", "projectile_envelope", "projectile_position"]
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import cross
 
 
+@formula
 def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Scalar:
     """The greatest height, m, that a launch at this speed reaches over a horizontal distance.
 
@@ -38,6 +40,7 @@ def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Sca
     return 0.5 * square / gravity - 0.5 * gravity * distance * distance / square
 
 
+@formula
 def projectile_angles(
     distance: Scalar, height: Scalar, speed: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -60,6 +63,7 @@ def projectile_angles(
     return low, jnp.arctan2(steep, push)
 
 
+@formula
 def projectile_position(velocity: Vector, t: Scalar, gravity: Vector, omega: Vector) -> Vector:
     """Position of a body after a launch from the origin of axes that turn with a planet, to first
     order in the turning.

@@ -22,10 +22,12 @@ __all__ = ["local_frame", "navigation_rates", "planet_frame", "plumb_line_deviat
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.vectors import axis, cross, scale
 from ..rotations import MovingFrame, Quaternion
 
 
+@formula
 def planet_frame(angle: Scalar, rate: Scalar) -> MovingFrame:
     """The frame fixed in a planet that turns about the z axis.
 
@@ -41,6 +43,7 @@ def planet_frame(angle: Scalar, rate: Scalar) -> MovingFrame:
     return MovingFrame(Quaternion.about(2, angle), scale(rate, axis(2, angle)))
 
 
+@formula
 def local_frame(latitude: Scalar, longitude: Scalar, radius: Scalar, rate: Scalar) -> MovingFrame:
     """The frame of a place on a turning planet: x south, y east, z up (Thomson 2.6).
 
@@ -70,6 +73,7 @@ def local_frame(latitude: Scalar, longitude: Scalar, radius: Scalar, rate: Scala
     )
 
 
+@formula
 def navigation_rates(
     latitude: Scalar,
     latitude_rate: Scalar,
@@ -102,6 +106,7 @@ def navigation_rates(
     return jnp.stack(omega), jnp.stack(omega_rate)
 
 
+@formula
 def plumb_line_deviation(latitude: Scalar, mu: Scalar, radius: Scalar, rate: Scalar) -> Scalar:
     """Angle between the plumb line and the line to the centre (Thomson, problem 2.6-1).
 

@@ -32,6 +32,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 from ..core.printing import printed
 
 # cos^2 i = 1/5: the line of apsides rests to first order in J2; its supplement is critical too.
@@ -48,6 +49,7 @@ class SecularRates(NamedTuple):
     mean_anomaly: Scalar
 
 
+@formula
 def secular_rates(
     semi_major_axis: Scalar,
     eccentricity: Scalar,
@@ -103,6 +105,7 @@ def _second_order(h: Scalar, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return node, 0.09375 * apsis, 0.09375 * anomaly
 
 
+@formula
 def sun_synchronous_inclination(
     semi_major_axis: Scalar,
     eccentricity: Scalar,

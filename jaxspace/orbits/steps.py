@@ -20,6 +20,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.formula import formula
 from ..core.tracing import is_traced
 from ..core.vectors import dot, norm
 
@@ -35,6 +36,7 @@ def _mean_motion(system: AbstractSystem, y: State, t: Scalar) -> Scalar:
     return jnp.sqrt(mu * curvature) * curvature
 
 
+@formula
 def steps_for(
     system: AbstractSystem,
     y0: State,

@@ -25,12 +25,14 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
 from ..core.vectors import dot, inverse_norm, scale
 from .paths import Path
 
 
+@formula
 def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
     """Acceleration by another body, less that of the centre.
 
@@ -48,6 +50,7 @@ def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
     return scale(-mu * inverse_norm(r - s, 3), r + scale(f, s))
 
 
+@formula
 def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
     """Potential energy per unit mass V, m^2/s^2, less its value at the centre.
 

@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 from ..core import InputError, Scalar, check
 from ..core.checks import is_concrete
 from ..core.field_types import is_real, shown
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.types import as_float
 
@@ -59,6 +60,7 @@ class ImpulsiveTransfer(NamedTuple):
         return jnp.sum(self.durations, axis=0)
 
 
+@formula
 def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -> Scalar:
     """The increment of speed at an apsis that moves the opposite apsis (Thomson 4.12).
 
@@ -107,6 +109,7 @@ def half_revolution(radius: Scalar, opposite: Scalar, mu: Scalar) -> Scalar:
     return math.pi * a * jnp.sqrt(a / mu)
 
 
+@formula
 def coaxial_transfer(
     departure: Scalar,
     departure_opposite: Scalar,
@@ -138,6 +141,7 @@ def coaxial_transfer(
     return _transfer(impulses, (half_revolution(departure, arrival, mu),))
 
 
+@formula
 def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfer:
     """Transfer from a circle to another one in the same plane by two impulses (Thomson 4.11).
 
@@ -154,6 +158,7 @@ def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfe
     return coaxial_transfer(start, start, end, end, mu)
 
 
+@formula
 def bielliptic_transfer(
     start: Scalar, between: Scalar, end: Scalar, mu: Scalar
 ) -> ImpulsiveTransfer:

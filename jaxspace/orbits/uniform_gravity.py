@@ -17,6 +17,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import Scalar, event, quantity
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.vectors import dot
 
@@ -41,6 +42,7 @@ class UniformGravity(AbstractEffect):
         return -dot(with_rank(self.acceleration, y.position.ndim - 1), y.position)
 
 
+@formula
 @event("m", direction=-1, needs=("position",))
 def touchdown(t: Scalar, y: BodyState) -> Scalar:
     """The height, m, over the plane z = 0, through which a body falls.

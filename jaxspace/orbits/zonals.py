@@ -27,10 +27,12 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
+from ..core.formula import formula
 from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 
 
+@formula
 def zonals(
     r: Vector, mu: Scalar, harmonics: Float[Array, "degrees *#runs"], radius: Scalar
 ) -> Vector:
@@ -65,6 +67,7 @@ def zonals(
     return scale(weight * along * ratio, u) + scale(down, axis(2, down))
 
 
+@formula
 def zonal_potential(
     r: Vector, mu: Scalar, harmonics: Float[Array, "degrees *#runs"], radius: Scalar
 ) -> Scalar:

@@ -10,11 +10,13 @@ __all__ = ["angle_of_attack"]
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.safe import safe_atan2
 from ..core.vectors import axis, cross, dot, norm
 from ..rotations import Quaternion
 
 
+@formula
 def angle_of_attack(attitude: Quaternion, velocity: Vector) -> Scalar:
     """The angle between the body's z axis and a velocity, rad, from 0 to pi.
 

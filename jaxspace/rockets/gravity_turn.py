@@ -47,6 +47,7 @@ from ..core import (
     quantity,
 )
 from ..core.checks import check_positive, is_concrete
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import phi1
@@ -64,6 +65,7 @@ class GravityTurnState(eqx.Module):
     height: NumberField = quantity("m", doc="height")
 
 
+@formula
 def gravity_turn(
     angle: Scalar, thrust_ratio: Scalar, gravity: Scalar, speed: Scalar, start: Scalar
 ) -> tuple[Scalar, GravityTurnState]:
@@ -94,6 +96,7 @@ def gravity_turn(
     return time, _state(s, thrust_ratio, gravity, first)
 
 
+@formula
 def gravity_turn_after(
     time: Scalar, thrust_ratio: Scalar, gravity: Scalar, y: GravityTurnState
 ) -> GravityTurnState:

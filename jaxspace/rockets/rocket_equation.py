@@ -32,9 +32,11 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.checks import check_positive
+from ..core.formula import formula
 from ..core.types import as_float
 
 
+@formula
 def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
     """Gain of speed in free space, u ln(m_0 / m), m/s (Thomson 7.7-4).
 
@@ -50,6 +52,7 @@ def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
     return exhaust_velocity * jnp.log(mass_ratio)
 
 
+@formula
 def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
     """Mass ratio m_0 / m that gives a gain of speed in free space (Thomson 7.7-4).
 
@@ -64,6 +67,7 @@ def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
     return jnp.exp(velocity_gain / exhaust_velocity)
 
 
+@formula
 def vertical_burnout_velocity(
     exhaust_velocity: Scalar,
     mass_ratio: Scalar,
@@ -86,6 +90,7 @@ def vertical_burnout_velocity(
     return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
 
 
+@formula
 def vertical_burnout_height(
     exhaust_velocity: Scalar,
     mass_ratio: Scalar,
@@ -114,6 +119,7 @@ def vertical_burnout_height(
     return start * burn_time + exhaust_velocity * burn_time * share - 0.5 * gravity * burn_time**2
 
 
+@formula
 def coast_height(
     speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar | None = None
 ) -> Scalar:
@@ -137,6 +143,7 @@ def coast_height(
     return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)
 
 
+@formula
 def propulsive_efficiency(speed: Scalar, exhaust_velocity: Scalar) -> Scalar:
     """The share of the power of a jet that moves the rocket, F v / [F v + m' (u - v)^2 / 2] with
     the thrust F = m' u; the rest stays behind as kinetic energy of the exhaust (Thomson 8.1).

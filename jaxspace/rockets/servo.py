@@ -19,8 +19,10 @@ __all__ = ["servo_rate"]
 import jax.numpy as jnp
 
 from ..core import Scalar
+from ..core.formula import formula
 
 
+@formula
 def servo_rate(
     command: Scalar,
     position: Scalar,

@@ -18,8 +18,10 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.checks import check_positive
+from ..core.formula import formula
 
 
+@formula
 def sprinkler_moment(
     flow: Scalar, arm: Scalar, spin_rate: Scalar, jet_speed: Scalar = 0.0, bend: Scalar = 0.0
 ) -> Scalar:
@@ -35,6 +37,7 @@ def sprinkler_moment(
     return flow * arm * (arm * spin_rate - jet_speed * jnp.sin(bend))
 
 
+@formula
 def sprinkler_speed(
     flow: Scalar, arm: Scalar, jet_speed: Scalar, bend: Scalar, friction: Scalar = 0.0
 ) -> Scalar:

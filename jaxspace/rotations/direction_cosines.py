@@ -20,9 +20,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Matrix, Vector
+from ..core.formula import formula
 from ..core.vectors import cross, dot
 
 
+@formula
 def cosine_rates(cosines: Matrix, omega_B: Vector) -> Matrix:
     """C', 1/s, (3, 3, *runs), of a body that turns (Thomson 3, problem 15).
 
@@ -35,6 +37,7 @@ def cosine_rates(cosines: Matrix, omega_B: Vector) -> Matrix:
     return jnp.stack([cross(row, omega_B) for row in cosines])
 
 
+@formula
 def omega_from_cosine_rates(cosines: Matrix, cosine_rates: Matrix) -> Vector:
     """The angular velocity in the axes of the body, rad/s, (3, *runs), from C and C'.
 
@@ -48,6 +51,7 @@ def omega_from_cosine_rates(cosines: Matrix, cosine_rates: Matrix) -> Vector:
     return 0.5 * (turned[0] + turned[1] + turned[2])
 
 
+@formula
 def cosine_conditions(cosines: Matrix) -> Float[Array, "6 *#runs"]:
     """Residuals of the six conditions on nine cosines, (6, *runs): the squares of the
     lengths of i, j and k less one, and j . k, k . i and i . j.

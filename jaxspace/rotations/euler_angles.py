@@ -23,6 +23,7 @@ __all__ = ["SEQUENCES", "euler_rates_from_omega", "omega_from_euler_rates"]
 import jax.numpy as jnp
 
 from ..core import InputError, Matrix, Vector
+from ..core.formula import formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import check_components, with_rank
 from ..core.vectors import matvec, solve3
@@ -38,6 +39,7 @@ def _axes(sequence: str) -> tuple[int, int, int]:
     return i, j, k
 
 
+@formula
 def from_euler_angles(angles: Vector, sequence: str = "313") -> Quaternion:
     """The orientation after three turns about the moving axes.
 
@@ -104,6 +106,7 @@ def _turn_axes(angles: Vector, sequence: str) -> Matrix:
     return jnp.stack([later.rotate_back(e[i]), last.rotate_back(e[j]), e[k]], axis=1)
 
 
+@formula
 def omega_from_euler_rates(angles: Vector, rates: Vector, sequence: str = "313") -> Vector:
     """Angular velocity from the rates of Euler's angles (Thomson 3.5-1).
 
@@ -121,6 +124,7 @@ def omega_from_euler_rates(angles: Vector, rates: Vector, sequence: str = "313")
     return matvec(_turn_axes(angles, sequence), rates)
 
 
+@formula
 def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313") -> Vector:
     """Rates of Euler's angles from the angular velocity (the inverse of Thomson 3.5-1).
 

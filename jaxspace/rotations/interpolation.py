@@ -23,12 +23,14 @@ __all__ = ["interpolate_attitude", "slerp"]
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.shapes import check_components, with_rank
 from ..core.vectors import scale
 from ._quaternion import Quaternion
 from .rotation_vector import omega_from_rotation_vector_rate, rotation_vector_rate
 
 
+@formula
 def slerp(start: Quaternion, end: Quaternion, share: Scalar) -> Quaternion:
     """The orientation on the way of steady rate about a fixed axis.
 
@@ -44,6 +46,7 @@ def slerp(start: Quaternion, end: Quaternion, share: Scalar) -> Quaternion:
     return _after(start, scale(share, way))
 
 
+@formula
 def interpolate_attitude(
     t: Scalar,
     duration: Scalar,

@@ -22,10 +22,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import check
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ._quaternion import Quaternion
 
 
+@formula
 def mean_attitude(
     attitudes: Quaternion, weights: Float[Array, "attitudes *#runs"] | None = None
 ) -> Quaternion:

@@ -24,6 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
@@ -88,6 +89,7 @@ class MovingFrame(eqx.Module):
         return _sum(2.0 * cross(w, v), turning)
 
 
+@formula
 def instantaneous_centre(r: Vector, v: Vector, omega: Vector) -> Vector:
     """The point of a body, or of its extension, that is at rest in a plane motion.
 
@@ -102,6 +104,7 @@ def instantaneous_centre(r: Vector, v: Vector, omega: Vector) -> Vector:
     return r + cross(omega, v) / dot(omega, omega)
 
 
+@formula
 def polar_components(
     r: Scalar,
     r_rate: Scalar,
@@ -125,6 +128,7 @@ def polar_components(
     return velocity, jnp.stack(jnp.broadcast_arrays(along, across))
 
 
+@formula
 def path_components(v: Vector, a: Vector) -> tuple[Scalar, Scalar, Scalar]:
     """Acceleration along and across a path, and the curvature of the path (Thomson 2.3-5).
 

@@ -21,10 +21,12 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.formula import formula
 
 PlaneMotion = Callable[[Scalar], tuple[Float[Array, "2"], Scalar]]
 
 
+@formula
 def centrodes(
     motion: PlaneMotion, ts: Float[Array, " times"]
 ) -> tuple[Float[Array, "2 times"], Float[Array, "2 times"]]:

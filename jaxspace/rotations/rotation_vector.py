@@ -20,12 +20,14 @@ import math
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
+from ..core.formula import formula
 from ..core.safe import sinc_squared
 from ..core.shapes import check_components, with_rank
 from ..core.special import stumpff_near
 from ..core.vectors import cross, dot
 
 
+@formula
 def rotation_vector_rate(turn: Vector, omega: Vector) -> Vector:
     """Rate of the rotation vector of a body that turns.
 
@@ -42,6 +44,7 @@ def rotation_vector_rate(turn: Vector, omega: Vector) -> Vector:
     return omega + 0.5 * across + _bend(dot(turn, turn)) * cross(turn, across)
 
 
+@formula
 def omega_from_rotation_vector_rate(turn: Vector, rate: Vector) -> Vector:
     """Angular velocity from the rate of the rotation vector.
 

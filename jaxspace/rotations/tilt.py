@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, Vector
+from ..core.formula import formula
 from ..core.square_roots import sqrt
 from ..core.vectors import axis
 from ._quaternion import Quaternion
@@ -56,6 +57,7 @@ def complex_tilt(attitude: Quaternion, axes: str = "inertial") -> Float[Array, "
     return sign * tilt_of_axis(seen.rotate(axis(2, jnp.ones_like(attitude.wxyz[0]))))
 
 
+@formula
 def tilt_of_axis(s: Vector) -> Float[Array, "2 *#runs"]:
     """The rotation vector, rad, (2, *runs), that turns z into the unit vector `s`; its z component
     is zero.

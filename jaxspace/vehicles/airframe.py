@@ -44,10 +44,12 @@ from ..core import (
     constructor,
     quantity,
 )
+from ..core.formula import formula
 from ..core.square_roots import sqrt
 from ..core.types import as_float
 
 
+@formula
 def prandtl_factor(mach: Scalar) -> Scalar:
     """beta = sqrt(|1 - M^2|), held at 0.6 about Mach 1, where linear theory ends."""
     return sqrt(jnp.maximum(jnp.abs(1.0 - mach * mach), 0.36))

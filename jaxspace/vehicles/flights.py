@@ -35,6 +35,7 @@ from ..core import (
     output,
     quantity,
 )
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import norm
@@ -220,6 +221,7 @@ class _TimeLeft(eqx.Module):
         return self.time - t + 0.0 * y.position[2]
 
 
+@formula
 @event("m/s", direction=-1, needs=("velocity",))
 def apogee(t: Scalar, y: BodyState) -> Scalar:
     """v_z, m/s: it falls through zero at the apogee over flat ground.
@@ -251,6 +253,7 @@ def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
     return names
 
 
+@formula
 def sounding_flight(
     vehicle: Vehicle,
     site: LaunchSite,

@@ -20,6 +20,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core.formula import formula
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ..core.vectors import axis
@@ -31,6 +32,7 @@ STANDARD_GRAVITY = 9.80665  # m/s^2, of the CGPM, 1901
 RADIUS = 6371008.8  # m, mean of the ellipsoid
 
 
+@formula
 def normal_gravity(latitude: Scalar, height: Scalar = 0.0) -> Scalar:
     """Gravity of the rotating Earth, m/s^2, at a geodetic latitude (WGS 84, 4-1).
 

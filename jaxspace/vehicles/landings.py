@@ -14,6 +14,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import Scalar, Vector, output
+from ..core.formula import formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import norm
@@ -25,6 +26,7 @@ EQUATORIAL = 6378137.0  # m, WGS 84
 FLATTENING = 1.0 / 298.257223563
 
 
+@formula
 @output("rad", latitude="site.latitude", longitude="site.longitude", elevation="site.elevation")
 def landing_latitude(
     position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
@@ -38,6 +40,7 @@ def landing_latitude(
     return _place(position, latitude, longitude, elevation).latitude
 
 
+@formula
 @output("rad", latitude="site.latitude", longitude="site.longitude", elevation="site.elevation")
 def landing_longitude(
     position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar = 0.0
