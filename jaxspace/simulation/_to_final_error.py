@@ -37,7 +37,7 @@ Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 # The first two tolerances lie so far apart: the first run takes half the steps of the second.
 APART = 300.0
 # In units of the error that a motion without growth would have.
-SECOND = 1.0
+SECOND = 0.1
 # Below the tolerance from which "auto" takes another method: all runs are one program.
 LOOSEST = 9e-6
 # The largest of all, in single precision.
