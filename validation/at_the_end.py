@@ -91,7 +91,8 @@ def text(found: dict[str, dict[str, list[AtTheEnd]]]) -> str:
     late = sum(one.error > 1.0 for one in met)
     worst = max(one.error for one in met)
     within = f"All of them are within it, the worst at {worst:.2g} of it"
-    beyond = f"{late} of these are not within it, the worst at {worst:.2g} times what was asked"
+    verb = "is" if late == 1 else "are"
+    beyond = f"{late} of these {verb} not within it, the worst at {worst:.2g} times what was asked"
     summary = (
         f"Of {len(every)} runs {len(met)} say that it is met. {beyond if late else within}; in the "
         f"median they take {np.median(costs):.2g} times the evaluations of the cheapest tolerance, "
