@@ -82,7 +82,7 @@ def test_files_without_digits_are_named_as_they_are():
     assert not idle and looks_at_digits(TESTS / "test_orbits_kepler.py")
 
 
-@pytest.mark.parametrize("target", ["beyond", "processors", "sweep"])
+@pytest.mark.parametrize("target", ["beyond", "processors", "sweep", "faults"])
 def test_what_takes_longest_runs_the_programs_of_users(target):
     makefile = (TESTS.parent / "Makefile").read_text()
     (recipe,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
