@@ -213,10 +213,10 @@ parameter in an error sentence when it sees it. Under `jit` it does not see it, 
 are made there, so that the illegal number gets in. It may leave a finite motion all the same, such
 as a moment of inertia of 1e300.
 
-The runs have 512 steps at most, which the runs of a block share: hence the many `MAX_STEPS` where
-one input of the block is wild, such as a planet of twice the radius, whose air the orbit dives
-into, or a stage that starts far below the ground. An attraction that falls faster than 1/r^3
-(`central_forces`) draws some orbits into its centre in finite time: no number of steps gets past.
+The runs have 512 steps at most: hence the `MAX_STEPS` of wild inputs, such as a planet of twice the
+radius, whose air the orbit dives into, or a stage that starts far below the ground. An attraction
+that falls faster than 1/r^3 (`central_forces`) draws some orbits into its centre in finite time: no
+number of steps gets past.
 *Wrong* are legal runs that end well and whose invariants moved by more than 1e-5.
 
 | System | Inputs | Runs | Silent NaN | Wrong | Refused where seen | End well | End with a status |

@@ -265,14 +265,12 @@ def stops(samples):
     mission, y0 = rarely_fast(samples)
     stop = Event(lambda t, y: t - 2.0, direction=1, within=DURATION, samples=4)
     system = mission.phases[0].system
-    # Up to the event the runs of a block share their steps; from there on they follow a plan.
+    # Up to the event every run takes its own steps; from there on they follow a plan.
     return Mission([Phase(system, stop, name="search"), Phase(system, 1.0, name="plan")]), y0
 
 
 def test_a_mission_with_an_event_is_cut_into_chunks_alike():
-    """The search for events and the phases after it share adaptive steps within a block, so that a
-    block must be the same runs, also where one of them takes three times the steps of the
-    others."""
+    """Also where one run of a block takes three times the steps of the others."""
     inputs = {"luck": Uniform(0.0, 1.0), "x0": Uniform(0.5, 1.0), "v0": Constant(0.0)}
     campaign = Campaign(stops, inputs, lambda r, s: {"x": r.final.x, "t": r.phases[0].ts[-1]})
     one, two = (

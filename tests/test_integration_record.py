@@ -64,6 +64,30 @@ def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype):
             np.testing.assert_array_equal(a, b)
 
 
+@pytest.mark.parametrize("shared", [False, True])
+def test_a_short_record_holds_more_steps_where_the_runs_share_them(monkeypatch, shared):
+    """Five of each run, or all of them with one number each, that of the run ahead."""
+    monkeypatch.setattr(_record, "RECORD_BYTES", 0)
+    monkeypatch.setattr(_record, "SHORT", 15)
+    monkeypatch.setattr(_record, "FEWEST_ROWS", 1)
+    like = BodyState(jnp.zeros((3, 3)), jnp.zeros((3, 3)))
+    layout = RecordLayout.of(like, jnp.zeros(3), 100, short=True)
+    assert layout.rows == 5
+    recording, steps = Recording.empty(layout, jnp.asarray(shared)), 100 if shared else layout.rows
+    add = jax.jit(lambda r, n, step, y: r.add(layout, n, step, y, jnp.array(True)))
+    for n in range(steps):
+        recording = add(recording, n, step_of(n, jnp.zeros(3)), state_after(n, like))
+    record = Record(layout, *recording[:2], jnp.asarray(steps), shared=recording.shared)
+    for n in range(steps):
+        expected = step_of(n, jnp.zeros(3))
+        expected = np.full(3, np.max(expected)) if shared else expected
+        np.testing.assert_array_equal(record.step(jnp.asarray(n)), expected)
+    stride = int(recording.stride)
+    for k in range(int(recording.count)):
+        found, expected = record.state(jnp.asarray(k)), state_after((k + 1) * stride - 1, like)
+        np.testing.assert_array_equal(found.position, expected.position)
+
+
 def test_a_short_run_keeps_every_state():
     like = BodyState(jnp.zeros((3, 64)), jnp.zeros((3, 64)))
     layout = RecordLayout.of(like, CLOCK, 16384)

@@ -95,11 +95,9 @@ class BatchRunner:
         Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
         the nominal run fails, and `InputError` for outputs that are not one number for each run."""
         size = Blocks.on(devices[:1], call_size(devices)).size
-        steps, coupled, small = expected_steps(campaign, accuracy, samples, size, runs)
+        steps, small = expected_steps(campaign, accuracy, samples, size, runs)
         expected = placeholders(steps)
-        planned = PlannedCampaign(
-            campaign, accuracy, seed, (expected,), coupled, small, samples, ""
-        )
+        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), small, samples, "")
         runner = cls(planned, devices)
         first = np.arange(runner.call, dtype=np.uint32)
 
@@ -177,21 +175,12 @@ class BatchRunner:
         return results
 
     def _again(self, numbers: np.ndarray, plans: Plans) -> RunResults:
-        """The runs of these `numbers` on finer plans.
-
-        In their own blocks where the runs of a block share adaptive steps."""
-        size = self.blocks.size
-        if not self.planned.coupled:
-            results = self._results(_filled(numbers, self.call), plans)
-            return jax.tree.map(lambda x: x[..., : numbers.size], results)
-        calls = np.unique(numbers // size)
-        filled = _filled(calls, self.call // size)
-        results = self._results((filled[:, None] * size + np.arange(size)).reshape(-1), plans)
-        where = np.searchsorted(calls, numbers // size) * size + numbers % size
-        return jax.tree.map(lambda x: x[..., where], results)
+        """The runs of these `numbers` on finer plans."""
+        results = self._results(_filled(numbers, self.call), plans)
+        return jax.tree.map(lambda x: x[..., : numbers.size], results)
 
     def _adaptive(self, numbers: np.ndarray) -> RunResults:
-        """The runs of these `numbers` with adaptive steps that no two runs share."""
+        """The runs of these `numbers` with adaptive steps."""
         no_plans = (None,) * len(self.planned.plans[0])
         alone = self.blocks._replace(size=1)
         results = self._results(_filled(numbers, ADAPTIVE_CALL), no_plans, ADAPTIVE_CALL, alone)

@@ -15,7 +15,6 @@ from ..core.tables import breaks_of
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.config import IntegrationConfig
-from ..integration.events import Event
 from ..integration.programs import Runs, is_small
 from ..integration.status import SimulationError, Status
 from ..simulation import Mission, Phase
@@ -82,8 +81,8 @@ def _planned(
     """Which phases follow a plan of steps, and need the pilots' ones: not a closed form, and none
     of a mission with a phase whose steps are searched for its end.
 
-    The runs of a block share adaptive steps in such a phase anyway, and a mission of which no phase
-    follows a plan needs no pilots: their program would be compiled for the rest."""
+    Every run takes its own steps in such a phase anyway, and a mission of which no phase follows a
+    plan needs no pilots: their program would be compiled for the rest."""
     triples = list(zip(legs_of(mission)[0], saved, configs, strict=True))
     if any(ends_on_the_way(leg.phase, n, config) for leg, n, config in triples):
         return [False] * len(triples)
@@ -119,21 +118,19 @@ def _breaks_differ(phase: Phase) -> bool:
 
 def expected_steps(
     campaign: Campaign, accuracy: Accuracy, kept: Kept, block: int, runs: int
-) -> tuple[list[Any], bool, bool]:
+) -> tuple[list[Any], bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
-    whether a phase ends by an event, in whose search the runs of a block share their steps; and
-    whether the steps of this many planned `runs` are a small program.
+    and whether the steps of this many planned `runs` are a small program.
 
     They follow from the methods alone, because tracing the pilot runs takes much longer. `block`:
     runs in a block, whose program then finds its vector fields traced."""
 
-    def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool, bool]:
+    def steps(campaign: Campaign, accuracy: Accuracy) -> tuple[list[Array | None], bool]:
         mission, y0 = campaign.mission(campaign.nominal(block))
         configs, operations = resolve_and_count(mission, y0, accuracy, 1)
         planned = _planned(mission, configs, _saved(campaign, kept, len(configs)))
-        events = any(isinstance(leg.phase.until, Event) for leg in legs_of(mission)[0])
         ends = [campaign.start if follows else None for follows in planned]
-        return ends, events, is_small(Runs.CAMPAIGN, operations, runs)
+        return ends, is_small(Runs.CAMPAIGN, operations, runs)
 
     return eqx.filter_eval_shape(steps, campaign, accuracy)
 

@@ -23,7 +23,6 @@ class PlannedCampaign(NamedTuple):
     """Everything on which the numbers of a run depend; it can be sent to another process.
 
     - `plans`: one for every factor of refinement.
-    - `coupled`: whether the runs of a block share adaptive steps.
     - `small`: whether the steps are a small program (`is_small`).
     - `samples`: number of saved states of each phase, 0 for none; or their times.
     - `digest`: of the results of the trial, which differs between campaigns, versions or processors
@@ -33,7 +32,6 @@ class PlannedCampaign(NamedTuple):
     accuracy: Accuracy
     seed: int
     plans: tuple[Plans, ...]
-    coupled: bool
     small: bool
     samples: Kept
     digest: str

@@ -16,7 +16,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import State
-from .loop import TERM, LoopSettings, LoopState, integrate_loop
+from ._loop_settings import LoopSettings
+from .loop import TERM, LoopState, integrate_loop
 from .result import Outcome
 
 
@@ -45,7 +46,7 @@ def solve_by_diffrax(
         y0,
         field,
         saveat=diffrax.SaveAt(subs=saves, solver_state=True),
-        stepsize_controller=settings.controller(),
+        stepsize_controller=settings.planned(),
         adjoint=diffrax.RecursiveCheckpointAdjoint() if adjoint is None else adjoint,
         max_steps=settings.max_steps,
         throw=False,
@@ -55,7 +56,7 @@ def solve_by_diffrax(
     if chosen is not None:
         out_of_steps = out_of_steps | (chosen.t < settings.end)
         # If the steps ran out, one more step of the plan reaches the end.
-        taken, rejected = chosen.num_accepted, chosen.num_rejected
+        taken, rejected = chosen.accepted, chosen.rejected
     # As in the loop of `solve`, a state that was not reached is NaN.
     states = jax.tree.map(lambda x: jnp.where(out_of_steps, jnp.nan, x), solution.ys[0])
     return Outcome(
@@ -77,11 +78,12 @@ def _chosen_steps(
     field, y0 = jax.tree.map(
         lambda x: jax.lax.stop_gradient(x) if eqx.is_inexact_array(x) else x, (field, y0)
     )
+    # In diffrax's loop the runs share their steps.
     bare = dataclasses.replace(
-        settings, save_ts=None, record_steps=True, dense=False, restarts=False
+        settings, save_ts=None, record_steps=True, dense=False, together=True
     )
     loop = integrate_loop(bare, field, y0)
-    ends = loop.buffers.ends_of(loop.num_accepted)
+    ends = loop.buffers.ends_of(loop.accepted)
     assert ends is not None
     nodes = jnp.where(jnp.isfinite(ends), ends, settings.end)
     return loop, jnp.concatenate([settings.start[None], nodes])

@@ -1,13 +1,12 @@
 """The first event of each run, located by the steps of the run itself.
 
 Each accepted step is searched by its dense output (`_step_zero`). A run whose event lies in the
-step waits there. When all runs wait or have ended, the steps that hold the events are repeated with
-a shorter length, until Newton's method has brought the condition at their ends to zero. A state at
-an event is thus the end of a step, and the program holds the vector field once.
+step repeats it in the following passes with a shorter length, until Newton's method has brought the
+condition at its end to zero, and waits there. A state at an event is thus the end of a step, and
+the program holds the vector field once.
 
     x_{k+1} = x_k - g / (dg/ds)            x: length of the last step, normalised time
 
-The runs repeat these steps together, and each run takes its part of the common step (`OwnStep`).
 
     symbol    meaning                                                      unit
     g         condition of an event                                        any
@@ -91,7 +90,7 @@ class Location(NamedTuple):
     placed: Float[Array, "*runs"]
     missed: Float[Array, "*runs"]
     again: Bool[Array, "*runs"]
-    repetitions: Int[Array, ""]
+    repetitions: Int[Array, "*runs"]
 
     def ended(self, y: State) -> State:
         """The state at the event of each run; `y` of those without one."""
@@ -141,7 +140,7 @@ class Location(NamedTuple):
             placed=zero + jnp.nan,
             missed=sizes[0] + jnp.nan,
             again=no,
-            repetitions=jnp.asarray(0),
+            repetitions=jnp.zeros(no.shape, int),
         )
 
 
@@ -183,15 +182,16 @@ class FoundEvents(NamedTuple):
 
 
 class SearchedStep(NamedTuple):
-    """A step: the conditions `along` it, its start and its end in shared time, the state where it
-    starts and that where it ends, and the part of the run that it passes."""
+    """A step of each run: the conditions `along` it, in the time of a step from 0 to 1; where it
+    starts, and its length, in normalised time; the state where it starts and that where it ends,
+    and the part of the run that it passes."""
 
     along: Callable[[Event], AlongStep | AlongFlow]
-    s0: Float[Array, ""]
-    s1: Float[Array, ""]
+    start: Float[Array, "*runs"]
+    length: Float[Array, "*runs"]
     y0: State
     y1: State
-    width: Float[Array, ""]
+    width: Float[Array, "*runs"]
 
 
 class _SearchState(NamedTuple):
@@ -213,13 +213,13 @@ def located(
     location: Location,
     sought: SoughtEvents,
     step: SearchedStep,
-    going: Bool[Array, ""],
+    going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
-    first: Bool[Array, ""],
+    first: Bool[Array, "*runs"],
     span: tuple[Scalar, Scalar],
 ) -> Location:
-    """The location after a step: of one that is `going` on, after a search for the runs that are
-    `moving`; otherwise after the steps that hold the events were repeated with their `length`.
+    """The location after a step: of a run that is `going` on, after a search if it is `moving`;
+    otherwise after the step that holds its event was repeated with its `length`.
 
     `first`: whether the run starts with this step; `span`: its start and its duration, s."""
     search = _searched(location, sought, step, going, moving, first, span)
@@ -229,7 +229,6 @@ def located(
     taken, tried, worse, more = (~going & x for x in (location.again, tried, worse, more))
     change, taken, tried, worse, more = barrier((change, taken, tried, worse, more))
     length = location.length
-    whole = step.s1 - step.s0
 
     def updated(new: Array, old: Array) -> Array:
         return jnp.where(here, new, old)
@@ -241,18 +240,18 @@ def located(
         waiting=location.waiting | here,
         which=updated(search.which, location.which),
         status=updated(search.status, location.status),
-        start=updated(step.s0, location.start),
+        start=updated(step.start, location.start),
         y0=jax.tree.map(updated, step.y0, location.y0),
-        length=updated(search.s - step.s0, jnp.where(more, length + change, length)),
-        whole=updated(whole, location.whole),
+        length=updated(search.s * step.length, jnp.where(more, length + change, length)),
+        whole=updated(step.length, location.whole),
         y=jax.tree.map(at_event, step.y0, step.y1, location.y),
         sizes=search.sizes,
         # The dense output is accurate to a hundredth of the step.
-        change=updated(0.02 * whole, jnp.where(more, jnp.abs(change), location.change)),
+        change=updated(0.02 * step.length, jnp.where(more, jnp.abs(change), location.change)),
         placed=jnp.where(tried, length, location.placed),
         missed=jnp.where(tried, missed, jnp.where(worse, jnp.inf, location.missed)),
         again=jnp.where(going, updated(search.which >= 0, location.again), more),
-        repetitions=location.repetitions + jnp.where(going, 0, 1),
+        repetitions=location.repetitions + location.again.astype(int),
     )
 
 
@@ -260,13 +259,13 @@ def _searched(
     location: Location,
     sought: SoughtEvents,
     step: SearchedStep,
-    going: Bool[Array, ""],
+    going: Bool[Array, "*runs"],
     moving: Bool[Array, "*runs"],
-    first: Bool[Array, ""],
+    first: Bool[Array, "*runs"],
     span: tuple[Scalar, Scalar],
 ) -> _SearchState:
-    """The first event of each run in the parts of a step; of a step that is not `going` on the
-    conditions at its ends. Arguments as of `located`."""
+    """The first event of each run in the parts of its step; for a run that is not `going` on, the
+    conditions at the ends of the step. Arguments as of `located`."""
     runs = moving.shape
     samples = max(event.samples for event in sought.events)
     count = jnp.maximum(jnp.ceil(step.width * (samples / PARTS)), 1.0).astype(int)
@@ -274,13 +273,14 @@ def _searched(
     count = jnp.where(going, count, 1)
     searched = jnp.where(going, moving, location.again)
 
-    def searching(search: _SearchState) -> Array:
-        return (search.part < count) & jnp.any(searched & ~search.here)
+    def left(search: _SearchState) -> Array:
+        return (search.part < count) & searched & ~search.here
 
     def part(search: _SearchState) -> _SearchState:
-        length = (step.s1 - step.s0) / count.astype(step.s0.dtype)
-        begin = step.s0 + search.part.astype(length.dtype) * length
-        end = jnp.where(search.part + 1 == count, step.s1, begin + length)
+        length = 1.0 / count.astype(step.start.dtype)
+        begin = search.part.astype(length.dtype) * length
+        end = jnp.where(search.part + 1 == count, 1.0, begin + length)
+        here_now = left(search)
         earliest = jnp.full(runs, jnp.inf)
         which = -jnp.ones(runs, jnp.int32)
         status = jnp.full(runs, Status.COMPLETED, jnp.int32)
@@ -290,9 +290,9 @@ def _searched(
         for number, event in enumerate(sought.events):
             size = search.sizes[number]
             part = Part(step.along(event), begin, end, at_start, sought.rounding[number], *span)
-            zero, at_ends = part.first_zero(size, searched & ~search.here, going)
+            zero, at_ends = part.first_zero(size, here_now, going)
             sizes.append(zero.size)
-            mine = location.which == number
+            mine = (location.which == number) & here_now
             ends = jax.tree.map(lambda a, b, mine=mine: jnp.where(mine, a, b), at_ends, ends)
             sooner = zero.hit & (zero.time < earliest)
             which = jnp.where(sooner, number, which)
@@ -302,7 +302,7 @@ def _searched(
             earliest = jnp.where(sooner, zero.time, earliest)
             status = jnp.where(failed, zero.status, status)
             earliest = jnp.where(failed, zero.failed, earliest)
-        here = going & searched & ~search.here & jnp.isfinite(earliest)
+        here = going & here_now & jnp.isfinite(earliest)
         # What is selected by them would compute them again.
         here, earliest, which, status = barrier((here, earliest, which, status))
         return _SearchState(
@@ -311,7 +311,7 @@ def _searched(
             jnp.where(here, earliest, search.s),
             jnp.where(here, which, search.which),
             jnp.where(here, status, search.status),
-            jnp.where(going & searched & ~search.here, jnp.stack(sizes), search.sizes),
+            jnp.where(going & here_now, jnp.stack(sizes), search.sizes),
             ends,
         )
 
@@ -319,13 +319,13 @@ def _searched(
     nothing = _SearchState(
         jnp.asarray(0),
         jnp.zeros(runs, bool),
-        jnp.broadcast_to(step.s1, runs),
+        jnp.ones(runs, step.start.dtype),
         location.which,
         location.status,
         location.sizes,
         Ends(none, none, none, none),
     )
-    return jax.lax.while_loop(searching, part, nothing)
+    return jax.lax.while_loop(lambda search: jnp.any(left(search)), part, nothing)
 
 
 def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Array]:

@@ -12,8 +12,8 @@ from ..core import AbstractRegularised, Scalar, State
 from ..solvers.regularised_step import Regular, landed
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers
+from ._loop_settings import LoopSettings
 from ._own_control import Trend
-from .loop import LoopSettings
 
 
 @final
@@ -35,8 +35,8 @@ class OwnLoop(NamedTuple):
       the others before it takes such a step, or has taken one.
     - `worst`: the largest local error of the steps taken, in units of the tolerance.
     - `count`: number of the `passes` in which a run moved.
-    - `buffers`: with a row for each of these passes, but the states at the save times by segment.
-    - `left_out`: the runs for which the others would have waited too long."""
+    - `buffers`: with a row for each of these passes, but the states at the save times by
+      segment."""
 
     y: OwnState
     h: Float[Array, "*runs"]
@@ -50,7 +50,6 @@ class OwnLoop(NamedTuple):
     passes: Int[Array, ""]
     count: Int[Array, ""]
     buffers: Buffers
-    left_out: Bool[Array, "*runs"]
 
 
 class Segment(NamedTuple):

@@ -23,6 +23,7 @@ from ..solvers.regularised_step import (
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers, put_row
+from ._loop_settings import LoopSettings
 from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import (
     OwnLoop,
@@ -34,8 +35,6 @@ from ._own_state import (
     record_of_pass,
     unit,
 )
-from ._slow_runs import nan_where, without_slow_runs
-from .loop import LoopSettings
 
 
 def integrate_own_steps(
@@ -48,25 +47,8 @@ def integrate_own_steps(
         left = (loop.y.segment < settings.end) & alive(loop.y.z)
         return jnp.any(left) & (loop.passes < settings.max_steps)
 
-    def run(loop: OwnLoop) -> OwnLoop:
-        return jax.lax.while_loop(
-            unfinished, lambda loop: _advance(settings, form, field, loop), loop
-        )
-
     start = _start(settings, form, field, y0, recorded)
-    if not settings.restarts or start.left_out.size == 1:
-        return run(start)
-
-    def slow(loop: OwnLoop) -> Bool[Array, "*runs"]:
-        # Runs still within their segment; the others wait, so that all land together.
-        moving = (loop.y.segment < settings.end) & alive(loop.y.z) & ~loop.pending
-        return moving & (loop.passes >= settings.max_steps)
-
-    def nan_in(left_out: Array, y: OwnState) -> OwnState:
-        # Not in the number of the segment, by which its times are looked up.
-        return OwnState(nan_where(left_out, y.z), y.segment)
-
-    return without_slow_runs(start, run, slow, nan_in)
+    return jax.lax.while_loop(unfinished, lambda loop: _advance(settings, form, field, loop), start)
 
 
 def _start(
@@ -104,7 +86,6 @@ def _start(
         passes=zero,
         count=zero,
         buffers=buffers,
-        left_out=jnp.zeros_like(landing),
     )
 
 
@@ -169,7 +150,9 @@ def _advance(
         rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
         count=loop.count + moved.astype(int),
-        buffers=buffers.add(loop.count, ends, y1, step, moved, settings.max_steps),
+        buffers=buffers.add(
+            loop.count, loop.count, ends, y1, step, moved, settings.layout(y1, step)
+        ),
     )
 
 

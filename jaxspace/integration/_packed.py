@@ -19,9 +19,9 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Flag, Scalar, State
 from ..core.groups import project
+from ._loop_settings import LoopSettings
 from .events import Event
 from .field_trace import evaluate_field
-from .loop import LoopSettings
 from .normalised_time import ScaledVectorField
 
 

@@ -22,15 +22,16 @@ from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ..solvers.step_control import FIRST_STEP
+from ._loop_settings import LoopSettings
 from ._own_replay import OwnReplay
 from ._own_state import OwnState, record_of_pass
 from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
-from ._record import Record, Recording, RecordLayout
+from ._record import Record, Recording
 from ._replay import Replay
 from ._tangents import Probes
 from .field_trace import field_trace
-from .loop import LoopSettings, integrate_loop
+from .loop import integrate_loop
 from .normalised_time import ScaledVectorField
 from .programs import Runs, is_small
 from .result import outcome_of, own_outcome_of
@@ -42,8 +43,8 @@ Avals: TypeAlias = Sequence[ShapedArray | jax.ShapeDtypeStruct]
 Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
 T = TypeVar("T")
 # Arrays of a record: its numbers, the stride of its states, the count of its steps, the ends of its
-# runs.
-RECORD_ARRAYS = 4
+# runs, and whether these share their steps.
+RECORD_ARRAYS = 5
 
 
 def arguments_of(parts: PyTree) -> list[Array]:
@@ -117,7 +118,7 @@ class Problem:
         if packing is not None:
             outcome = outcome.unpacked(packing)
         ends = None if loop.location is None else loop.location.ends
-        recorded_steps = _arrays_of(loop.buffers.recording, loop.num_accepted, ends)
+        recorded_steps = _arrays_of(loop.buffers.recording, loop.count, ends)
         return [*jax.tree.leaves(outcome), *recorded_steps]
 
     @functools.cached_property
@@ -167,7 +168,7 @@ class Problem:
 
         def rate(*args: Array) -> State:
             field, y0, settings = self.parts(args)
-            return field(settings.start, y0)
+            return field(settings.clock(y0), y0)
 
         return count_operations(jax.make_jaxpr(rate)(*self.avals).jaxpr)
 
@@ -206,8 +207,8 @@ class Problem:
         _, y0, settings = self.parts(args)
         fixed = eqx.combine(tree(rest), self.static[0])
         own = isinstance(y0, OwnState)
-        step = record_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.end
-        steps = Record(RecordLayout.of(y0, step, settings.max_steps), *record)
+        step = record_of_pass(y0.z[0], y0.z[0] > 0.0) if own else settings.clock(y0)
+        steps = Record(settings.layout(y0, step), *record)
         if own:
             return OwnReplay(settings, fixed, steps, False, False), tree(part), y0
         small = self._is_small(settings, derivative=True)
@@ -258,4 +259,4 @@ def _arrays_of(recording: Recording | None, count: Array, ends: Array | None) ->
     if ends is None:
         # No event. Not a constant, because the rules for derivatives expect traced numbers.
         ends = jnp.where(count >= 0, jnp.inf, 0.0)
-    return [recording.numbers, recording.stride, count, ends]
+    return [recording.numbers, recording.stride, count, ends, recording.shared]

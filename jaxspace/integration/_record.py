@@ -26,6 +26,14 @@ RECORD_BYTES = 3 * 2**16
 """Size of a record, unless the steps alone need more. A larger one takes longer to fill and to move
 than the steps between two states take to be computed again."""
 
+SHORT = 2**16
+"""Numbers of steps of each run for which a record has room: more of them are more than a block of
+runs keeps in the cache. Runs that take more steps are repeated with steps that all of them share,
+of which one number each is recorded."""
+
+FEWEST_ROWS = 512
+"""Least number of steps of each run with room, in the large blocks of accelerators."""
+
 FEWEST_STATES = 4
 """Number of states for which the record has space beside all steps."""
 
@@ -40,7 +48,7 @@ class RecordLayout(NamedTuple):
 
     - `shapes`, `dtypes`, `structure`: of a state.
     - `step`: shape of the numbers recorded for a step.
-    - `limit`: largest number of steps.
+    - `limit`: largest number of steps; `rows`: of those that each run takes by itself.
     - `dtype`: of the record."""
 
     shapes: tuple[tuple[int, ...], ...]
@@ -48,16 +56,20 @@ class RecordLayout(NamedTuple):
     structure: jax.tree_util.PyTreeDef
     step: tuple[int, ...]
     limit: int
+    rows: int
     dtype: np.dtype
 
     @classmethod
-    def of(cls, y: State, step: Array, limit: int) -> "RecordLayout":
-        """The layout for states and steps like these."""
+    def of(cls, y: State, step: Array, limit: int, *, short: bool = False) -> "RecordLayout":
+        """The layout for states and steps like these; of a `short` record for steps that the runs
+        share when it is full."""
         leaves, structure = jax.tree.flatten(y)
         dtypes = tuple(x.dtype for x in leaves)
         # The time may have a higher precision than the state; both are stored exactly.
         dtype = max((step.dtype, *dtypes), key=lambda d: d.itemsize)
-        return cls(tuple(x.shape for x in leaves), dtypes, structure, step.shape, limit, dtype)
+        rows = max(FEWEST_ROWS, SHORT // step.size) if short else limit
+        shapes = tuple(x.shape for x in leaves)
+        return cls(shapes, dtypes, structure, step.shape, limit, min(rows, limit), dtype)
 
     @property
     def state_size(self) -> int:
@@ -70,9 +82,14 @@ class RecordLayout(NamedTuple):
         return math.prod(self.step)
 
     @property
+    def steps_size(self) -> int:
+        """Numbers of all steps."""
+        return max(self.rows * self.step_size, self.limit + self.step_size - 1)
+
+    @property
     def size(self) -> int:
         """Numbers of the record."""
-        steps = self.limit * self.step_size
+        steps = self.steps_size
         everything = steps + (self.limit + 1) * self.state_size
         least = steps + (FEWEST_STATES + 1) * self.state_size
         return min(everything, max(RECORD_BYTES // self.dtype.itemsize, least))
@@ -81,7 +98,7 @@ class RecordLayout(NamedTuple):
     def longest(self) -> int:
         """Largest number of steps between two recorded states: a power of two."""
         # One row is reserved for the state after the next step.
-        rows = (self.size - self.limit * self.step_size) // self.state_size - 1
+        rows = (self.size - self.steps_size) // self.state_size - 1
         stride = 1
         while rows * stride < self.limit:
             stride *= 2
@@ -107,25 +124,30 @@ class RecordLayout(NamedTuple):
             first = first + leaf.size
         return numbers
 
-    def step_start(self, n: Array) -> Array:
-        """Index at which step number `n` begins."""
-        return self.size - (n + 1) * self.step_size
+    def step_start(self, n: Array, shared: Array | bool) -> Array:
+        """Index at which step number `n` begins; of steps that are `shared`, with one number each,
+        those of later ones precede it."""
+        width = self.step_size
+        return self.size - jnp.where(shared, n + width, (n + 1) * width)
 
 
 class Recording(NamedTuple):
-    """A record that is being filled; it holds `count` states."""
+    """A record that is being filled; it holds `count` states. `shared`: whether the runs share
+    their steps."""
 
     numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
     count: Int[Array, ""]
+    shared: Bool[Array, ""]
 
     @classmethod
-    def empty(cls, layout: RecordLayout) -> "Recording":
+    def empty(cls, layout: RecordLayout, shared: Bool[Array, ""] | bool = False) -> "Recording":
         """The record before the first step. Raises `InputError` if all steps exceed the memory."""
-        step = layout.step_size * layout.dtype.itemsize
+        step = layout.steps_size * layout.dtype.itemsize // layout.limit
         check_memory("the record of the steps for a derivative", layout.limit, step)
         zero = jnp.asarray(0)
-        return cls(jnp.zeros((layout.size,), layout.dtype), zero + 1, zero)
+        none = jnp.zeros((layout.size,), layout.dtype)
+        return cls(none, zero + 1, zero, jnp.asarray(shared))
 
     def add(
         self, layout: RecordLayout, n: Int[Array, ""], step: Array, y: State, taken: Bool[Array, ""]
@@ -135,15 +157,21 @@ class Recording(NamedTuple):
         A step that was not `taken` is written as well, and overwritten by the next one: a condition
         around the writing would copy the whole array."""
         flat = step.reshape(-1).astype(layout.dtype)
-        numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, flat, layout.step_start(n), 0)
+        if layout.rows < layout.limit:
+            # A run that has failed or waits at its event is behind the others.
+            flat = jnp.where(self.shared, jnp.max(flat), flat)
+        at = layout.step_start(n, self.shared)
+        numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, flat, at, 0)
         numbers = layout.put_state(numbers, self.count, y)
         due = taken & ((n + 1) & (self.stride - 1) == 0)
-        added = Recording(numbers, self.stride, self.count + due.astype(self.count.dtype))
+        count = self.count + due.astype(self.count.dtype)
+        added = self._replace(numbers=numbers, count=count)
         if layout.longest == 1:
             return added
 
         def full(recording: Recording) -> Bool[Array, ""]:
-            free = layout.step_start(n + 1) - (recording.count + 1) * layout.state_size
+            left = layout.step_start(n + 1, self.shared)
+            free = left - (recording.count + 1) * layout.state_size
             return taken & (n + 1 < layout.limit) & (free < 0)
 
         return jax.lax.while_loop(full, lambda recording: recording.thinned(layout), added)
@@ -158,20 +186,22 @@ class Recording(NamedTuple):
         is_state = jnp.arange(half * size) < count * size
         front = jnp.where(is_state, moved, self.numbers[: half * size])
         numbers = jax.lax.dynamic_update_slice_in_dim(self.numbers, front, 0, 0)
-        return Recording(numbers, 2 * self.stride, count)
+        return Recording(numbers, 2 * self.stride, count, self.shared)
 
 
 @final
 class Record(eqx.Module):
     """The record of a run of `count` steps.
 
-    `ends`: the normalised time at which each run ends, at its event; infinite elsewhere."""
+    - `ends`: the normalised time at which each run ends, at its event; infinite elsewhere.
+    - `shared`: whether the runs share their steps."""
 
     layout: RecordLayout = eqx.field(static=True)
     numbers: Float[Array, " numbers"]
     stride: Int[Array, ""]
     count: Int[Array, ""]
     ends: Float[Array, "*runs"] | float = math.inf
+    shared: Bool[Array, ""] | bool = False
 
     def state(self, k: Int[Array, ""]) -> State:
         """The state after (k + 1) stride steps."""
@@ -179,9 +209,12 @@ class Record(eqx.Module):
 
     def step(self, n: Int[Array, ""]) -> Array:
         """The recorded numbers of step number `n`."""
-        first = self.layout.step_start(n)
-        flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, self.layout.step_size)
-        return flat.reshape(self.layout.step)
+        layout = self.layout
+        first = layout.step_start(n, self.shared)
+        flat = jax.lax.dynamic_slice_in_dim(self.numbers, first, layout.step_size)
+        if layout.rows < layout.limit:
+            flat = jnp.where(self.shared, flat[-1], flat)
+        return flat.reshape(layout.step)
 
 
 def check_memory(what: str, steps: int, per_step: int) -> None:

@@ -22,12 +22,14 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
-from ..solvers.protocol import field_of_step, small_program
-from ._buffers import empty_buffer, get_row, put_row
+from ..solvers.dense_output import evaluated
+from ..solvers.protocol import bind, field_of_step, small_program
+from ._buffers import empty_buffer, get_row, get_rows, put_row, put_rows, rows_of
+from ._loop_settings import LoopSettings
 from ._needed import needed_only
 from ._record import Record
-from .loop import TERM, LoopSettings
-from .normalised_time import ScaledVectorField
+from .loop import TERM
+from .normalised_time import field_of_part
 
 CHUNK = 32
 """Number of steps whose states are in memory at once: more of them exceed the cache, and with fewer
@@ -73,7 +75,8 @@ class Replay(eqx.Module):
         return small_program(method) if self.small else method
 
     def step_bounds(self, n: Array) -> tuple[Array, Array]:
-        """The normalised times at the start and at the end of step `n`."""
+        """The normalised times at the start and at the end of step `n` of each run. In one that a
+        run did not take they are equal."""
         record = self.record
         # Behind a barrier: the compiler would look them up again in each of some sixty kernels.
         return barrier((jnp.where(n > 0, record.step(n - 1), 0.0), record.step(n)))
@@ -86,24 +89,43 @@ class Replay(eqx.Module):
 
         `backwards`: whether the step is for reverse mode."""
         field = eqx.combine(moving, self.fixed)
-        t0, t1 = self.step_bounds(n)
+        s, end = self.step_bounds(n)
+        length = end - s
         if self.settings.sought is not None:
             # A run ends within a step, at its event. The steps behind it have no length.
-            assert isinstance(field, ScaledVectorField)
-            length = jnp.clip(self.record.ends - t0, 0.0, t1 - t0)
-            segment = field.segments.step(t0, length, t0, t1)
-            field = ScaledVectorField(field.system, segment)
+            length = jnp.clip(self.record.ends - s, 0.0, length)
+        field, _ = field_of_part(field, s, length)
         # The stages of a small program are checkpoints already.
         term = CHECKPOINTED if backwards and not self.small else TERM
-        field = field_of_step(self.method, field, t0, t1)
-        state = self.method.init(term, t0, t1, y, field)
-        y1, _, dense_info, _, _ = self.method.step(term, t0, t1, y, field, state, jnp.array(False))
+        t0, t1 = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
+        save_ts, method = self.settings.save_ts, self.method
+        if save_ts is not None:
+            rows = save_ts.reshape(*save_ts.shape, *(1,) * (1 + s.ndim - save_ts.ndim))
+            tolerance = self.settings.tolerance
+            method = bind(
+                method,
+                tolerance=tolerance,
+                save_ts=self._place(rows, s, length),
+                run_axes=tolerance.run_axes,
+            )
+        field = field_of_step(method, field, t0, t1)
+        state = method.init(term, t0, t1, y, field)
+        y1, _, dense_info, _, _ = method.step(term, t0, t1, y, field, state, jnp.array(False))
+        if s.ndim:
+            # A step that a run did not take leaves its state, to the last bit.
+            y1 = jax.tree.map(lambda a, b: jnp.where(length > 0.0, a, b), y1, y)
         return y1, None if self.settings.save_ts is None else dense_info
 
+    def _place(self, t: Array, start: Array, length: Array) -> Array:
+        """Where in a step from 0 to 1 the normalised time `t` lies."""
+        return (t - start) / jnp.where(length > 0.0, length, 1.0)
+
     def interpolate(self, n: Array, dense_info: PyTree, t: Array) -> State:
-        """The state at the normalised time `t` within step `n`."""
-        t0, t1 = self.step_bounds(n)
-        return self.method.interpolation_cls(t0=t0, t1=t1, **dense_info).evaluate(t)
+        """The state at the normalised time `t` of each run within step `n`."""
+        start, end = self.step_bounds(n)
+        t0, t1 = jnp.zeros_like(start, shape=()), jnp.ones_like(start, shape=())
+        polynomial = self.method.interpolation_cls(t0=t0, t1=t1, **dense_info)
+        return evaluated(polynomial, self._place(t, start, end - start))
 
     # Forwards.
 
@@ -131,7 +153,8 @@ class Replay(eqx.Module):
             saved = self._saved_at_start(save_ts.shape[0], d_y0)
         if recorded:
             numbers = jnp.zeros((layout.size,), layout.dtype)
-        start = (y0, d_y0, saved, jnp.asarray(0), numbers)
+        none = jnp.zeros(self.record.step(jnp.asarray(0)).shape, int)
+        start = (y0, d_y0, saved, none, numbers)
         _, dy, saved, _, numbers = jax.lax.fori_loop(0, self.record.count, advance, start)
         return jax.tree.map(lambda x: x[None], dy) if saved is None else saved, numbers
 
@@ -153,19 +176,19 @@ class Replay(eqx.Module):
         save_ts = self.settings.save_ts
         assert save_ts is not None
         size = save_ts.shape[0]
-        _, t1 = self.step_bounds(n)
+        t0, t1 = self.step_bounds(n)
 
-        def due(carry: tuple[State, Array]) -> Array:
-            _, k = carry
-            return (k < size) & (save_ts[jnp.minimum(k, size - 1)] <= t1)
+        def due(k: Array) -> Array:
+            # Of a run that takes no step here, none is left up to its time.
+            return (k < size) & (rows_of(save_ts, jnp.minimum(k, size - 1)) <= t1) & (t1 > t0)
 
         def append(carry: tuple[State, Array]) -> tuple[State, Array]:
             saved, k = carry
-            t = save_ts[jnp.minimum(k, size - 1)]
+            t = rows_of(save_ts, jnp.minimum(k, size - 1))
             _, dy = jax.jvp(lambda d: self.interpolate(n, d, t), (dense,), (d_dense,))
-            return put_row(saved, k, dy), k + 1
+            return put_rows(saved, k, due(k), dy), k + due(k).astype(int)
 
-        return jax.lax.while_loop(due, append, (saved, k))
+        return jax.lax.while_loop(lambda carry: jnp.any(due(carry[1])), append, (saved, k))
 
     # Backwards.
 
@@ -179,7 +202,8 @@ class Replay(eqx.Module):
             last_save = jnp.asarray(-1)
         else:
             at_end = jax.tree.map(jnp.zeros_like, y0)
-            last_save = jnp.asarray(save_ts.shape[0] - 1)
+            shape = self.record.step(jnp.asarray(0)).shape
+            last_save = jnp.full(shape, save_ts.shape[0] - 1)
         total = (jax.tree.map(jnp.zeros_like, moving), at_end, last_save)
         buffer = empty_buffer(self._num_chunks + min(self.record.layout.longest, CHUNK) + 1, y0)
 
@@ -345,15 +369,23 @@ class Replay(eqx.Module):
         `k` is the number of the last saved state not yet treated; returned with its new value."""
         save_ts = self.settings.save_ts
         assert save_ts is not None
-        t0, _ = self.step_bounds(n)
+        t0, t1 = self.step_bounds(n)
 
-        def inside(carry: tuple[Array, PyTree]) -> Array:
-            k, _ = carry
-            return (k >= 0) & ((save_ts[k] > t0) | (n == 0))
+        def inside(k: Array) -> Array:
+            # The first step of a run begins at its start.
+            later = rows_of(save_ts, jnp.maximum(k, 0)) > t0
+            return (k >= 0) & (later | (t0 <= self.settings.start)) & (t1 > t0)
 
         def one(carry: tuple[Array, PyTree]) -> tuple[Array, PyTree]:
             k, total = carry
-            _, pull = jax.vjp(lambda d: self.interpolate(n, d, save_ts[k]), dense_info)
-            return k - 1, _add(total, pull(get_row(cotangent, k))[0])
+            here, row = inside(k), jnp.maximum(k, 0)
+            t = rows_of(save_ts, row)
+            _, pull = jax.vjp(lambda d: self.interpolate(n, d, t), dense_info)
+            of_row = get_rows(cotangent, row, here)
+            return k - here.astype(int), _add(total, pull(of_row)[0])
 
-        return jax.lax.while_loop(inside, one, (k, jax.tree.map(jnp.zeros_like, dense_info)))
+        return jax.lax.while_loop(
+            lambda carry: jnp.any(inside(carry[0])),
+            one,
+            (k, jax.tree.map(jnp.zeros_like, dense_info)),
+        )

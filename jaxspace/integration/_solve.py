@@ -32,10 +32,10 @@ from ..solvers.regularised_step import regularised_start
 # Imported to register its rules.
 from . import _mapped_rules as _mapped_rules
 from ._event_location import Location
+from ._loop_settings import LoopSettings
 from ._own_state import OwnState
 from ._primitives import solve_p
 from ._problem import Problem, arguments_of
-from .loop import LoopSettings
 from .result import Outcome
 
 
@@ -59,7 +59,7 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     asked = settings.record_steps or settings.dense
     location = None
     if settings.sought is not None:
-        some = settings.sought, settings.start, y0, settings.tolerance
+        some = settings.sought, settings.clock(y0), y0, settings.tolerance
         location = eqx.filter_eval_shape(Location.none_yet, *some)
     shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None, location)
     return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))

@@ -147,24 +147,25 @@ class _Search(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A part of a step, from `begin` to `end` in normalised time, that is searched for an event.
+    """A part of the step of each run, from `begin` to `end` in the time of a step from 0 to 1, that
+    is searched for an event.
 
     `at_start`: whether the run starts with it; `rounding`: of the condition, as in `SoughtEvents`;
     `start`, `duration`: of the run, s."""
 
     along: AlongStep | AlongFlow
-    begin: Float[Array, ""]
-    end: Float[Array, ""]
-    at_start: Bool[Array, ""]
+    begin: Float[Array, "*runs"]
+    end: Float[Array, "*runs"]
+    at_start: Bool[Array, "*runs"]
     rounding: Scalar
     start: Scalar
     duration: Scalar
 
     def first_zero(
-        self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, ""]
+        self, size: Scalar, sought: Bool[Array, "*runs"], going: Bool[Array, "*runs"]
     ) -> tuple[Zero, Ends]:
         """The first zero for the runs that have one `sought`, and the condition at both ends of the
-        part. If the step is not `going` on, one sampling tells these.
+        part. For a run that is not `going` on, one sampling tells these.
 
         `size`: of the condition so far."""
         runs = self.along.runs
@@ -204,7 +205,7 @@ class Part(NamedTuple):
         failed = jnp.minimum(search.ill, failed)
         return Zero(when, hit, search.size, status.astype(jnp.int32), failed), search.ends
 
-    def _sampled(self, search: _Search, going: Bool[Array, ""]) -> _Search:
+    def _sampled(self, search: _Search, going: Bool[Array, "*runs"]) -> _Search:
         """The search after one more sampling of the condition."""
         event, runs = self.along.event, self.along.runs
         nodes = search.nodes()

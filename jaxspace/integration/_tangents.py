@@ -37,6 +37,7 @@ from ..solvers.protocol import bind, field_of_step, forward_mode, linear_errors,
 from ..solvers.runge_kutta import whole_error
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
+from .normalised_time import field_of_part
 
 MOST = 8
 """Largest number of probes."""
@@ -69,14 +70,14 @@ class ProbeState(NamedTuple):
 
     - `tangents`: of the state, with the probes on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
-    - `count`: the number of steps that were looked at.
-    - `always`: whether every step is, and is controlled by it."""
+    - `count`: the number of steps of each run that were looked at.
+    - `always`: whether every step of it is, and is controlled by it."""
 
     tangents: State
     sizes: Lengths
     errors: Lengths
-    count: Int[Array, ""]
-    always: Bool[Array, ""]
+    count: Int[Array, "*runs"]
+    always: Bool[Array, "*runs"]
 
 
 @final
@@ -125,7 +126,8 @@ class Probes(eqx.Module):
         """The tangents before the first step."""
         sizes = _lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
-        return ProbeState(self.start, sizes, none, jnp.asarray(0), jnp.array(False))
+        always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
+        return ProbeState(self.start, sizes, none, always.astype(int), always)
 
     def after(
         self,
@@ -138,13 +140,14 @@ class Probes(eqx.Module):
         """The tangents after a step, and the estimates of their errors."""
         arrays, static = eqx.partition(field, eqx.is_array)
         leaves, structure = jax.tree.flatten(arrays)
-        t0, t1 = step.t0, step.t1
+        t0, t1 = jnp.zeros_like(step.s, shape=()), jnp.ones_like(step.s, shape=())
 
         def of(moving: list[Array], y: State) -> tuple[State, State]:
             every = list(leaves)
             for k, x in zip(self.numbers, moving, strict=True):
                 every[k] = x
             field = eqx.combine(jax.tree.unflatten(structure, every), static)
+            field, _ = field_of_part(field, step.s, step.length)
             seen = field_of_step(method, field, t0, t1)
             state = method.init(term, t0, t1, y, seen)
             y1, error, *_ = method.step(term, t0, t1, y, seen, state, jnp.array(False))
@@ -162,15 +165,15 @@ class Probes(eqx.Module):
 
 
 class StepTaken(NamedTuple):
-    """A step of the motion: its start and end in normalised time, the states there, the error of
-    each run in units of the tolerance, and the number of the steps before it."""
+    """A step of each run: its start and its length in normalised time, the states at its ends, its
+    error in units of the tolerance, and the number of the steps before it."""
 
-    t0: Float[Array, ""]
-    t1: Float[Array, ""]
+    s: Float[Array, "*#runs"]
+    length: Float[Array, "*#runs"]
     y0: State
     y1: State
     motion: Float[Array, "*runs"]
-    number: Int[Array, ""]
+    number: Int[Array, "*#runs"]
 
 
 @final
@@ -200,34 +203,32 @@ class TangentControl(eqx.Module):
         return cls(probes, tolerance, linear_errors(forward_mode(method)), term)
 
     def look(
-        self, field: ScaledField, step: StepTaken, going: Bool[Array, ""] | bool, state: ProbeState
+        self, field: ScaledField, step: StepTaken, going: Bool[Array, "*#runs"], state: ProbeState
     ) -> tuple[ProbeState, Float[Array, "*runs"]]:
         """The tangents after this step, if it is accepted, and the errors by which they control it:
         zero in the first run, and for a step that the motion rejects or is not `going` on."""
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
-        least = jnp.min(jnp.where(alive, step.motion, jnp.inf))
-        most = jnp.max(jnp.where(alive, step.motion, 0.0))
-        free = (least < FREE) & (step.t1 - step.t0 > LONG) & (state.count < MOST_FREE)
+        free = (step.motion < FREE) & (step.length > LONG) & (state.count < MOST_FREE)
         some = (step.number % EVERY == SINCE) | free
         # Nothing happens in a segment of no duration, whose ends a derivative would part.
-        lasting = field.duration(step.t0, step.t1 - step.t0) != 0.0
-        due = going & jnp.any(lasting) & (most <= 1.0) & (state.always | some)
+        lasting = field.duration(step.s, step.length) != 0.0
+        due = going & alive & lasting & (step.motion <= 1.0) & (state.always | some)
 
         def looked() -> tuple[ProbeState, Array]:
-            return self._looked(field, step, alive & lasting, state)
+            return self._looked(field, step, due, state)
 
         def skipped() -> tuple[ProbeState, Array]:
             return state, jnp.zeros_like(step.motion)
 
-        return jax.lax.cond(due, looked, skipped)
+        return jax.lax.cond(jnp.any(due), looked, skipped)
 
     def _looked(
-        self, field: ScaledField, step: StepTaken, alive: Bool[Array, "*runs"], state: ProbeState
+        self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: ProbeState
     ) -> tuple[ProbeState, Array]:
         tolerance = self.tolerance
         tangents, errors = self.probes.after(self.method, self.term, field, step, state.tangents)
-        counts = alive & tolerance.alive(step.y1)
+        counts = due & tolerance.alive(step.y1)
         sizes, errors = (
             jax.tree.map(lambda x: jnp.where(counts, x, 0.0), _lengths(tolerance, d))
             for d in (tangents, errors)
@@ -236,18 +237,19 @@ class TangentControl(eqx.Module):
         ratios = self._ratios(errors, sizes)
         # A tangent that was finite, and is not after a long step, may be after a short one.
         ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.inf)
-        ratios = jnp.where(step.t1 - step.t0 > SHORT, ratios, 0.0)
+        ratios = jnp.where(step.length > SHORT, ratios, 0.0)
         known = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
         control = jnp.max(jnp.where(known, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
         # Selected here and not beside the state of the loop, because most steps come without it.
-        taken = jnp.all(control <= 1.0)
+        taken = due & (control <= 1.0)
         tangents, sizes, errors = jax.tree.map(
             lambda new, old: jnp.where(taken, new, old),
             (tangents, sizes, errors),
             (state.tangents, state.sizes, state.errors),
         )
-        state = state._replace(tangents=tangents, sizes=sizes, errors=errors, count=state.count + 1)
+        count = state.count + due.astype(int)
+        state = state._replace(tangents=tangents, sizes=sizes, errors=errors, count=count)
         return state, control.astype(step.motion.dtype)
 
     def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "probes *#runs"]:
@@ -272,19 +274,20 @@ class TangentControl(eqx.Module):
 
         def unresolved(carry: tuple[Loop, Array]) -> Array:
             loop, repeat = carry
-            return repeat | (loop.tangents.count < 0)
+            return jnp.any(repeat | (loop.tangents.count < 0))
 
-        before = start.tangents._replace(count=jnp.asarray(-1))
-        first = start._replace(tangents=before), jnp.array(False)
+        no = start.tangents.always
+        before = start.tangents._replace(count=start.tangents.count - 1)
+        first = start._replace(tangents=before), no
         return jax.lax.while_loop(unresolved, attempt, first)[0]
 
-    def _alarm(self, loop: Loop) -> Bool[Array, ""]:
-        """Whether the steps of a first run do not resolve the tangents."""
+    def _alarm(self, loop: Loop) -> Bool[Array, "*runs"]:
+        """Whether the steps of each run in a first attempt do not resolve its tangents."""
         state = loop.tangents
         # The tangents rest between the steps that were looked at.
-        part = jnp.maximum(loop.num_accepted, 1) / jnp.maximum(state.count, 1)
+        part = jnp.maximum(loop.accepted, 1) / jnp.maximum(state.count, 1)
         sizes = jax.tree.map(lambda x: x * part.astype(x.dtype), state.sizes)
-        return ~jnp.all(self._ratios(state.errors, sizes) <= ALARM)
+        return ~jnp.all(self._ratios(state.errors, sizes) <= ALARM, axis=0)
 
 
 def _lengths(tolerance: Tolerance, tangents: State) -> Lengths:

@@ -33,8 +33,6 @@ class IntegrationConfig(eqx.Module):
     - `rtol`, `atol`: tolerances in the precision of the state.
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
-    - `restarts`: whether a block whose steps run out starts again without its slow runs; false
-      where the caller repeats those one by one.
     - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
       itself, and the `method` integrates the rest."""
 
@@ -44,7 +42,6 @@ class IntegrationConfig(eqx.Module):
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
     max_step: Float[Array | np.ndarray, ""] | None
-    restarts: bool = eqx.field(static=True, default=False)
     decoupled: bool = eqx.field(static=True, default=False)
     derivative_control: bool = eqx.field(static=True, default=True)
 
@@ -97,8 +94,6 @@ def resolve(
     y0: PyTree,
     accuracy: Accuracy,
     starts: Callable[[], InitialConditions | None] | None = None,
-    *,
-    restarts: bool = False,
 ) -> IntegrationConfig:
     """The configuration of an integration.
 
@@ -108,7 +103,6 @@ def resolve(
     - `accuracy`: that of the user.
     - `starts`: returns the runs whose numbers show whether the system is stiff; called only if
       the rules get that far. `None` in missions, where the structure alone decides.
-    - `restarts`: as in `IntegrationConfig`.
 
     **Raises** `InputError` for a tolerance that the precision of the state cannot reach, and for a
     method that needs what the system does not offer."""
@@ -149,7 +143,6 @@ def resolve(
         accuracy.adjoint,
         accuracy.max_steps,
         None if accuracy.max_step is None else _in_precision(accuracy.max_step, dtype),
-        restarts,
         decoupled=decoupled is not None,
         derivative_control=accuracy.derivative_control,
     )

@@ -96,17 +96,17 @@ def _first_on_flow(
     alive = finite.alive(y0)
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = (jnp.broadcast_to(jnp.asarray(t, dtype), alive.shape) for t in (t0, t1))
-    begin = jnp.zeros((), dtype)
-    end = begin + 1.0
+    begin, end = jnp.zeros((), dtype), jnp.ones((), dtype)
     segment = OwnStep(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
+    start, length = jnp.zeros_like(t0), jnp.ones_like(t0)
 
     def along(event: Event) -> AlongFlow:
         return AlongFlow(event, segment, system, y0, alive.shape)
 
     sought = SoughtEvents.of(events, system, t0, y0, run_axes, start_known)
-    none = Location.none_yet(sought, begin, y0, finite)
-    step = SearchedStep(along, begin, end, y0, y0, end)
-    yes = jnp.array(True)
+    none = Location.none_yet(sought, start, y0, finite)
+    step = SearchedStep(along, start, length, y0, y0, length)
+    yes = jnp.ones(t0.shape, bool)
     location = located(none, sought, step, yes, alive, yes, (t0, t1 - t0))
     return location.found(segment, t0, t1)._replace(state=None)
 

@@ -24,13 +24,14 @@ from ..solvers.tolerances import Tolerance
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import SoughtEvents
 from ._in_turn import in_turn
+from ._loop_settings import LoopSettings
 from ._save_times import at_save_times
 from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
 from .events import Event
 from .field_trace import field_trace
 from .layout import state_at, times_behind_components, times_first
-from .loop import TERM, LoopSettings
+from .loop import TERM
 from .normalised_time import (
     ScaledVectorField,
     Segments,
@@ -138,7 +139,7 @@ def integrate(
         outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
     elif config.adjoint is None and traits.replayable:
         # Where events are sought, `locates_events` has excluded closures over traced arrays.
-        seen = field if until else hoist(field, y0, traits.needs)
+        seen = field if until else hoist(field, y0, traits.needs, settings.clock(y0).shape)
         outcome = solve(seen, y0, settings)
         if fractions is not None and not landing:
             assert settings.save_ts is not None
@@ -274,9 +275,15 @@ def _settings(
     # The loop sees a fixed-step method as one that takes one step in each segment.
     if traits.fixed_step:
         plan = ends
+    # The steps of a plan are those of all runs, as those of the pilots from which it comes.
+    together = run_axes > 0 and (plan is not None or record_steps)
+    lengths = segments.lengths()
     longest = None
     if config.max_step is not None:
         longest = segments.longest_steps(config.max_step)
+    if together:
+        lengths = _of_all(lengths, jnp.mean)
+        longest = None if longest is None else _of_all(longest, jnp.min)
     max_steps = config.max_steps
     if plan is not None:
         steps = plan.shape[0] - 1
@@ -294,7 +301,7 @@ def _settings(
     return LoopSettings(
         method,
         tolerance,
-        segments.lengths(),
+        lengths,
         longest,
         save_ts,
         plan,
@@ -302,12 +309,17 @@ def _settings(
         max_steps,
         record_steps,
         dense,
-        config.restarts,
         sought,
         # The estimate would be another copy of the vector field beside that of the search.
         first_step=None if sought is None else FIRST_STEP,
         derivative_control=config.derivative_control,
+        together=together,
     )
+
+
+def _of_all(values: Array, reduction: Callable[..., Array]) -> Array:
+    """Values for each segment, of all runs together."""
+    return reduction(values.reshape(values.shape[0], -1), axis=1)
 
 
 def take_step(

@@ -21,8 +21,8 @@ from ..solvers.protocol import bind
 from ..solvers.tolerances import Tolerance
 from ._event_location import SoughtEvents
 from ._layout_check import follows_layout
+from ._loop_settings import LoopSettings
 from ._own_state import OwnState
-from .loop import LoopSettings
 from .normalised_time import ScaledVectorField, Segments
 
 BLOCK = 64
@@ -90,11 +90,23 @@ def add_run_axis(
 
 
 def _carried_by(settings: LoopSettings) -> PyTree:
-    """The arrays of the settings that carry the runs: `SoughtEvents.rounding`."""
-    none = jax.tree.map(lambda x: False, settings)
+    """Whether each array of the settings carries the runs."""
+    axes = settings.tolerance.run_axes
+
+    def of_each(x: PyTree, rows: int) -> PyTree:
+        return jax.tree.map(lambda a: a.ndim == rows + axes, x)
+
+    flags = jax.tree.map(lambda x: False, settings)
+    flags = dataclasses.replace(
+        flags,
+        lengths=of_each(settings.lengths, 1),
+        longest_steps=of_each(settings.longest_steps, 1),
+        save_ts=of_each(settings.save_ts, 1),
+        reach=of_each(settings.reach, 0),
+    )
     if settings.sought is None:
-        return none
-    return eqx.tree_at(lambda s: s.sought.rounding, none, True)
+        return flags
+    return eqx.tree_at(lambda s: s.sought.rounding, flags, True)
 
 
 def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
@@ -159,24 +171,27 @@ def _field_axis(
 
 
 def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSettings:
-    """The settings for a further axis of runs, which share their steps."""
-    lengths = settings.lengths
-    if mapped.lengths:
-        # As `Segments.lengths` makes them.
-        lengths = jnp.mean(lengths, axis=-1)
-    longest = settings.longest_steps
-    if longest is not None and mapped.longest_steps:
-        # The shortest one, because the runs share their steps.
-        longest = jnp.min(longest, axis=-1)
-    reach = settings.reach
-    if reach is not None and mapped.reach[0]:
-        reach = jnp.min(reach[0], axis=-1), jnp.max(reach[1], axis=-1)
-    rest = (mapped.save_ts, mapped.plan, mapped.tolerance, mapped.method)
+    """The settings for a further axis of runs."""
+    rest = (mapped.plan, mapped.tolerance, mapped.method)
     if any(x is True for x in jax.tree.leaves(rest)):
         raise _CannotMap
-    # Tolerances, save times and plans are one for all runs of a block.
+    # Tolerances and plans are one for all runs of a block.
+    axes = settings.tolerance.run_axes + 1
+
+    def with_axis(x: Array, is_mapped: bool, rows: int) -> Array:
+        # An array that all runs share stays free of them.
+        return x if is_mapped or x.ndim == rows else x[..., None]
+
+    def every(x: PyTree, is_mapped: PyTree, rows: int) -> PyTree:
+        return jax.tree.map(lambda a, m: with_axis(a, m, rows), x, is_mapped)
+
+    if settings.together and any(jax.tree.leaves((mapped.lengths, mapped.save_ts))):
+        raise _CannotMap
+    lengths = every(settings.lengths, mapped.lengths, 1)
+    longest = every(settings.longest_steps, mapped.longest_steps, 1)
+    save_ts = every(settings.save_ts, mapped.save_ts, 1)
+    reach = every(settings.reach, mapped.reach, 0)
     tolerance = settings.tolerance
-    axes = tolerance.run_axes + 1
     tolerance = Tolerance(tolerance.rtol, tolerance.atol, axes)
     sought = settings.sought
     if sought is not None:
@@ -184,7 +199,7 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
     method = bind(
         settings.method,
         tolerance=tolerance,
-        save_ts=settings.save_ts,
+        save_ts=save_ts,
         run_axes=axes,
         searched=sought is not None,
     )
@@ -194,6 +209,7 @@ def _settings_axis(settings: LoopSettings, mapped: PyTree, size: int) -> LoopSet
         tolerance=tolerance,
         lengths=lengths,
         longest_steps=longest,
+        save_ts=save_ts,
         reach=reach,
         sought=sought,
     )

@@ -28,7 +28,7 @@ from ..core.barrier import barrier
 from ..core.groups import project
 from ..core.safe import safe_divide
 from ..core.tables import breaks_of
-from ..solvers.vector_field import ScaledField
+from ..solvers.vector_field import ScaledField, just_before
 from ._closures import closures_as_leaves
 from .field_trace import field_trace
 
@@ -92,8 +92,8 @@ class Segments(eqx.Module):
         return ds * (self.total if len(self) == 1 else self.total * self._segment(s)[2])
 
     def step(self, s: Scalar, length: Scalar, begin: Scalar, end: Scalar) -> "OwnStep":
-        """The times of a step that the runs take together, from `begin` to `end`; in each run it
-        starts at `s` and has its `length`."""
+        """The times of a step of all runs from `begin` to `end`; in each run it starts at `s` and
+        has its `length`."""
         duration = self.duration(s, length)
         edge = jnp.zeros_like(duration) + (self._edge() if self.jumps else 0.0)
         # Every stage and every number of the search reads them.
@@ -106,34 +106,32 @@ class Segments(eqx.Module):
         rounding = 4.0 * jnp.finfo(self.total.dtype).eps
         return rounding * jnp.copysign(jnp.abs(self.t0) + jnp.abs(self.total), self.total)
 
-    def lengths(self) -> Float[Array, " segments"]:
-        """Mean length of each segment over the runs, as a fraction of the run."""
+    def lengths(self) -> Float[Array, "segments *#runs"]:
+        """The length of each segment, as a fraction of the run."""
         if len(self) == 1:
             return jnp.ones(1, self.u.dtype)
-        widths = jnp.diff(self.u, axis=0).reshape(len(self), -1)
         # A segment of no length gets a small one, because step control divides by it.
-        return jnp.maximum(jnp.mean(widths, axis=1), 1e-6)
+        return jnp.maximum(jnp.diff(self.u, axis=0), 1e-6)
 
-    def reach(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
+    def reach(self) -> tuple[Float[Array, "*#runs"], Float[Array, "*#runs"]]:
         """The normalised times between which all segments with a length lie."""
-        filled = jnp.any(jnp.diff(self.u, axis=0).reshape(len(self), -1) > 0.0, axis=1)
-        last = len(self) - jnp.argmax(filled[::-1])
-        first = jnp.where(jnp.any(filled), jnp.argmax(filled), last)
+        filled = jnp.diff(self.u, axis=0) > 0.0
+        last = len(self) - jnp.argmax(filled[::-1], axis=0)
+        first = jnp.where(jnp.any(filled, axis=0), jnp.argmax(filled, axis=0), last)
         return first.astype(self.u.dtype), last.astype(self.u.dtype)
 
-    def longest_steps(self, max_step: Scalar) -> Float[Array, " segments"]:
-        """The normalised length that `max_step`, s, allows in each segment to the runs together."""
+    def longest_steps(self, max_step: Scalar) -> Float[Array, "segments *#runs"]:
+        """The normalised length that `max_step`, s, allows in each segment."""
         widths = jnp.diff(self.u, axis=0)
         shape = (*widths.shape, *(1,) * (self.total.ndim + 1 - widths.ndim))
         durations = jnp.abs(widths.reshape(shape) * self.total)
         moving = durations > 0.0
-        allowed = jnp.where(moving, max_step / jnp.where(moving, durations, 1.0), jnp.inf)
-        return jnp.min(allowed.reshape(allowed.shape[0], -1), axis=1)
+        return jnp.where(moving, max_step / jnp.where(moving, durations, 1.0), jnp.inf)
 
 
 @final
 class OwnStep(eqx.Module):
-    """The times of a common step of which every run takes its own part; used as `Segments` are.
+    """The times of a step of which every run takes its own part; used as `Segments` are.
 
     No segment ends within a step, so that time is linear in it: from `start` on, `rate` seconds to
     a unit of the time of the steps, in which it begins at `begin` and is `length` long."""
@@ -230,8 +228,63 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
         return cast(AbstractRegularised, self.system.regularised())
 
 
+@final
+class PartOfField(eqx.Module):
+    """A vector field in the time of a step from 0 to 1, of which each run takes its own part: from
+    `s` on, `length` long in normalised time."""
+
+    field: ScaledField
+    s: Float[Array, "*runs"]
+    length: Float[Array, "*runs"]
+
+    def _within(self, x: Scalar) -> Scalar:
+        # At the end of the step the next segment may begin, where time changes its unit.
+        end = self.s + self.length
+        inside = jnp.minimum(self.s + x * self.length, just_before(self.s, end))
+        return jnp.where(self.length > 0.0, inside, self.s)
+
+    def __call__(self, s: Scalar, y: State) -> State:
+        rate = self.field(self._within(s), y)
+        return jax.tree.map(lambda k: k * self.length.astype(k.dtype), rate)
+
+    def time(self, s: Scalar) -> Scalar:
+        """The time, s, at the time `s` of the step."""
+        return self.field.time(self._within(s))
+
+    def duration(self, s: Scalar, ds: Scalar) -> Scalar:
+        """The duration, s, of a time `ds` of the step."""
+        return self.field.duration(self._within(s), ds * self.length)
+
+    def projected(self, s: Scalar, y: State) -> State:
+        """As of the field."""
+        return self.field.projected(self._within(s), y)
+
+    def split(self) -> AbstractSplit:
+        """As of the field."""
+        return self.field.split()
+
+    def regularised(self) -> AbstractRegularised:
+        """As of the field."""
+        return self.field.regularised()
+
+
+def field_of_part(
+    field: ScaledField, s: Scalar, length: Scalar
+) -> tuple[ScaledField, OwnStep | None]:
+    """The vector field of a step from 0 to 1, of which each run takes its own part: from `s` on,
+    `length` long in normalised time; and its times, if the field is not hoisted."""
+    if not isinstance(field, ScaledVectorField):
+        return PartOfField(field, s, length), None
+    zero, one = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
+    segment = field.segments.step(s, length, zero, one)
+    return ScaledVectorField(field.system, segment), segment
+
+
 def hoist(
-    field: ScaledVectorField, y0: State, needs: Literal["", "split", "regularised"]
+    field: ScaledVectorField,
+    y0: State,
+    needs: Literal["", "split", "regularised"],
+    runs: tuple[int, ...] = (),
 ) -> ScaledField:
     """The field with all that it depends on as leaves, so that it can be differentiated.
 
@@ -239,10 +292,11 @@ def hoist(
 
     - `field`, `y0`: the field and a state of it.
     - `needs`: the capability by which the solver integrates: "split", "regularised" or "".
+    - `runs`: the shape of the normalised times at which it is evaluated.
 
     **Returns** the field itself if no function of it closes over traced arrays: it then keeps the
     layout of its parameters, which the batching of mapped runs reads."""
     if not field_trace(field.system, field.segments.t0, y0).closes_over_tracers:
         return field
-    s = jnp.zeros_like(field.segments.total, shape=())
+    s = jnp.zeros_like(field.segments.total, shape=runs)
     return closures_as_leaves(field, needs, s, y0)

@@ -12,11 +12,12 @@ from ..core.barrier import barrier
 from ..core.groups import project
 from ..solvers.protocol import solver_traits
 from ._event_location import FoundEvents, Location
+from ._loop_settings import LoopSettings
 from ._own_state import OwnLoop
 from ._packed import Packing
 from .config import IntegrationConfig
 from .layout import times_behind_components
-from .loop import LoopSettings, LoopState
+from .loop import LoopState
 from .normalised_time import ScaledVectorField, Segments
 from .status import Status, status_from
 
@@ -52,13 +53,14 @@ class Outcome(NamedTuple):
 
 
 def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
-    """The outcome of runs with common steps."""
+    """The outcome of the loop."""
     location = loop.location
     finished = loop.t >= settings.end
-    short = ~finished
+    # A run that failed needs no more steps.
+    short = ~finished & settings.tolerance.alive(loop.y)
     if location is not None:
-        # Neither a run that waits at its event nor one that failed needs more steps.
-        short = short & ~location.waiting & settings.tolerance.alive(loop.y)
+        # Nor does one that waits at its event.
+        short = short & ~location.waiting
     if loop.buffers.saved is None:
         # The state that was reached belongs to another time if the steps ran out.
         y = jax.tree.map(lambda x: jnp.where(finished, x, jnp.nan), loop.y)
@@ -67,11 +69,11 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
         states = loop.buffers.saved.states
     return Outcome(
         states,
-        loop.solver_state[1],
+        loop.worst,
         loop.left_out | short,
-        loop.num_accepted,
-        loop.num_rejected,
-        loop.buffers.ends_of(loop.num_accepted),
+        loop.accepted,
+        loop.rejected,
+        loop.buffers.ends_of(loop.accepted),
         loop.buffers.step_states,
         location,
     )
@@ -88,7 +90,7 @@ def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
     return Outcome(
         states,
         loop.worst,
-        loop.left_out | (~finished & alive & (loop.passes >= settings.max_steps)),
+        ~finished & alive & (loop.passes >= settings.max_steps),
         loop.accepted,
         loop.rejected,
         loop.buffers.ends_of(loop.count),

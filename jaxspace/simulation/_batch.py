@@ -1,4 +1,4 @@
-"""Many runs of a system, integrated block by block: the runs of a block share one solve."""
+"""Many runs of a system, integrated block by block; every run takes its own steps."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -66,18 +66,15 @@ def simulate_batch(
     **Returns** a `Trajectory` with the runs last and a `Status` for each. A failed run is marked in
     its own status. Some runs are repeated:
 
-    - Outside of `jit`, the runs of a block that ran out of steps are repeated one by one. With
-      "auto", those that fail again are repeated by the method that suits their own parameters and
-      states. Runs whose fixed steps missed the tolerance are repeated with up to
-      eight times as many.
-    - Under `jit` and in a derivative, unless `throw`, a block that ran out of steps is repeated
-      without the runs that used them up.
+    - Outside of `jit`, with "auto", runs that ran out of steps are repeated by the method that
+      suits their own parameters and states, and with the exact part of their motion in closed
+      form. Runs whose fixed steps missed the tolerance are repeated with up to eight times as many.
 
     All local devices are used, unless the arrays or a transformation fix the device.
 
-    The runs of a block share their adaptive steps, so that the other runs of the block, failed ones
-    too, change a result within its tolerance. With fixed steps or a closed form they do not. The
-    same runs in the same blocks give the same numbers to rounding, whatever the number of devices.
+    Every run takes its own steps: the other runs, failed ones too, do not change it. The derivative
+    of a run alone may depend on them, within the tolerance, where a run of its block takes more
+    than some thousand steps.
 
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
@@ -104,7 +101,7 @@ def simulate_batch(
 
     def configs_for(rows: np.ndarray | None, exactly: bool) -> Configs:
         asked = exact(accuracy) if exactly else accuracy
-        return (_resolve_for(asked, whole, batched, rows, restarts=traced and not throw),)
+        return (_resolve_for(asked, whole, batched, rows),)
 
     def run(batched: PyTree, blocks: Blocks, configs: Configs) -> Trajectory:
         return run_systems(batched, shared, configs[0], events, blocks, dense)
@@ -124,8 +121,6 @@ def _resolve_for(
     whole: PyTree,
     batched: PyTree,
     rows: np.ndarray | None,
-    *,
-    restarts: bool,
 ) -> IntegrationConfig:
     """The configuration for the runs `rows`, by default for all of them."""
     system, y0, ts = whole
@@ -145,4 +140,4 @@ def _resolve_for(
         )
         return InitialConditions(whole, axes, sample)
 
-    return resolve(system, y0, accuracy, starts, restarts=restarts)
+    return resolve(system, y0, accuracy, starts)

@@ -1,6 +1,6 @@
 """The runs of a batch, block by block; every result has the axis of runs.
 
-Runs of similar rates share a block, and its steps."""
+Runs of similar rates share a block."""
 
 import contextlib
 import dataclasses
@@ -143,8 +143,8 @@ def _order_of(
 ) -> Order | None:
     """The order of the runs by their initial rates, if these differ.
 
-    Runs of similar rates need similar steps, and the runs of a block share their steps. `None`
-    where the steps do not depend on the runs."""
+    Runs of similar rates need about as many steps, and a block lasts as long as its longest run.
+    `None` where the steps do not depend on the runs."""
     # In a single block, and with fixed steps, the order has no effect.
     runs = jax.tree.leaves(batched)[0].shape[-1]
     if runs == blocks.size or config.method == "closed_form" or config.fixed_step:

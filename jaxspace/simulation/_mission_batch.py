@@ -1,4 +1,4 @@
-"""Many runs of a mission, integrated block by block: one solve serves all runs of a block."""
+"""Many runs of a mission, integrated block by block."""
 
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
@@ -44,11 +44,9 @@ def simulate_mission_batch(
     - `in_axes`: as in `simulate_batch`.
 
     **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A failed run is
-    marked in its own status. Outside of `jit`, the runs of a block that ran out of steps are
-    repeated one by one, then with the exact parts of their motion in closed form
-    (`Accuracy.decoupled`). Under `jit` and in a derivative, unless `throw`, a block that ran out of
-    steps is repeated without the runs that used them up. Devices and blocks are as in
-    `simulate_batch`.
+    marked in its own status. Outside of `jit`, runs that ran out of steps are repeated with the
+    exact parts of their motion in closed form (`Accuracy.decoupled`). Devices, blocks and steps are
+    as in `simulate_batch`.
 
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
@@ -66,17 +64,16 @@ def simulate_mission_batch(
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
     given = as_accuracy(accuracy)
-    restarts = traced and not throw
 
     def configs_for(rows: object, exactly: bool) -> Configs:
         accuracy = exact(given) if exactly else given
-        return resolve_phases(mission, y0, accuracy, 1, restarts=restarts)
+        return resolve_phases(mission, y0, accuracy, 1)
 
     def run(batched: PyTree, blocks: Blocks, configs: Configs) -> MissionTrajectory:
         return run_missions(batched, shared, configs, num_saved, blocks)
 
     # Not by the function above: warnings of a mission count the calls from here.
-    configs = resolve_phases(mission, y0, given, 1, restarts=restarts)
+    configs = resolve_phases(mission, y0, given, 1)
     result = run(batched, local_blocks((batched, shared), runs), configs)
     if not traced:
         result, configs = cured(result, configs, again_by(run, batched), configs_for)

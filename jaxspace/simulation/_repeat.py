@@ -1,8 +1,8 @@
 """Runs that are repeated because of the way in which they failed: for all verbs.
 
-Steps that ran out: in a batch each run is taken by itself, because the runs of a block share their
-steps, and then by the method that suits its own numbers; and after that with the exact part of its
-motion in closed form. Fixed steps that missed the tolerance: with more of them.
+Steps that ran out: a run of a batch is repeated by the method that suits its own numbers, and after
+that with the exact part of its motion in closed form. Fixed steps that missed the tolerance: with
+more of them.
 """
 
 import dataclasses
@@ -48,9 +48,7 @@ def cured(
     runs = result.status.size
     rows = out_of_steps(result)
     if rows.size and runs > 1:
-        result = again(result, rows, configs, 1)
-        rows = out_of_steps(result)
-        other = configs_for(rows, False) if rows.size else configs
+        other = configs_for(rows, False)
         # The same methods would fail again.
         if [type(c.method) for c in other] != [type(c.method) for c in configs]:
             result = again(result, rows, other, 1)

@@ -103,8 +103,7 @@ def simulate(
 
     def configs_for(rows: object, exactly: bool) -> Configs:
         accuracy = exact(given) if exactly else with_exact_part(given, system, y0, ts)
-        # Restarts serve mapped runs, unless one that fails is an error for all.
-        return (resolve(system, y0, accuracy, starts, restarts=not throw),)
+        return (resolve(system, y0, accuracy, starts),)
 
     def run(configs: Configs, dense: bool = dense) -> Trajectory:
         return _run_system(system, y0, ts, events, configs[0], 0, dense)

@@ -67,7 +67,7 @@ class Blocks(NamedTuple):
         """The division of these `runs` on the devices.
 
         On CPUs a block is what fits the cache. On an accelerator it is what keeps the whole device
-        busy, because the runs of a block share their adaptive steps; the blocks are alike."""
+        busy, because a block lasts as long as its longest run; the blocks are alike."""
         size = BLOCK
         if devices[0].platform != "cpu":
             blocks = -(-runs // (ACCELERATOR_BLOCK * len(devices)))

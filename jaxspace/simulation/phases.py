@@ -25,15 +25,14 @@ def resolve_phases(
     accuracy: Accuracy,
     run_axes: int = 0,
     *,
-    restarts: bool = False,
     small: bool | None = None,
 ) -> tuple[IntegrationConfig, ...]:
     """The configuration of every phase, in the order of `legs_of`, before anything is compiled.
 
-    The structure of the state in a phase follows from the jumps before it. `restarts`: as in
-    `IntegrationConfig`. `small`: whether the steps of many runs are a small program, by
+    The structure of the state in a phase follows from the jumps before it. `small`: whether the
+    steps of many runs are a small program, by
     default by the mission alone, so that a run does not depend on how many others there are."""
-    configs, operations = resolve_and_count(mission, y0, accuracy, run_axes, restarts=restarts)
+    configs, operations = resolve_and_count(mission, y0, accuracy, run_axes)
     # The operations of the fields of all phases together, which are one program.
     if run_axes and (is_small(Runs.MANY, operations) if small is None else small):
         return tuple(config.small_program() for config in configs)
@@ -41,7 +40,7 @@ def resolve_phases(
 
 
 def resolve_and_count(
-    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int, *, restarts: bool = False
+    mission: Mission, y0: PyTree, accuracy: Accuracy, run_axes: int
 ) -> tuple[tuple[IntegrationConfig, ...], int]:
     """`resolve_phases` with the steps of one run, and the operations of the vector fields of all
     phases together."""
@@ -70,7 +69,7 @@ def resolve_and_count(
         else:
             # The rate of rotation at the start of the mission is taken for later phases as well.
             phase_accuracy = with_exact_part(accuracy, phase.system, y0, longest(phase.until))
-            configs.append(resolve(phase.system, y, phase_accuracy, restarts=restarts))
+            configs.append(resolve(phase.system, y, phase_accuracy))
             operations += field_trace(phase.system, zero, whole).operations
         # The jump takes the state at the end of the phase, broadcast to the runs of its system.
         left.append(whole)

@@ -38,3 +38,12 @@ class AbstractDenseOutput(diffrax.AbstractLocalInterpolation):
         h = self.t1 - self.t0
         # Also evaluated for a step of no length, although nothing reads the result.
         return (t - self.t0) / jnp.where(h == 0.0, 1.0, h)
+
+
+def evaluated(polynomial: diffrax.AbstractLocalInterpolation, t: Float[Array, "*runs"]) -> State:
+    """The state at the time `t` of each run within a step; a dense output of diffrax takes a
+    single time."""
+    if t.ndim == 0 or isinstance(polynomial, AbstractDenseOutput):
+        return polynomial.evaluate(t)
+    axes = jax.tree.map(lambda x: -1 if jnp.ndim(x) else None, polynomial)
+    return jax.vmap(evaluated, in_axes=(axes, -1), out_axes=-1)(polynomial, t)

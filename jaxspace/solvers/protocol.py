@@ -93,6 +93,12 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         default."""
         return self
 
+    def longer(self, carried: PyTree, factor: Float[Array, "*runs"]) -> PyTree:
+        """What a step carries into the next one, which is longer by a `factor`, where each step is
+        taken from 0 to 1."""
+        del factor
+        return carried
+
     def func(
         self, terms: diffrax.AbstractTerm, t0: Float[Array, ""], y0: State, args: PyTree
     ) -> State:

@@ -388,6 +388,9 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     ) -> State | None:
         return None if self.in_loop else f(t0, y0)
 
+    def longer(self, carried: State | None, factor: Float[Array, "*runs"]) -> State | None:
+        return jax.tree.map(lambda k: k * factor.astype(k.dtype), carried)
+
     def advance(
         self,
         f: StepField,
@@ -403,7 +406,10 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
             return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, ks))
         # After a jump the last stage of the step before belongs to another vector field.
-        first = jax.lax.cond(f.made_jump, lambda: f(t0, y0), lambda: carried)
+        jumped = jnp.asarray(f.made_jump)
+        first = jax.lax.cond(jnp.any(jumped), lambda: f(t0, y0), lambda: carried)
+        if jumped.ndim:
+            first = jax.tree.map(lambda a, b: jnp.where(jumped, a, b), first, carried)
         ks = stages(f, t0, h, y0, tableau.TSIT5_C[1:-1], tableau.TSIT5_A[1:-1], [first])
         # Projected before the last stage, which is the first one of the next step: a repetition of
         # that step for derivatives evaluates it at the state from which it starts.
