@@ -91,6 +91,11 @@ def test_every_run_of_a_batch_has_its_error_and_a_failed_one_harms_no_other():
     assert np.all(apart(batch.final.position[:, good], exact.position) < 1e-6)
     assert batch.stats["final_error"].shape == (4,)
     np.testing.assert_array_equal(batch.status, [0, 0, Status.NOT_FINITE, 0])
+    # The error of a method of order eight falls with the eighth power of its steps, which are whole
+    # numbers of some thirty here; a run that failed shows no price.
+    price = np.asarray(batch.stats["final_error_price"])
+    np.testing.assert_allclose(price[good], 10.0 ** (1.0 / 8.0), rtol=0.15)
+    assert np.isnan(price[2])
 
 
 def test_under_every_transformation():
@@ -113,6 +118,7 @@ def test_under_every_transformation():
 def test_a_closed_form_is_run_once():
     run = simulate(TwoBody(1.0), start(1.0), TS, accuracy=FinalError(position=1e-9))
     assert int(run.stats["final_error_runs"]) == 1 and float(run.stats["final_error"]) == 0.0
+    assert float(run.stats["final_error_price"]) == 1.0
     jitted = jax.jit(
         lambda s: simulate(TwoBody(1.0), start(s), TS, accuracy=FinalError(1e-9)).final.position
     )

@@ -44,8 +44,8 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
             report = mission_report(file, result, finer)
         print(report)
         for name, phase in result.items():
-            path = path_of(file, folder, f"_{name}.png".replace(" ", "_"))
-            draw(file, phase, path, f"{file.title}: {name}")
+            picture = path_of(file, folder, f"_{name}.png".replace(" ", "_"))
+            draw(file, phase, picture, f"{file.title}: {name}")
     else:
         with waiting("simulating the run, and once more for its error"), by_numpy():
             result = file.simulate(ts=_pictured_times(file), throw=False)
@@ -148,7 +148,7 @@ def cost(
     file = load(path, modules=modules)
     make_folder(folder)
     # The file's own setting is always among those measured, so that it can be compared.
-    rtol = file.values["accuracy"]
+    rtol = file.tolerance
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
     with waiting("timing each method at each tolerance"):
         table = accuracy_cost(
@@ -225,7 +225,7 @@ def budget(
             output=chosen,
             tolerance=size,
             # The influences are differences of runs, for which a coarse tolerance is not enough.
-            accuracy=min(file.values["accuracy"], 1e-9),
+            accuracy=min(file.tolerance, 1e-9),
         )
     table = table.renamed(_effects_by_class(file))
     print(f"{file.title}: which effects matter")

@@ -7,9 +7,9 @@
                [branch.*]                                           and parts that leave after one
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
-Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy`,
-`method`, `max_step`, `max_steps`. The entries of the tables follow from the declarations of the
-classes.
+Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy` or
+`final_error`, `method`, `max_step`, `max_steps`. The entries of the tables follow from the
+declarations of the classes.
 """
 
 import inspect
@@ -29,6 +29,7 @@ from ._control import control_kind
 from ._effect_tables import EffectName, EffectTables
 from ._ends import end_kind
 from ._errors import missing, unknown, wrong
+from ._final_error import final_error_kind
 from ._flight import flight_entries
 from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import entry_of, function_way
@@ -110,6 +111,7 @@ def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]
 
 def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     """The form of a file of a kind, with the name of its `system` where it has one."""
+    state = BodyState if kind != "system" else state_class(catalog.systems[system])
     common = {
         "format": Entry(Whole(1, FORMAT), FORMAT, doc="of scene files, for which it is written"),
         "modules": Entry(
@@ -119,6 +121,11 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         # Far below the errors of the data of a flight, and within reach of every method in double
         # precision.
         "accuracy": Entry(ACCURACY, 1e-9, doc="relative tolerance of each step"),
+        "final_error": Entry(
+            final_error_kind(state, ACCURACY.quantity),
+            None,
+            doc="that the nominal run may have at its end",
+        ),
         "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
         "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
@@ -139,12 +146,12 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         system_entry = Entry(
             _named(system, catalog.kinds[cls]), doc="the system and its parameters"
         )
-        state = Entry(initial_kind(catalog, cls), doc="the initial state")
+        initial = Entry(initial_kind(catalog, cls), doc="the initial state")
         return Table(
             {
                 **common,
                 "system": system_entry,
-                "initial": state,
+                "initial": initial,
                 "times": Entry(TIMES, doc="from when to when"),
                 "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
                 **dispersion,

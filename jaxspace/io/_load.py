@@ -15,6 +15,7 @@ from ._catalog import Catalog, catalog
 from ._checks import Parsed, check_parsed
 from ._control import control_errors, scatter_errors
 from ._errors import SceneError, unknown
+from ._final_error import final_error_errors
 from ._flight import flight_errors
 from ._form import form, format_error, kind_of
 from ._inputs import read_inputs
@@ -22,7 +23,7 @@ from ._kinds import Reading, Value, Values
 from ._modules import missing_module, read_modules
 from ._named_files import NamedFiles
 from ._optimize_table import read_task
-from ._output_entries import read_outputs
+from ._output_entries import given_parts, read_outputs
 from ._outputs import OutputSpec
 from ._scene_file import SceneFile
 from .by_numpy import by_numpy
@@ -86,6 +87,8 @@ def load(
     errors = check_parsed(file) + control_errors(file)
     if file.kind == "flight" and not errors:
         errors = flight_errors(file)
+    if not errors:
+        errors = final_error_errors(file, given_parts(file), "accuracy" in data)
     inputs = {}
     outputs = ()
     # Traces the vector field, which needs a state without faults.

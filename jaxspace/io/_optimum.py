@@ -195,7 +195,7 @@ class Optimum:
         order = [0, *(1 + k for k in np.argsort(~np.array(equal, bool), kind="stable"))]
         sizes = np.zeros(weight.size)
         sizes[order] = 1.0 / weight
-        tolerance = max(table["tolerance"], self.file.values["accuracy"])
+        tolerance = max(table["tolerance"], self.file.tolerance)
         targets = (0.0, *(d.target for d in self.task.demands))
         rows = zip(self._specs, self._numbers, confirmed, targets, sizes, strict=True)
         clauses = []

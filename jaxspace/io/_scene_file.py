@@ -23,6 +23,7 @@ from ..scene.ground_check import ground_warning, lowest_below_ground
 from ..simulation import (
     Accuracy,
     Event,
+    FinalError,
     Mission,
     MissionTrajectory,
     Trajectory,
@@ -34,6 +35,7 @@ from ..simulation.legs import legs_of
 from ..vehicles import LaunchSite
 from ._build import build_mission, replaced
 from ._checks import Parsed
+from ._final_error import asked_of, rounded_down, tolerance_of
 from ._final_output import FinalOutput, function_of
 from ._flight import SITE
 from ._inputs import Input, with_given
@@ -120,14 +122,35 @@ class SceneFile:
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:
-        """Tolerance, method and limits of the steps."""
+        """Tolerance, method and limits of the steps, the first as `tolerance`."""
+        return self._steps(self.tolerance)
+
+    @functools.cached_property
+    def tolerance(self) -> float:
+        """The relative tolerance of the steps. Of a file with `final_error` that which its nominal
+        run takes, which is simulated for it, rounded down to two digits.
+
+        **Raises** `SimulationError` where that run fails."""
+        if self.final_error is None:
+            return self.values["accuracy"]
+        samples = 2 if self.values["dispersion"] is None else self._along
+        # The program of `nominal_mission` for campaigns, which follows.
+        run = self._mission_run(self.final_error, samples, throw=True)
+        return rounded_down(tolerance_of(run.phases[0]))
+
+    @functools.cached_property
+    def final_error(self) -> FinalError | None:
+        """The error that the file asks for at the end of its nominal run; `None` without."""
+        return asked_of(self.values["final_error"], self._steps(None))
+
+    def _steps(self, rtol: float | None) -> Accuracy:
         values = self.values
         given = {"max_step": values["max_step"], "max_steps": values["max_steps"]}
         if values["method"] is not None:
             given["method"] = self._building(values).make("method")
         # Omitted, so that the defaults are those of `Accuracy`.
         given = {key: value for key, value in given.items() if value is not None}
-        return Accuracy(rtol=values["accuracy"], **given)
+        return Accuracy(rtol=rtol, **given)
 
     @property
     def system(self) -> AbstractSystem | Mission:
@@ -184,7 +207,7 @@ class SceneFile:
         self,
         *,
         ts: Float[ArrayLike, "*times"] | None = None,
-        accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+        accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
         events: Sequence[Event] | None = None,
         num_saved: int | None = None,
         throw: bool = True,
@@ -202,10 +225,13 @@ class SceneFile:
 
         **Raises** `InputError` and `SimulationError` as these do."""
         ts = self.ts if ts is None else ts
-        accuracy = self.accuracy if accuracy is None else accuracy
+        if accuracy is None:
+            accuracy = self.accuracy if self.final_error is None else self.final_error
         if self.loop is not None:
             if num_saved is not None:
                 raise InputError(f"num_saved is {num_saved}: a loop saves its states at ts.")
+            if isinstance(accuracy, FinalError):
+                raise InputError("accuracy is a FinalError: a loop takes a tolerance.")
             until = self.mission.phases[0].until
             if events is None:
                 events = (until,) if isinstance(until, Event) else ()
@@ -311,19 +337,25 @@ class SceneFile:
         return Listed(warnings_of(self.inputs))
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
-        """The nominal run as a mission, at the accuracy of the file times `factor`; its status
-        reports a failure.
+        """The nominal run as a mission, at the accuracy of the file times `factor`, or with its
+        `final_error` where the factor is one; its status reports a failure.
 
         `samples`: states of each phase; by default as many as the outputs of [dispersion] need."""
         samples = self._along if samples is None else samples
-        rtol = self.values["accuracy"] * factor
-        # A finer tolerance than rounding allows would be refused.
-        least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
-        accuracy = dataclasses.replace(self.accuracy, rtol=max(rtol, least))
-        run = simulate_mission(
-            self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=False
+        asked = self.final_error
+        if asked is None or factor != 1.0:
+            # A finer tolerance than rounding allows would be refused.
+            least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
+            rtol = max(self.tolerance * factor, least)
+            asked = dataclasses.replace(self.accuracy, rtol=rtol)
+        return self._warned_of_ground(self._mission_run(asked, samples), stacklevel=2)
+
+    def _mission_run(
+        self, accuracy: Accuracy | FinalError, samples: int, throw: bool = False
+    ) -> MissionTrajectory:
+        return simulate_mission(
+            self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=throw
         )
-        return self._warned_of_ground(run, stacklevel=2)
 
     def _warned_of_ground(self, run: Result, stacklevel: int) -> Result:
         """The run with the status of one that passes below the ground of the planet of the file,

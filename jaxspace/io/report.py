@@ -19,6 +19,7 @@ from ..dispersion.contributors import Contributors
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ..simulation.mission_result import BranchEnd
+from ._final_error import final_error_rows
 from ._inputs import measures
 from ._optimum import Optimum
 from ._output_entries import applicable_outputs
@@ -114,7 +115,9 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
     # Under a controller nothing is conserved, whatever the scene alone conserves.
     drift = run.drift() if isinstance(run, Trajectory) else {}
     checks = [*drift_rows(drift), *error_rows(error, file.units)]
-    return "\n".join([file.title, aligned(rows), aligned(checks), status_line(run.status)])
+    asked = final_error_rows(file.values["final_error"], run)
+    tables = [aligned(table) for table in (rows, checks, asked) if table]
+    return "\n".join([file.title, *tables, status_line(run.status)])
 
 
 @by_numpy()
@@ -131,6 +134,8 @@ def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajec
     lines += ["\nat the end, after the last jump", _end_table(file, run, finer, outputs)]
     for name, end, other in zip(run.branch_names, run.branches, finer.branches, strict=True):
         lines += [f"\nat the end of {name}, after its last jump", _end_table(file, end, other)]
+    if asked := final_error_rows(file.values["final_error"], run):
+        lines += ["", aligned(asked)]
     return "\n".join([*lines, status_line(run.status)])
 
 

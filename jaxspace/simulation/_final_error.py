@@ -42,8 +42,9 @@ class FinalError(eqx.Module):
     The verbs then repeat the run with smaller tolerances until the error, as the runs show it, is
     below what is asked, and return the last run. Its `stats["final_error"]` is the estimate, in
     units of what is asked, `stats["final_error_evaluations"]` what all runs took together, and
-    `run.accuracy.rtol` the tolerance of the last. Where it cannot be
-    met the status is `FINAL_ERROR_MISSED`.
+    `run.accuracy.rtol` the tolerance of the last. `stats["final_error_price"]` is how many times
+    the evaluations of the last run a tenth of its error would take, as these runs show it. Where
+    the error cannot be met the status is `FINAL_ERROR_MISSED`.
 
     **Arguments**
 

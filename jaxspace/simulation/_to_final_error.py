@@ -44,7 +44,7 @@ LOOSEST = 9e-6
 MOST = 1e-4
 # The error of one step falls with the tolerance, and that of all with the steps of a method of
 # order 8 by a ninth less; the power is measured from the third run on, and not believed beyond.
-POWER, STEEPEST = 0.85, 1.1
+POWER, FLATTEST, STEEPEST = 0.85, 0.5, 1.1
 SAFETY = 4.0
 # What the roundings of the steps add to a tolerance, in units in the last place: below it errors
 # fall no more.
@@ -61,6 +61,8 @@ class Search(NamedTuple):
     - `last`: what was measured of the last run.
     - `apart`: the largest difference of the last two runs, and of the two before.
     - `estimate`: the error of the last run, in units of what is asked, (*runs,).
+    - `loose`: the tolerance of the first run, whether it is good, and its evaluations.
+    - `price`: how many times the evaluations a tenth of the error takes, (*runs,).
     - `runs`: how many were made, with so many `evaluations`; `over`: whether the last one is the
       result."""
 
@@ -69,6 +71,8 @@ class Search(NamedTuple):
     last: Measured
     apart: Scalar
     estimate: Float[Array, "*runs"]
+    loose: tuple[Scalar, Bool[Array, "*runs"], Array]
+    price: Float[Array, "*runs"]
     runs: Array
     evaluations: Array
     over: Bool[Array, ""]
@@ -183,6 +187,9 @@ def _begun(now: Measured, rtol: Scalar, least: float) -> Search:
         now,
         jnp.asarray(jnp.inf, rtol.dtype),
         infinite,
+        (rtol, now.good, now.evaluations),
+        # That of a closed form, for which there is no other run.
+        jnp.ones_like(infinite),
         jnp.asarray(1),
         now.evaluations,
         jnp.asarray(False),
@@ -207,7 +214,7 @@ def _advance(s: Search, now: Measured, least: Scalar) -> Search:
     rounded = ROUNDED * jnp.finfo(apart.dtype).eps
     factor = SAFETY * ((rtol + rounded) / (before + rounded)) ** power
     estimate, worst = factor * each, factor * apart
-    smaller = jnp.clip((AIM / worst) ** (1.0 / jnp.maximum(power, 0.5)), LONGEST, SHORTEST)
+    smaller = jnp.clip((AIM / worst) ** (1.0 / jnp.maximum(power, FLATTEST)), LONGEST, SHORTEST)
     runs = s.runs + 1
     over = (worst <= 1.0) | (rtol <= 1.01 * least) | (runs >= MOST_RUNS)
     return Search(
@@ -216,10 +223,26 @@ def _advance(s: Search, now: Measured, least: Scalar) -> Search:
         now,
         apart,
         estimate,
+        s.loose,
+        _price(s.loose, rtol, now, power),
         runs,
         s.evaluations + now.evaluations,
         over,
     )
+
+
+def _price(
+    loose: tuple[Scalar, Bool[Array, "*runs"], Array], rtol: Scalar, now: Measured, power: Scalar
+) -> Float[Array, "*runs"]:
+    """How many times the evaluations of this run another one takes that has a tenth of its error.
+
+    Evaluations grow with the tolerance by a power, which is that between the loosest run and this
+    one: the steps of two closer ones would differ by their roundings to whole numbers. Not a
+    number for a run that failed."""
+    first, good, spent = loose
+    more = jnp.log(jnp.asarray(now.evaluations, rtol.dtype) / jnp.asarray(spent, rtol.dtype))
+    growth = more / jnp.log(first / rtol)
+    return jnp.where(good & now.good, 10.0 ** (growth / jnp.maximum(power, FLATTEST)), jnp.nan)
 
 
 def _configs(result: Trajectory | MissionTrajectory) -> list[IntegrationConfig]:
@@ -244,6 +267,7 @@ def _with_estimate(result: Result, search: Search, missed: Bool[Array, "*runs"])
     """The result with the estimate among its numbers, and the status of runs that `missed`."""
     stats = {
         "final_error": search.estimate,
+        "final_error_price": search.price,
         "final_error_runs": search.runs,
         "final_error_evaluations": search.evaluations,
     }

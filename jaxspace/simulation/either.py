@@ -9,6 +9,7 @@ from ..core import AbstractSystem, InputError
 from ..integration.accuracy import Accuracy
 from ..integration.events import Event
 from ._batch import simulate_batch
+from ._final_error import FinalError
 from ._mission import Mission
 from ._mission_batch import simulate_mission_batch
 from ._simulate import simulate
@@ -23,7 +24,7 @@ def run_either(
     y0: PyTree,
     ts: Real[ArrayLike, "*times"],
     *,
-    accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
+    accuracy: Accuracy | FinalError | Float[ArrayLike, ""] | None = None,
     events: Sequence[Event] = (),
     dense: bool = False,
     num_saved: int | None = None,
