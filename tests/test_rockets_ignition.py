@@ -16,6 +16,7 @@ from jaxspace.orbits import UniformGravity
 from jaxspace.rockets import SteeredThrust, Thrust
 from jaxspace.rockets.steering import FixedDirection
 from jaxspace.simulation import simulate_compact
+from jaxspace.studies import propagate_covariance
 
 G, EXHAUST, BURN, MASS, FLOW = 9.8, 2000.0, 10.0, 100.0, 4.0
 UP = jnp.array([0.0, 0.0, 1.0])
@@ -160,6 +161,12 @@ def test_a_delay_beside_an_ignition_is_refused():
     with pytest.raises(InputError, match=r"Thrust.ignition is 5: it must be left out beside a del"):
         Thrust(1.0, 1.0, 1.0, ignition=5.0, delay=1.0)
     assert float(Thrust(1.0, 1.0, 2.0, delay=1.0).burnout()) == 3.0
+
+
+def test_a_covariance_needs_a_time_of_the_mission():
+    """The delay of a run moves the ignition, which the covariance of a mission does not hold."""
+    with pytest.raises(InputError, match="Phase 'burn' has a time that counts from its start"):
+        propagate_covariance(flight(2.0), start(jnp.array(98.0)), jnp.eye(7))
 
 
 OUTPUTS = """
