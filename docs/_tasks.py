@@ -4,9 +4,10 @@ stands for all of its names. What is not listed follows in a group of its own.""
 TASKS = {
     "simulation": {
         "Run": "simulate simulate_batch simulate_mission simulate_mission_batch simulate_compact",
-        "Say how": "Accuracy Event Mission Phase crossings",
+        "Say how": "Accuracy FinalError Event Mission Phase crossings",
         "Read the result": "Trajectory MissionTrajectory CompactRun Status "
         "SimulationError",
+        "Know the error of a derivative": "gradient_error gradient_within CheckedGradient",
     },
     "scene": {
         "Put a system together": "Scene Custom",

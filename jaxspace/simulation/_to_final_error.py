@@ -135,7 +135,7 @@ def _known(
         now = asked.measured(result)
         if _is_exact(result):
             return result, _exact(now, rtol)
-        search = _begun(now, rtol, least) if search is None else _advance(search, now, least)
+        search = begun(now, rtol, least) if search is None else advance(search, now, least)
         if bool(search.over):
             return result, search
         rtol = float(search.rtol)
@@ -160,12 +160,12 @@ def _traced(
         return result, _exact(asked.measured(result), first)
     blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(measured, first))
     # Of a run that was not made nothing is good, so that the first pass only remembers.
-    start = _begun(blank, first * APART, least)._replace(rtol=first, runs=jnp.asarray(0))
+    start = begun(blank, first * APART, least)._replace(rtol=first, runs=jnp.asarray(0))
 
     def step(search: Search) -> Search:
         now = measured(search.rtol)
-        begun, after = _begun(now, search.rtol, least), _advance(search, now, least)
-        return jax.tree.map(lambda a, b: jnp.where(search.runs == 0, a, b), begun, after)
+        first, after = begun(now, search.rtol, least), advance(search, now, least)
+        return jax.tree.map(lambda a, b: jnp.where(search.runs == 0, a, b), first, after)
 
     search = jax.lax.while_loop(lambda search: ~search.over, step, start)
     return simulated(parts, search.made[1]), search
@@ -176,7 +176,7 @@ def _without_derivatives(tree: PyTree) -> PyTree:
     return eqx.combine(jax.lax.stop_gradient(numbers), rest)
 
 
-def _begun(now: Measured, rtol: Scalar, least: float) -> Search:
+def begun(now: Measured, rtol: Scalar, least: float) -> Search:
     """The search after the first run."""
     # In the precision of what is compared.
     rtol = jnp.asarray(rtol, now.allowed[0].dtype)
@@ -198,12 +198,12 @@ def _begun(now: Measured, rtol: Scalar, least: float) -> Search:
 
 def _exact(now: Measured, rtol: Scalar) -> Search:
     """The search of a closed form, which has no error beside that of its roundings."""
-    begun = _begun(now, rtol, 0.0)
-    return begun._replace(estimate=jnp.zeros_like(begun.estimate), over=jnp.asarray(True))
+    search = begun(now, rtol, 0.0)
+    return search._replace(estimate=jnp.zeros_like(search.estimate), over=jnp.asarray(True))
 
 
 @jax.jit
-def _advance(s: Search, now: Measured, least: Scalar) -> Search:
+def advance(s: Search, now: Measured, least: Scalar) -> Search:
     """The search after a further run, with the tolerance `s.rtol`."""
     before, rtol = s.made[1], s.rtol
     each = distance(s.last, now)
