@@ -147,7 +147,7 @@ def final_error_rows(
     rows = [("final error asked for", listed(1.0))]
     if runs == 1:
         return [*rows, ("estimated", "0: the run is a closed form")]
-    rows.append(("estimated, at most", listed(estimate)))
+    rows.append(("estimated", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
     found = f"{tolerance_of(last):.2g}, found by {runs} runs with {spent} evaluations together"
     rows.append(("accuracy that it took", found))

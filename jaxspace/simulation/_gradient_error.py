@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import InputError
 from ..core.checks import check_positive
+from ..core.tracing import is_traced
 from ..integration.accuracy import (
     DEFAULT,
     DEFAULT_RTOL,
@@ -71,7 +72,8 @@ def gradient_error(
       a hundred times the tolerance, and the estimate that of the looser derivative.
     - `forward`: forward mode, for few numbers in `x`; reverse mode by default.
 
-    **Raises** `InputError` for a method of fixed steps, which follow no tolerance."""
+    **Raises** `InputError` for a method of fixed steps, which follow no tolerance, and inside of
+    `jit` and other transformations."""
     accuracy = as_accuracy(accuracy)
     x, dtype = _checked(x, accuracy)
     rtol = DEFAULT_RTOL[dtype.name] if accuracy.rtol is None else float(accuracy.rtol)
@@ -101,9 +103,9 @@ def gradient_within(
       a tree of the same form.
     - `accuracy`: method and limits of the steps, without a tolerance, which is found.
 
-    **Returns** a `CheckedGradient`, whose `error` is a bound on that of each array.
+    **Returns** a `CheckedGradient`, whose `error` is the estimate for the length of each array.
 
-    **Raises** `InputError` for a tolerance in `accuracy` or a method of fixed steps, and
+    **Raises** `InputError` as `gradient_error` does, and for a tolerance in `accuracy`;
     `SimulationError` where the error cannot be met."""
     for each in jax.tree.leaves(within):
         check_positive("within", each)
@@ -137,7 +139,13 @@ def gradient_within(
 
 
 def _checked(x: PyTree, accuracy: Accuracy) -> tuple[PyTree, np.dtype]:
-    """`x` as arrays, and their precision. Raises `InputError` for a method of fixed steps."""
+    """`x` as arrays, and their precision. Raises `InputError` for a method of fixed steps, and
+    inside of a transformation."""
+    if is_traced((x, accuracy)):
+        raise InputError(
+            "The error of a derivative is found from known numbers: it must be asked for outside "
+            "of jit, vmap and grad."
+        )
     if not isinstance(accuracy.method, str) and solver_traits(accuracy.method).fixed_step:
         raise InputError(
             f"accuracy.method is {type(accuracy.method).__name__}, whose steps follow no "
