@@ -130,7 +130,7 @@ class ExponentialRosenbrock(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver)
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> "ExponentialRosenbrock":

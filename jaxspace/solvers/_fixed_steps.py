@@ -84,7 +84,7 @@ class FixedSteps(AbstractFixedStep):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> "FixedSteps":
@@ -104,7 +104,7 @@ class FixedSteps(AbstractFixedStep):
         y0: State,
         args: PyTree,
         solver_state: PyTree,
-        made_jump: Bool[Array, ""] | bool,
+        made_jump: Bool[Array, "*runs"] | bool,
     ) -> Step:
         # The vector field may jump where the segment begins, so that nothing is carried into it.
         del solver_state, made_jump

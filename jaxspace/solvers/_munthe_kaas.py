@@ -106,7 +106,7 @@ class MuntheKaas(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> "MuntheKaas":

@@ -113,7 +113,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
     **Raises** `InputError` in its first step for a state with further parts.
     """
 
-    save_ts: Float[Array, " times"] | None = None
+    save_ts: Float[Array, "times *#runs"] | None = None
     in_loop: bool = eqx.field(static=True, default=False)
     run_axes: int | None = eqx.field(static=True, default=None)
     term_structure: ClassVar = diffrax.ODETerm
@@ -127,7 +127,7 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> "RKN1210":

@@ -132,7 +132,7 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> "Stormer":

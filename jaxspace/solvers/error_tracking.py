@@ -69,7 +69,7 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         y0: State,
         args: PyTree,
         solver_state: tuple[PyTree, Float[Array, "*runs"]],
-        made_jump: Bool[Array, ""] | bool,
+        made_jump: Bool[Array, "*runs"] | bool,
     ) -> tuple[State, State, dict[str, PyTree], tuple[PyTree, Array], diffrax.RESULTS]:
         inner, max_local_error = solver_state
         args = field_of_step(self.solver, args, t0, t1)

@@ -76,7 +76,7 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> diffrax.AbstractSolver:
@@ -155,7 +155,7 @@ class AbstractFieldSolver(AbstractDeclaredSolver):
         y0: State,
         args: PyTree,
         solver_state: PyTree,
-        made_jump: Bool[Array, ""] | bool,
+        made_jump: Bool[Array, "*runs"] | bool,
     ) -> Step:
         f = StepField(terms, args, made_jump)
         advance = self.advance(f, t0, t1, y0, solver_state)
@@ -228,7 +228,7 @@ def bind(
     solver: diffrax.AbstractSolver,
     *,
     tolerance: Tolerance,
-    save_ts: Float[Array, " times"] | None,
+    save_ts: Float[Array, "times *#runs"] | None,
     run_axes: int,
     searched: bool = False,
 ) -> diffrax.AbstractSolver:

@@ -220,7 +220,7 @@ class _AbstractStages(AbstractFieldSolver):
         self,
         *,
         tolerance: Tolerance,
-        save_ts: Float[Array, " times"] | None,
+        save_ts: Float[Array, "times *#runs"] | None,
         run_axes: int,
         searched: bool = False,
     ) -> AbstractFieldSolver:

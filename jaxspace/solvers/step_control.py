@@ -102,8 +102,8 @@ class StepController(eqx.Module):
 
     def following(
         self,
-        t0: Float[Array, "*runs"],
-        t1: Float[Array, "*runs"],
+        t0: Float[Array, "*#runs"],
+        t1: Float[Array, "*#runs"],
         errors: Float[Array, "*runs"],
         order: Scalar,
         state: StepControl,

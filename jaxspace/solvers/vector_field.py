@@ -67,7 +67,7 @@ class StepField(NamedTuple):
 
     terms: diffrax.AbstractTerm
     args: PyTree
-    made_jump: Bool[Array, ""] | bool
+    made_jump: Bool[Array, "*runs"] | bool
 
     def __call__(self, t: Scalar, y: State) -> State:
         return evaluate(self.terms, t, y, self.args)
