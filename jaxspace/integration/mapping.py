@@ -97,12 +97,17 @@ def _carried_by(settings: LoopSettings) -> PyTree:
         return jax.tree.map(lambda a: a.ndim == rows + axes, x)
 
     flags = jax.tree.map(lambda x: False, settings)
-    flags = dataclasses.replace(
+    # Not by the constructor, which takes arrays.
+    flags = eqx.tree_at(
+        lambda s: (s.lengths, s.longest_steps, s.save_ts, s.reach),
         flags,
-        lengths=of_each(settings.lengths, 1),
-        longest_steps=of_each(settings.longest_steps, 1),
-        save_ts=of_each(settings.save_ts, 1),
-        reach=of_each(settings.reach, 0),
+        (
+            of_each(settings.lengths, 1),
+            of_each(settings.longest_steps, 1),
+            of_each(settings.save_ts, 1),
+            of_each(settings.reach, 0),
+        ),
+        is_leaf=lambda x: x is None,
     )
     if settings.sought is None:
         return flags

@@ -332,7 +332,7 @@ class OutputList(Kind):
             return None
         return [self._one(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
 
-    def _one(self, value: object, path: str, reading: Reading) -> dict[str, str]:
+    def _one(self, value: object, path: str, reading: Reading) -> dict[str, object]:
         if isinstance(value, str):
             return {"output": value}
         if not isinstance(value, Mapping):
