@@ -15,6 +15,9 @@ SCENE = Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))
 RUNS, SLOW, FAILING = 24, 5, 11
 
 
+EPS = float(np.finfo(float).eps)
+
+
 def starts() -> BodyState:
     """Orbits of eccentricities up to 0.6 from their apses; a slow run, so low that its steps run
     out, and one that is not finite."""
@@ -71,7 +74,9 @@ def test_events_do_not_depend_on_the_neighbours():
         some = flown(jax.tree.map(lambda x, k=order: x[..., k], y), ts, DOP853(), (edge,))
         for a, b in zip(jax.tree.leaves(some), jax.tree.leaves(whole), strict=True):
             b = b[..., order] if b.shape[-1:] == (RUNS,) else b
-            np.testing.assert_array_equal(a, b, err_msg=name)
+            # What follows the loop, the step to the zero, is a program for this number of runs:
+            # compiled for another one it may round a sum in another order.
+            np.testing.assert_allclose(a, b, rtol=4.0 * EPS, atol=4.0 * EPS, err_msg=name)
 
 
 def slopes(y: BodyState, times, max_steps=300) -> BodyState:

@@ -36,6 +36,10 @@ from ._own_state import (
     unit,
 )
 
+# Of so many passes the last ones let runs that wait at the end of a segment land without the
+# others; to land takes up to three.
+PATIENCE, LANDING = 32, 6
+
 
 def integrate_own_steps(
     settings: LoopSettings, field: ScaledField, y0: OwnState, *, recorded: bool = False
@@ -123,9 +127,11 @@ def _advance(
     pending = active & (loop.pending | past | (accept & loop.landing))
     y, h, none = OwnState(z, y.segment), jnp.sign(segment.duration) * free, jnp.zeros_like(past)
     # All runs at once, when none is still on its way, because a landing costs as much as some
-    # steps.
+    # steps; but a slow run does not keep the others waiting until the steps run out.
+    waited = loop.passes % PATIENCE >= PATIENCE - LANDING
+    waited = waited | (loop.passes >= settings.max_steps - LANDING)
     y1, h1, pending, landing, done = jax.lax.cond(
-        jnp.any(pending) & jnp.all(pending | ~active),
+        jnp.any(pending) & (jnp.all(pending | ~active) | waited),
         lambda: _enter_segments(settings, form, field, segment, y, pending, free),
         lambda: (y, h, pending, none, none),
     )

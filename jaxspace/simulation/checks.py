@@ -56,7 +56,7 @@ def _hint(name: str, known: list[str]) -> str:
     return "." + (InputError.hint(name, known) or f" It has {', '.join(known)}.")
 
 
-def check_times(ts: Any, y0: State, axes: int = 1) -> Array:
+def check_times(ts: Any, y0: PyTree, axes: int = 1) -> Array:
     """The save times in the precision of the state.
 
     Raises `InputError` unless they are finite and ascend or descend."""
