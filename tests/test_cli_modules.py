@@ -124,7 +124,7 @@ def test_run_and_budget_name_own_effects_and_outputs(scene, capsys):
     assert f"next   jaxspace disperse {scene} --with {scene.with_name('push.py')}\n" in printed
     assert main(["budget", *given, "--output", "advance", "--tolerance", "1 cm"]) == 0
     printed = capsys.readouterr().out
-    assert re.search(r"Push +drive +100 +100 +100", printed) and "final advance" in printed
+    assert re.search(r"push +drive +100 +100 +100", printed) and "final advance" in printed
     assert "within 0.01 m: every effect is needed" in printed
     assert main(["list", "advance", "--with", str(scene.with_name("push.py"))]) == 0
     assert "  advance [m]: How far the body has come along x" in capsys.readouterr().out

@@ -1,6 +1,7 @@
 """Derivatives of flights by a drag, a wind and a deviation of the wind that are zero, against
 integrals along the flight without them by SciPy: all three are first-order effects there."""
 
+import jax.numpy as jnp
 import numpy as np
 from both_modes import both_modes
 from scipy.integrate import solve_ivp
@@ -22,7 +23,7 @@ BODY = RigidBody(MASS)
 
 
 def thrown(velocity):
-    return BodyState(np.zeros(3), np.array(velocity))
+    return BodyState(jnp.zeros(3), jnp.array(velocity))
 
 
 def loss(z):

@@ -195,6 +195,10 @@ def effect_budget_figure(budget: InfluenceTable, *, title: str = "") -> "Figure"
     for place, row, alpha in zip(places, rows, pale, strict=True):
         left.barh(place, max(row.influence, least), color=COLOURS[0], alpha=alpha, height=0.6)
         right.barh(place, 100.0 * row.share, color=COLOURS[1], alpha=alpha, height=0.6)
+    # Stated, because bars of one length alone leave an axis without a length.
+    lengths = [max(row.influence, least) for row in rows]
+    lengths += [] if budget.tolerance is None else [budget.tolerance]
+    left.set_xlim(0.5 * min(lengths), 2.0 * max(lengths))
     left.set_xscale("log")
     left.set_yticks(places, names)
     if budget.tolerance is not None:
