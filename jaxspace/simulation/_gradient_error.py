@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import InputError
 from ..core.checks import check_positive
+from ..core.printing import printed
 from ..core.tracing import is_traced
 from ..integration.accuracy import (
     DEFAULT,
@@ -37,6 +38,7 @@ FINER = 0.01
 LITTLE = 0.1
 
 
+@printed(tolerance="", runs="")
 class CheckedGradient(NamedTuple):
     """A derivative with its error.
 

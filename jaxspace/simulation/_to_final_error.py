@@ -285,6 +285,6 @@ def _best(search: Search) -> str:
     if estimate.ndim > 0 or not np.isfinite(estimate):
         return ""
     return (
-        f"With the smallest tolerance of {float(search.made[1]):.2g} the estimate is "
+        f"With a tolerance of {float(search.made[1]):.2g} the estimate is "
         f"{float(estimate):.3g} times what is asked."
     )
