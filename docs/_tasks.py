@@ -136,6 +136,11 @@ TASKS = {
         "Meet a target": "least_rendezvous Rendezvous PropellantUse propellant_use",
         "Reach an orbit": "optimise_insertion Insertion InsertionOptimum InsertionState",
     },
+    "robust": {
+        "Search": "optimise_design optimise_nominal DesignOptimum",
+        "Say what is best": "Mean MeanPlus Quantile CVaR Violation Worst "
+        "Constraint AbstractStatistic",
+    },
     "studies": {
         "Know what accuracy costs": "accuracy_cost AccuracyCost cost_table",
         "Know which effects matter": "effect_budget EffectBudget budget_table",

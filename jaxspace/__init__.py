@@ -20,6 +20,7 @@ The packages, from the ground up:
     control         controllers that act at samples, sensors, environments (imported by name)
     dispersion      campaigns of many runs: distributions, statistics
     optimization    staging, steering
+    robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)
     verification    hard cases and laws (imported by name)
     io, plots, cli  files, figures, the command line (imported by name, with the extra `app`)

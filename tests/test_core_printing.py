@@ -36,13 +36,15 @@ NO_RESULTS = {
         ("Campaign", "Evaluator", "LatinHypercube", "Sobol", "StopRule"), "what is to be run"
     ),
     **dict.fromkeys(("Phase", "Mission", "ClosedLoop", "Event", "Case"), "what is to be run"),
+    **dict.fromkeys(("CVaR", "Constraint", "Mean", "MeanPlus"), "what is to be computed"),
+    **dict.fromkeys(("Quantile", "Violation", "Worst"), "what is to be computed"),
     **dict.fromkeys(("AdaptiveRegularised", "ExponentialRosenbrock", "FixedSteps"), "methods"),
     **dict.fromkeys(("MuntheKaas", "Regularised", "RKN1210", "Splitting", "Stormer"), "methods"),
     **dict.fromkeys(("DOP853", "Tsit5"), "methods"),
 }
 # Those that print in their own way, as tests of their packages show.
 OWN = {"AccuracyCost", "Dispersion", "EffectBudget", "Fit", "Law", "LawReport", "LoopRun"}
-OWN |= {"MissionTrajectory", "Trajectory", "Verification"}
+OWN |= {"DesignOptimum", "MissionTrajectory", "Trajectory", "Verification"}
 # Units in a docstring: behind a comma or a colon, before a comma, a full stop and such.
 UNIT = re.compile(r"(?:[,:]) (kg|N|K|Pa|J|m|s|rad)((?:[ /][a-z]+)?(?:\^\d)?)(?=[,;:.)]|$)", re.M)
 

@@ -51,6 +51,7 @@ ALLOWED = {
     },
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "integration", "simulation"},
+    "robust": {"core", "integration", "simulation", "dispersion", "optimization"},
     "estimation": {"core", "simulation", "studies"},
     # The packages of physics, whose public names scene files may use, and what runs them.
     "io": {

@@ -45,6 +45,7 @@ LONG = (
     "docs/goals/disperse.md",
     "docs/howto/as_a_layer.md",
     "docs/howto/cookbook.md",
+    "docs/howto/design_under_dispersion.md",
     "docs/howto/estimation.md",
     "docs/howto/what_accuracy_costs.md",
     "docs/tutorials/first_gradient.md",

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int
 
@@ -23,6 +24,8 @@ from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 from ._exact_parts import has_exact_part
 from ._outputs import outputs_of
+from ._sampling import Sobol, map_normals, normal_columns
+from ._whole import check_whole
 
 BLOCK = 256
 """Runs in one call: every number of runs is filled up to a multiple, so that one program serves."""
@@ -51,16 +54,43 @@ def evaluate_traced(
     return outputs_of(campaign, result, samples), jnp.broadcast_to(result.status, shape)
 
 
-@jit_wide_vectors
-def _evaluate(
+def evaluate_allowed(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
+    """The same with the status `REFUSED` for runs whose inputs are outside of the allowed ranges;
+    the outputs of runs with a bad status mean nothing."""
     allowed = campaign.allowed(samples)
     nominal = campaign.nominal()
     # Nominal inputs stand in for refused ones, which may take steps without end.
     inputs = {name: jnp.where(allowed, x, nominal[name]) for name, x in samples.items()}
     outputs, status = evaluate_traced(campaign, accuracy, inputs)
-    status = jnp.where(allowed, status, Status.REFUSED)
+    return outputs, jnp.where(allowed, status, Status.REFUSED)
+
+
+def fixed_normals(campaign: Campaign, runs: int, seed: int) -> Float[Array, "runs dimensions"]:
+    """Independent standard normal numbers that place runs by the design of the campaign, or on
+    scrambled Sobol points where it has none.
+
+    Raises `InputError` for numbers that are not whole."""
+    check_whole("runs", runs, 1)
+    check_whole("seed", seed)
+    design = Sobol() if campaign.design is None else campaign.design
+    dimensions = sum(map(len, normal_columns(campaign.inputs).values()))
+    return ndtri(design.uniforms(jax.random.key(seed), jnp.arange(runs), dimensions))
+
+
+def inputs_at(
+    campaign: Campaign, normals: Float[Array, "runs dimensions"]
+) -> dict[str, Float[Array, " runs"]]:
+    """The inputs at these standard normal numbers; differentiable in the distributions."""
+    return map_normals(campaign.inputs, normals)
+
+
+@jit_wide_vectors
+def _evaluate(
+    campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
+) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
+    outputs, status = evaluate_allowed(campaign, accuracy, samples)
     return nan_where_failed(outputs, status), status
 
 

@@ -8,6 +8,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
@@ -231,6 +232,18 @@ class Minimum(eqx.Module):
                 if not np.isfinite(x):
                     clauses.append(f"{title or name + place} is {x:g}")
         return listed(clauses) or "A derivative of the objective or of a constraint is not finite"
+
+    @property
+    def influence(self) -> Point:
+        """The largest derivative of objective and constraints by each unknown, scaled as in the
+        search; zero for an unknown on which none of them depends there. For one run.
+
+        Raises `InputError` for a `Minimum` that keeps no search."""
+        if self.search is None:
+            raise InputError("Minimum.influence is that of a search, and this Minimum keeps none.")
+        at = self.search.at
+        rows = jnp.abs(jnp.concatenate([at.g[None], at.J, at.K]))
+        return ravel_pytree(self.x)[1](jnp.max(rows, axis=0))
 
     @property
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:

@@ -75,6 +75,11 @@ class DescentState(NamedTuple):
     taken: Int[Array, ""]
     steps: Int[Array, ""]
 
+    @property
+    def at(self) -> Values:
+        """What is known at the place of the result."""
+        return self.best.at
+
     def resumed(self, rows: Array) -> "DescentState":
         """The state from which the search goes on, with space for further `rows`."""
         zero = jnp.asarray(0)

@@ -1,0 +1,111 @@
+"""The result of a search for the best design under dispersion."""
+
+from typing import Any, final
+
+import equinox as eqx
+import jax
+import numpy as np
+from jax.tree_util import keystr, tree_leaves_with_path
+
+from ..core.listed import Listed
+from ..core.text import aligned
+from ..optimization import Minimum
+from ._runs import Design, Problem, RunsOfDesign, failures
+
+
+@final
+class DesignOptimum(eqx.Module):
+    """The best design that a search found, on the runs of the search.
+
+    - `x`: the design; `start`: that of the search.
+    - `minimum`: the result of `minimise`, with multipliers and history.
+    - `problem`: what was minimised over which runs; `seed`: of these runs.
+
+    The runs of the search flatter their optimum: `judge_designs` has fresh ones."""
+
+    x: Design
+    start: Design
+    minimum: Minimum
+    problem: Problem
+    seed: int = eqx.field(static=True)
+
+    @property
+    def value(self) -> float:
+        """The objective on the runs of the search."""
+        return float(self.minimum.criterion.objective)
+
+    @property
+    def converged(self) -> bool:
+        """Whether the search met its tolerance."""
+        return bool(self.minimum.converged)
+
+    @property
+    def runs(self) -> RunsOfDesign:
+        """What the runs of the search gave for the design, (runs,)."""
+        return jax.tree.map(np.asarray, self.minimum.criterion.report)
+
+    @property
+    def without_influence(self) -> tuple[str, ...]:
+        """The names of the unknowns, or of numbers of them, that the search left at their start,
+        where neither objective nor constraints depend on them."""
+        parts = zip(
+            tree_leaves_with_path(self.minimum.influence),
+            jax.tree.leaves(self.x),
+            jax.tree.leaves(self.start),
+            strict=True,
+        )
+        # At an optimum between bounds the derivative may be zero by chance.
+        return Listed(
+            _name(path, index)
+            for (path, size), x, start in parts
+            for index, number in np.ndenumerate(np.asarray(size))
+            if number == 0.0 and x[index] == np.asarray(start)[index]
+        )
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """Runs that failed and unknowns without influence, a sentence each."""
+        sentences = [failures(self.runs)]
+        if self.without_influence:
+            names = ", ".join(self.without_influence)
+            sentences.append(
+                f"Neither objective nor constraints depend on {names}: leave it out, or start "
+                f"where it matters."
+            )
+        return Listed(sentence for sentence in sentences if sentence)
+
+    def sentence(self) -> str:
+        """Why the search ended, in words."""
+        unmet = [
+            f"the {constraint.text()} is missed by {-margin:.3g}"
+            for constraint, margin, missed in zip(
+                self.problem.constraints, self._margins, self.minimum.unmet[1], strict=True
+            )
+            if missed
+        ]
+        return self.minimum.sentence(unmet)
+
+    @property
+    def _margins(self) -> np.ndarray:
+        margins = self.minimum.criterion.non_negative
+        return np.zeros(0) if margins is None else np.asarray(margins)
+
+    def __repr__(self) -> str:
+        problem = self.problem
+        rows = [(problem.objective.text(), f"{self.value:.6g}")]
+        for constraint, margin in zip(problem.constraints, self._margins, strict=True):
+            sign = -1.0 if constraint.upper else 1.0
+            rows.append((constraint.text(), f"{constraint.limit + sign * float(margin):.6g}"))
+        for path, leaf in tree_leaves_with_path(self.x):
+            name = _name(path, ())
+            rows.append((name, " ".join(f"{number:.6g}" for number in np.ravel(leaf))))
+        count = self.runs.status.size
+        title = f"Design on {count} runs of seed {self.seed}" if count > 1 else "Nominal design"
+        lines = [f"  {line}" for line in aligned(rows).splitlines()]
+        return "\n".join([title, *lines, *(f"  {x}" for x in (self.sentence(), *self.warnings))])
+
+
+def _name(path: Any, index: tuple[int, ...]) -> str:
+    """The name of a number of a design."""
+    name = keystr(path, simple=True, separator=".") or "x"
+    return name + "".join(f"[{place}]" for place in index)

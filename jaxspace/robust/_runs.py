@@ -1,0 +1,163 @@
+"""The runs of a design on a fixed sample: objective and constraints of a search, and what each run
+gave."""
+
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, TypeAlias
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ..core import InputError
+from ..core.checks import is_concrete
+from ..dispersion import Campaign
+from ..dispersion.evaluate import evaluate_allowed, fixed_normals, inputs_at
+from ..integration.accuracy import Accuracy
+from ..optimization import Criterion
+from ..simulation import Status
+from ._statistics import TAIL, AbstractStatistic, Constraint
+
+Design: TypeAlias = PyTree[Float[Array, "..."]]
+CampaignOf: TypeAlias = Callable[[Design], Campaign]
+
+
+class RunsOfDesign(NamedTuple):
+    """What the runs of a design gave: outputs by name, and the `Status` of each; (runs,)."""
+
+    outputs: dict[str, Float[Array, " runs"]]
+    status: Int[Array, " runs"]
+
+    def good(self, output: str) -> Bool[Array, " runs"]:
+        """Whether a run ended well with a finite output."""
+        return (self.status <= Status.EVENT) & jnp.isfinite(self.outputs[output])
+
+
+class Problem(NamedTuple):
+    """What is minimised over which runs.
+
+    - `campaign`: from a design to its campaign.
+    - `objective`, `constraints`: statistics of outputs, and limits of them.
+    - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run alone.
+    - `accuracy`: of each run.
+    - `may_fail`: the share of the runs that may fail."""
+
+    campaign: CampaignOf
+    objective: AbstractStatistic
+    constraints: tuple[Constraint, ...]
+    normals: Float[Array, "runs dimensions"] | None
+    accuracy: Accuracy
+    may_fail: float
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """The names of the outputs that count, each once."""
+        every = (self.objective, *(c.statistic for c in self.constraints))
+        return tuple(dict.fromkeys(statistic.output for statistic in every))
+
+    def runs(self, x: Design) -> RunsOfDesign:
+        """The runs of the design `x`, on the same places for every design; differentiable.
+
+        Raises `InputError` for an output that the campaign does not have."""
+        campaign = self.campaign(x)
+        if self.normals is None:
+            samples = campaign.nominal()
+        else:
+            samples = inputs_at(campaign, self.normals)
+        outputs, status = evaluate_allowed(campaign, self.accuracy, samples)
+        for name in self.outputs:
+            if name not in outputs:
+                raise InputError(
+                    f"{name!r} is no output of the campaign: it must be one of "
+                    f"{', '.join(outputs)}.{InputError.hint(name, outputs)}"
+                )
+        dtype = jnp.result_type(float)
+        return RunsOfDesign({name: outputs[name].astype(dtype) for name in self.outputs}, status)
+
+    def __call__(self, x: Design) -> Criterion:
+        """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report."""
+        runs = self.runs(x)
+        if self.normals is None:
+            alone = {name: values[0] for name, values in runs.outputs.items()}
+            objective = self.objective.at_nominal(alone[self.objective.output])
+            margins = [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
+        else:
+            arguments = {name: (runs.outputs[name], runs.good(name)) for name in self.outputs}
+            objective = self.objective.value(*arguments[self.objective.output])
+            margins = [c.margin(*arguments[c.statistic.output]) for c in self.constraints]
+        # Without this a search would leave out bad runs by making them fail.
+        failed = jnp.mean(runs.status > Status.EVENT, dtype=objective.dtype)
+        objective = jnp.where(failed <= self.may_fail, objective, jnp.inf)
+        return Criterion(objective, None, jnp.stack(margins) if margins else None, runs)
+
+
+def problem_of(
+    campaign: CampaignOf,
+    start: Design,
+    objective: AbstractStatistic,
+    constraints: Sequence[Constraint],
+    runs: int | None,
+    seed: int,
+    accuracy: Any,
+    may_fail: float,
+) -> Problem:
+    """The problem on a sample of so many `runs`; by `None` at the nominal run alone.
+
+    Raises `InputError` for what is no campaign, statistic or constraint, a campaign without
+    scatter, and for fewer runs than a statistic needs."""
+    for name, thing, kind, allowed in (
+        ("minimise", objective, AbstractStatistic, 'a statistic such as Mean("miss")'),
+        *(
+            (f"subject_to[{k}]", c, Constraint, 'a limit such as Mean("miss").at_most(1.0)')
+            for k, c in enumerate(constraints)
+        ),
+    ):
+        if not isinstance(thing, kind):
+            raise InputError(f"{name} is a {type(thing).__name__}: it must be {allowed}.")
+    if not 0.0 <= may_fail < 1.0:
+        raise InputError(f"may_fail is {may_fail}: it must be from 0 to below 1.")
+    first = campaign(start)
+    if not isinstance(first, Campaign):
+        raise InputError(
+            f"campaign gives a {type(first).__name__} for the start: it must give a Campaign."
+        )
+    problem = Problem(
+        campaign, objective, tuple(constraints), None, first.accuracy_for(accuracy), may_fail
+    )
+    if runs is None:
+        return problem
+    _check_scatter(first)
+    normals = fixed_normals(first, runs, seed)
+    for statistic in (objective, *(c.statistic for c in constraints)):
+        if runs < statistic.fewest_runs:
+            raise InputError(
+                f"runs is {runs}, too few for the {statistic.text()}: it must be "
+                f"{statistic.fewest_runs} or more, of which {TAIL} lie beyond."
+            )
+    return problem._replace(normals=normals)
+
+
+def enough_runs(statistics: Sequence[AbstractStatistic], least: int) -> int:
+    """The power of two, from `least` on, that all of these statistics can be known from."""
+    most = max((statistic.fewest_runs for statistic in statistics), default=1)
+    return max(least, 2 ** int(np.ceil(np.log2(most))))
+
+
+def _check_scatter(campaign: Campaign) -> None:
+    """Raise `InputError` where no input of the campaign scatters."""
+    deviations = [d.deviation for d in campaign.inputs.values()]
+    if all(is_concrete(s) and not np.any(np.asarray(s)) for s in deviations):
+        raise InputError(
+            f"The inputs {', '.join(campaign.inputs)} have the deviation 0: one of them must "
+            f"scatter."
+        )
+
+
+def failures(runs: RunsOfDesign) -> str:
+    """How many of known runs failed and by which status most, in a sentence; empty for none."""
+    status = np.asarray(runs.status)
+    bad = status[status > Status.EVENT]
+    if not bad.size:
+        return ""
+    codes, counts = np.unique(bad, return_counts=True)
+    most = Status(int(codes[np.argmax(counts)]))
+    return f"{bad.size} of {status.size} runs fail, most of them so: {most.sentence}"

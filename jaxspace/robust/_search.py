@@ -1,0 +1,142 @@
+"""The best design under dispersion, on a sample that is drawn once.
+
+    minimise S_0(f(x, w_1), ..., f(x, w_n))   subject to   S_k(...) <= a_k,   a <= x <= b
+
+    symbol  meaning
+    x       unknowns of the design
+    w_i     random inputs of run i: the same numbers for every design
+    f       outputs of a run
+    S_0     statistic that is minimised; S_k with its limit a_k: those that are constrained
+
+With common random numbers, the sum over the runs is a smooth function of x, whose gradient is that
+of the runs, through their events and phases. Its minimum converges to that of the distribution
+like 1/sqrt(n), and faster on Sobol points.
+Source: Shapiro, Dentcheva and Ruszczynski, Lectures on Stochastic Programming, chapter 5.
+"""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from jaxtyping import PyTree
+
+from ..core import InputError, Scalar
+from ..integration.accuracy import Accuracy
+from ..optimization import Progress
+from ..optimization import minimise as search_minimum
+from ._optimum import DesignOptimum
+from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
+from ._statistics import AbstractStatistic, Constraint
+
+RUNS = 1024
+"""How many runs there are at least by default."""
+
+
+def optimise_design(
+    campaign: CampaignOf,
+    start: Design,
+    *,
+    minimise: AbstractStatistic,
+    subject_to: Sequence[Constraint] = (),
+    bounds: tuple[PyTree, PyTree] | None = None,
+    scale: PyTree | None = None,
+    optimiser: Any = "sqp",
+    runs: int | None = None,
+    seed: int = 0,
+    accuracy: Accuracy | Scalar | None = None,
+    may_fail: float = 0.0,
+    tolerance: Scalar = 1e-4,
+    max_steps: int = 200,
+    progress: Progress | None = None,
+) -> DesignOptimum:
+    """The design that is best where everything scatters.
+
+    **Arguments**
+
+    - `campaign`: a function from a design to its `Campaign`. Mission, outputs and distributions may
+      depend on the design. Runs are placed by the campaign's `design`, or on Sobol points.
+    - `start`: the design at which the search begins, a tree of floats.
+    - `minimise`: a statistic of an output, such as `Quantile("propellant", 0.99)`.
+    - `subject_to`: limits of statistics, such as `Quantile("impact_speed", 0.99).at_most(6.0)`.
+    - `bounds`, `scale`, `optimiser`, `tolerance`, `max_steps`, `progress`: as in
+      `jaxspace.optimization.minimise`. The default of `tolerance` is far below what the number of
+      runs can tell.
+    - `runs`: number of runs; by default a power of two from 1024 on that leaves twenty beyond each
+      quantile.
+    - `seed`: of the runs. All designs have the same runs, drawn once.
+    - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
+      campaign.
+    - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
+      statistics; the search turns back from a design at which more fail.
+
+    **Returns** a `DesignOptimum`. Ctrl-C ends the search with the best design so far.
+
+    **Raises** `InputError` for a campaign without scatter, too few runs for a quantile, an unknown
+    output, more runs that fail at the start than may, and as `minimise` does.
+    """
+    every = [minimise, *(getattr(c, "statistic", None) for c in subject_to)]
+    known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
+    runs = enough_runs(known, RUNS) if runs is None else runs
+    problem = problem_of(campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail)
+    return _searched(problem, start, seed, bounds, scale, optimiser, tolerance, max_steps, progress)
+
+
+def optimise_nominal(
+    campaign: CampaignOf,
+    start: Design,
+    *,
+    minimise: AbstractStatistic,
+    subject_to: Sequence[Constraint] = (),
+    bounds: tuple[PyTree, PyTree] | None = None,
+    scale: PyTree | None = None,
+    optimiser: Any = "sqp",
+    accuracy: Accuracy | Scalar | None = None,
+    tolerance: Scalar = 1e-4,
+    max_steps: int = 200,
+    progress: Progress | None = None,
+) -> DesignOptimum:
+    """The design that is best where nothing scatters, for comparison with `optimise_design`.
+
+    **Arguments**
+
+    - As in `optimise_design`. Every statistic is that of the nominal run alone, which is its
+      output; of a share of violations it is how far the output lies beyond the limit.
+
+    **Returns** and **raises** as `optimise_design`.
+    """
+    problem = problem_of(campaign, start, minimise, subject_to, None, 0, accuracy, 0.0)
+    return _searched(problem, start, 0, bounds, scale, optimiser, tolerance, max_steps, progress)
+
+
+def _searched(
+    problem: Problem,
+    start: Design,
+    seed: int,
+    bounds: tuple[PyTree, PyTree] | None,
+    scale: PyTree | None,
+    optimiser: Any,
+    tolerance: Scalar,
+    max_steps: int,
+    progress: Progress | None,
+) -> DesignOptimum:
+    """The optimum of a problem; the arguments are those of `minimise`."""
+    minimum = search_minimum(
+        # A function, because `jit` cannot hash what holds arrays.
+        lambda x: problem(x),
+        start,
+        bounds=bounds,
+        scale=scale,
+        optimiser=optimiser,
+        tolerance=tolerance,
+        max_steps=max_steps,
+        progress=progress,
+    )
+    optimum = DesignOptimum(minimum.x, start, minimum, problem, seed)
+    if not math.isfinite(optimum.value) and int(minimum.steps) == 0:
+        failed = failures(optimum.runs)
+        if failed:
+            raise InputError(
+                f"At the start {failed} At most a share of {problem.may_fail:g} may fail: start "
+                f"from a design whose runs end well, or allow more by may_fail."
+            )
+    return optimum

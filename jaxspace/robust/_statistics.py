@@ -1,0 +1,398 @@
+"""Statistics of an output over the runs of a campaign, as objectives and constraints of a search.
+
+    mean, mean + k std   m,  m + k sqrt(sum (x_i - m)^2 / n)
+    violation of a       (1/n) sum Phi((x_i - a)/h),   h = 1.63 n^(-1/3) (1/n) sum |x_i - m|
+    quantile c of q      violation of c = 1 - q
+    mean beyond c        c + (1/n) sum h [z_i Phi(z_i) + phi(z_i)] / (1 - q),   z_i = (x_i - c)/h
+
+    symbol    meaning                                               unit
+    x_i, n    values of the good runs, and how many there are       that of the output, 1
+    m         their mean                                            that of the output
+    a         limit                                                 that of the output
+    q         share of the runs below the quantile                  1
+    h         width by which each run is smoothed                   that of the output
+    Phi, phi  normal distribution function and density              1
+
+Counts and order statistics have no useful derivative: it is zero, or that of a single run, and
+jumps. The last three are therefore those of the sample smoothed by a normal kernel, whose width is
+the best for the distribution function of a normal law and falls below the error of the sample. The
+quantile c makes the mean beyond it stationary (Rockafellar and Uryasev's auxiliary number), so that
+its derivative there is stopped.
+
+A failed run has no value and is left out, but for the share of violations, in which it counts. With
+its `influence` a run has a part in the error: the variance of a statistic is the sum of their
+squares (Hampel et al., Robust Statistics, 2.1).
+Sources: Azzalini, Biometrika 68 (1981), 326 (kernel); Rockafellar and Uryasev, J. Risk 2 (2000),
+21.
+"""
+
+from abc import abstractmethod
+from typing import NamedTuple, final
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jax.scipy.special import ndtr
+from jax.scipy.stats import norm
+from jaxtyping import Array, Bool, Float
+
+from ..core import InputError
+from ..core.safe import safe_sqrt
+from ..dispersion.limits import check_share, quantile
+from ..dispersion.requirements import Requirement
+
+# Runs beyond a quantile from which on its error is known to a quarter.
+TAIL = 20
+# Of the kernel, in mean absolute deviations: 1.3 standard deviations of a normal distribution. An
+# outlier moves the former less.
+BANDWIDTH = 1.3 * float(np.sqrt(np.pi / 2.0))
+# Units of rounding up to which a width is no scatter.
+NOISE = 4096.0
+# Newton's steps for a quantile, from the order statistic, which is nearer than the width.
+NEWTON_STEPS = 12
+
+
+class Measured(NamedTuple):
+    """A statistic of known runs.
+
+    - `value`: of the statistic.
+    - `influence`: the change of the value by each run, (runs,), zero for runs that are left out;
+      NaN where it is not known."""
+
+    value: float
+    influence: np.ndarray
+
+    @property
+    def error(self) -> float:
+        """The standard error of the value."""
+        return float(np.sqrt(np.sum(self.influence**2)))
+
+
+class AbstractStatistic(eqx.Module):
+    """A statistic of one `output` of a campaign. A concrete one is final."""
+
+    output: eqx.AbstractVar[str]
+
+    @abstractmethod
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        """The statistic of the values `x`, of which those of `good` runs count; differentiable.
+
+        NaN where no run is good."""
+
+    @abstractmethod
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        """The statistic of known runs as a count or an order statistic, with its error."""
+
+    @abstractmethod
+    def text(self) -> str:
+        """The statistic in words."""
+
+    def at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
+        """What stands for the statistic where nothing scatters and the output is `x`."""
+        return x
+
+    @property
+    def fewest_runs(self) -> int:
+        """How many runs it needs."""
+        return 1
+
+    def requirement(self, limit: float, upper: bool) -> Requirement | None:
+        """What a limit of the statistic requires of each run; `None` if it requires nothing.
+
+        **Arguments**
+
+        - `limit`: of the statistic; `upper`: whether it is the greatest value."""
+        del limit, upper
+        return None
+
+    def at_most(self, limit: float) -> "Constraint":
+        """The constraint that the statistic is at most this."""
+        return Constraint(self, limit, True)
+
+    def at_least(self, limit: float) -> "Constraint":
+        """The constraint that the statistic is at least this."""
+        return Constraint(self, limit, False)
+
+
+@final
+class Constraint(eqx.Module):
+    """A limit of a statistic, made by its `at_most` and `at_least`.
+
+    - `limit`: the greatest value if `upper`, otherwise the least.
+
+    Raises `InputError` for a limit that is not finite."""
+
+    statistic: AbstractStatistic
+    limit: float = eqx.field(static=True, converter=float)
+    upper: bool = eqx.field(static=True)
+
+    def __check_init__(self):
+        if not np.isfinite(self.limit):
+            raise InputError(f"The limit of {self.text()} must be a finite number.")
+        if isinstance(self.statistic, Violation):
+            check_share(f"The limit of the {self.statistic.text()}", self.limit)
+
+    def margin(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        """By how much the limit is kept; negative where it is violated."""
+        over = self.statistic.value(x, good) - self.limit
+        return -over if self.upper else over
+
+    def margin_at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
+        """The same where nothing scatters and the output is `x`."""
+        alone = self.statistic.at_nominal(x)
+        # A share of violations: the run itself must not be one.
+        limit = 0.0 if isinstance(self.statistic, Violation) else self.limit
+        return limit - alone if self.upper else alone - limit
+
+    @property
+    def requirement(self) -> Requirement | None:
+        """What the constraint requires of each run; `None` if it requires nothing."""
+        return self.statistic.requirement(self.limit, self.upper)
+
+    def text(self) -> str:
+        """The constraint in words."""
+        side = "at most" if self.upper else "at least"
+        return f"{self.statistic.text()} {side} {self.limit:g}"
+
+
+@final
+class Mean(AbstractStatistic):
+    """The mean."""
+
+    output: str = eqx.field(static=True)
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        return _moments(x, good)[0]
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        mean, off, n = _known_moments(x, good)
+        return Measured(mean, off / n)
+
+    def text(self) -> str:
+        return f"mean of {self.output}"
+
+
+@final
+class MeanPlus(AbstractStatistic):
+    """The mean plus `k` standard deviations; less them for a negative `k`."""
+
+    output: str = eqx.field(static=True)
+    k: float = eqx.field(static=True, converter=float)
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        mean, deviation, _ = _moments(x, good)
+        return mean + self.k * deviation
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        mean, off, n = _known_moments(x, good)
+        variance = float(np.sum(off**2)) / n
+        deviation = np.sqrt(variance)
+        widening = np.where(good, off**2 - variance, 0.0) / (2.0 * deviation or 1.0)
+        return Measured(mean + self.k * deviation, (off + self.k * widening) / n)
+
+    def text(self) -> str:
+        sign = "+" if self.k >= 0.0 else "-"
+        return f"mean {sign} {abs(self.k):g} std of {self.output}"
+
+
+@final
+class Quantile(AbstractStatistic):
+    """The value below which a `share` of the runs lies.
+
+    Raises `InputError` unless the share is between 0 and 1."""
+
+    output: str = eqx.field(static=True)
+    share: float = eqx.field(static=True, converter=float)
+
+    def __check_init__(self):
+        check_share("Quantile.share", self.share)
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        return _quantile(x, good, self.share)
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        known = x[good]
+        value, n, q = quantile(known, self.share), known.size, self.share
+        # The density there, from the quantiles at a standard error of the rank on each side.
+        width = float(np.sqrt(q * (1.0 - q) / n))
+        low, high = max(q - width, 0.0), min(q + width, 1.0)
+        sparsity = (quantile(known, high) - quantile(known, low)) / (high - low)
+        return Measured(value, np.where(good, q - (x <= value), 0.0) * sparsity / n)
+
+    def text(self) -> str:
+        return f"{100.0 * self.share:g} % quantile of {self.output}"
+
+    @property
+    def fewest_runs(self) -> int:
+        return _runs_of_tail(min(self.share, 1.0 - self.share))
+
+    def requirement(self, limit: float, upper: bool) -> Requirement | None:
+        if upper:
+            return Requirement(high=limit, allowed=1.0 - self.share)
+        return Requirement(low=limit, allowed=self.share)
+
+
+@final
+class CVaR(AbstractStatistic):
+    """The mean of the runs above the quantile of a `share`: the conditional value at risk.
+
+    Where small values are bad, take it of the negative output. Raises `InputError` unless the share
+    is between 0 and 1."""
+
+    output: str = eqx.field(static=True)
+    share: float = eqx.field(static=True, converter=float)
+
+    def __check_init__(self):
+        check_share("CVaR.share", self.share)
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        c = lax.stop_gradient(_quantile(x, good, self.share))
+        width, n = _width(x, good)
+        z = (jnp.where(good, x, c) - c) / width
+        beyond = jnp.where(good, width * (z * ndtr(z) + norm.pdf(z)), 0.0)
+        return c + jnp.sum(beyond) / (n * (1.0 - self.share))
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        value, n = quantile(x[good], self.share), np.count_nonzero(good)
+        beyond = np.where(good, np.maximum(x - value, 0.0), 0.0) / (1.0 - self.share)
+        mean = float(np.sum(beyond)) / n
+        return Measured(value + mean, np.where(good, beyond - mean, 0.0) / n)
+
+    def text(self) -> str:
+        return f"mean of {self.output} beyond its {100.0 * self.share:g} % quantile"
+
+    @property
+    def fewest_runs(self) -> int:
+        return _runs_of_tail(1.0 - self.share)
+
+
+@final
+class Violation(AbstractStatistic):
+    """The share of the runs, from 0 to 1, in which the output is above `high` or below `low`.
+
+    A failed run counts as a violation. Raises `InputError` without exactly one of the two."""
+
+    output: str = eqx.field(static=True)
+    high: float | None = eqx.field(static=True, default=None)
+    low: float | None = eqx.field(static=True, default=None)
+
+    def __check_init__(self):
+        if (self.high is None) == (self.low is None):
+            raise InputError(
+                f"Violation has high = {self.high} and low = {self.low}: it must have one of them."
+            )
+
+    @property
+    def _limit(self) -> tuple[float, float]:
+        """The limit, and the sign of what lies beyond it."""
+        if self.high is not None:
+            return self.high, 1.0
+        assert self.low is not None
+        return self.low, -1.0
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        limit, sign = self._limit
+        width, n = _width(x, good)
+        beyond = sign * (jnp.where(good, x, limit) - limit) / width
+        bad = jnp.sum(jnp.where(good, ndtr(beyond), 1.0))
+        return jnp.where(n > 0.0, bad / x.size, jnp.nan)
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        limit, sign = self._limit
+        bad = ~(good & (sign * (x - limit) <= 0.0))
+        share = float(np.mean(bad))
+        return Measured(share, (bad - share) / x.size)
+
+    def at_nominal(self, x: Float[Array, ""]) -> Float[Array, ""]:
+        limit, sign = self._limit
+        return sign * (x - limit)
+
+    def text(self) -> str:
+        limit, sign = self._limit
+        return f"share of runs with {self.output} {'above' if sign > 0.0 else 'below'} {limit:g}"
+
+    def requirement(self, limit: float, upper: bool) -> Requirement | None:
+        # A least share of violations requires nothing of a run.
+        return Requirement(self.low, self.high, limit) if upper else None
+
+
+@final
+class Worst(AbstractStatistic):
+    """The greatest value of all runs.
+
+    Its derivative is that of one run, and jumps to another's: `CVaR` is easier to minimise."""
+
+    output: str = eqx.field(static=True)
+
+    def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        greatest = jnp.max(jnp.where(good, x, -jnp.inf))
+        return jnp.where(jnp.any(good), greatest, jnp.nan)
+
+    def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        # What is above the greatest value of a sample is not known from the sample.
+        return Measured(float(np.max(x[good])), np.full(x.shape, np.nan))
+
+    def text(self) -> str:
+        return f"greatest {self.output}"
+
+
+def _runs_of_tail(tail: float) -> int:
+    """How many runs have `TAIL` of them in this share."""
+    # Rounding of 1 - 0.99 must not ask for another run.
+    return int(np.ceil(TAIL / tail * (1.0 - 1e-12)))
+
+
+def _count(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+    """The number of good runs; NaN for none, which makes NaN of a statistic."""
+    n = jnp.sum(good, dtype=x.dtype)
+    return jnp.where(n > 0.0, n, jnp.nan)
+
+
+def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array, Array]:
+    """Mean, deviation and number of the good runs."""
+    n = _count(x, good)
+    mean = jnp.sum(jnp.where(good, x, 0.0)) / n
+    off = jnp.where(good, x - mean, 0.0)
+    return mean, safe_sqrt(jnp.sum(off * off) / n), n
+
+
+def _known_moments(x: np.ndarray, good: np.ndarray) -> tuple[float, np.ndarray, int]:
+    """The mean of the good runs, how far each is from it, and how many there are."""
+    mean = float(np.mean(x[good]))
+    return mean, np.where(good, x - mean, 0.0), int(np.count_nonzero(good))
+
+
+def _width(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array]:
+    """The width of the kernel, and the number of the good runs."""
+    n = _count(x, good)
+    mean = jnp.sum(jnp.where(good, x, 0.0)) / n
+    off = jnp.abs(jnp.where(good, x - mean, 0.0))
+    width = BANDWIDTH * jnp.sum(off) / (n * jnp.cbrt(n))
+    # Without scatter the width would be zero, or that of the rounding.
+    least = NOISE * jnp.finfo(x.dtype).eps * jnp.abs(mean) + jnp.finfo(x.dtype).tiny
+    return jnp.maximum(width, lax.stop_gradient(least)), n
+
+
+def _quantile(
+    x: Float[Array, " runs"], good: Bool[Array, " runs"], share: float
+) -> Float[Array, ""]:
+    """The quantile of the smoothed sample."""
+    width, n = _width(x, good)
+
+    def newton(c: Array, x: Array, width: Array) -> Array:
+        z = (c - jnp.where(good, x, c)) / width
+        below = jnp.sum(jnp.where(good, ndtr(z), 0.0)) / n
+        density = jnp.sum(jnp.where(good, norm.pdf(z), 0.0)) / n
+        # In widths. Where no run is near, the density is that of a hundredth of one.
+        step = (share - below) / jnp.maximum(density, 0.01 / n)
+        return c + width * jnp.clip(step, -1.0, 1.0)
+
+    fixed_x, fixed_width = lax.stop_gradient((x, width))
+    # Failed runs go to the end.
+    ordered = jnp.sort(jnp.where(good, fixed_x, jnp.inf))
+    place = jnp.ceil(share * jnp.where(n > 0.0, n, 1.0)).astype(int) - 1
+    start = jnp.where(jnp.any(good), ordered[place], jnp.nan)
+    c = lax.fori_loop(0, NEWTON_STEPS, lambda _, c: newton(c, fixed_x, fixed_width), start)
+    # One more step has the derivatives of the root.
+    return newton(c, x, width)
