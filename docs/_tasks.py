@@ -138,6 +138,7 @@ TASKS = {
     },
     "robust": {
         "Search": "optimise_design optimise_nominal DesignOptimum",
+        "Judge by fresh runs": "judge_designs JudgedDesigns JudgedDesign JudgedLimit Estimate",
         "Say what is best": "Mean MeanPlus Quantile CVaR Violation Worst "
         "Constraint AbstractStatistic",
     },

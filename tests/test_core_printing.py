@@ -44,7 +44,16 @@ NO_RESULTS = {
 }
 # Those that print in their own way, as tests of their packages show.
 OWN = {"AccuracyCost", "Dispersion", "EffectBudget", "Fit", "Law", "LawReport", "LoopRun"}
-OWN |= {"DesignOptimum", "MissionTrajectory", "Trajectory", "Verification"}
+OWN |= {
+    "DesignOptimum",
+    "Estimate",
+    "JudgedDesign",
+    "JudgedDesigns",
+    "JudgedLimit",
+    "MissionTrajectory",
+    "Trajectory",
+    "Verification",
+}
 # Units in a docstring: behind a comma or a colon, before a comma, a full stop and such.
 UNIT = re.compile(r"(?:[,:]) (kg|N|K|Pa|J|m|s|rad)((?:[ /][a-z]+)?(?:\^\d)?)(?=[,;:.)]|$)", re.M)
 

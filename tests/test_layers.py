@@ -75,6 +75,7 @@ ON_REQUEST = {
     "simulation": {"plots"},
     "studies": {"plots"},
     "optimization": {"plots"},
+    "robust": {"plots"},
     "plots": {"simulation", "studies", "dispersion"},
 }
 

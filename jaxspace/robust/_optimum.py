@@ -56,7 +56,7 @@ class DesignOptimum(eqx.Module):
         )
         # At an optimum between bounds the derivative may be zero by chance.
         return Listed(
-            _name(path, index)
+            name_of(path, index)
             for (path, size), x, start in parts
             for index, number in np.ndenumerate(np.asarray(size))
             if number == 0.0 and x[index] == np.asarray(start)[index]
@@ -95,9 +95,9 @@ class DesignOptimum(eqx.Module):
         rows = [(problem.objective.text(), f"{self.value:.6g}")]
         for constraint, margin in zip(problem.constraints, self._margins, strict=True):
             sign = -1.0 if constraint.upper else 1.0
-            rows.append((constraint.text(), f"{constraint.limit + sign * float(margin):.6g}"))
+            rows.append((constraint.label(), f"{constraint.limit + sign * float(margin):.6g}"))
         for path, leaf in tree_leaves_with_path(self.x):
-            name = _name(path, ())
+            name = name_of(path, ())
             rows.append((name, " ".join(f"{number:.6g}" for number in np.ravel(leaf))))
         count = self.runs.status.size
         title = f"Design on {count} runs of seed {self.seed}" if count > 1 else "Nominal design"
@@ -105,7 +105,7 @@ class DesignOptimum(eqx.Module):
         return "\n".join([title, *lines, *(f"  {x}" for x in (self.sentence(), *self.warnings))])
 
 
-def _name(path: Any, index: tuple[int, ...]) -> str:
+def name_of(path: Any, index: tuple[int, ...]) -> str:
     """The name of a number of a design."""
     name = keystr(path, simple=True, separator=".") or "x"
     return name + "".join(f"[{place}]" for place in index)

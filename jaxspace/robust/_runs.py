@@ -49,10 +49,23 @@ class Problem(NamedTuple):
     may_fail: float
 
     @property
+    def statistics(self) -> tuple[AbstractStatistic, ...]:
+        """Those of the objective and the constraints."""
+        return self.objective, *(c.statistic for c in self.constraints)
+
+    @property
     def outputs(self) -> tuple[str, ...]:
         """The names of the outputs that count, each once."""
-        every = (self.objective, *(c.statistic for c in self.constraints))
-        return tuple(dict.fromkeys(statistic.output for statistic in every))
+        return tuple(dict.fromkeys(statistic.output for statistic in self.statistics))
+
+    def check_runs(self, runs: int) -> None:
+        """Raise `InputError` for fewer runs than a statistic needs."""
+        for statistic in self.statistics:
+            if runs < statistic.fewest_runs:
+                raise InputError(
+                    f"runs is {runs}, too few for the {statistic.text()}: it must be "
+                    f"{statistic.fewest_runs} or more, of which {TAIL} lie beyond."
+                )
 
     def runs(self, x: Design) -> RunsOfDesign:
         """The runs of the design `x`, on the same places for every design; differentiable.
@@ -127,12 +140,7 @@ def problem_of(
         return problem
     _check_scatter(first)
     normals = fixed_normals(first, runs, seed)
-    for statistic in (objective, *(c.statistic for c in constraints)):
-        if runs < statistic.fewest_runs:
-            raise InputError(
-                f"runs is {runs}, too few for the {statistic.text()}: it must be "
-                f"{statistic.fewest_runs} or more, of which {TAIL} lie beyond."
-            )
+    problem.check_runs(runs)
     return problem._replace(normals=normals)
 
 

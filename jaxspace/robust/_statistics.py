@@ -93,9 +93,15 @@ class AbstractStatistic(eqx.Module):
         return x
 
     @property
+    def tail(self) -> float | None:
+        """The share of the runs that decide about it; `None` where all of them do."""
+        return None
+
+    @property
     def fewest_runs(self) -> int:
         """How many runs it needs."""
-        return 1
+        # Rounding of 1 - 0.99 must not ask for another run.
+        return 1 if self.tail is None else int(np.ceil(TAIL / self.tail * (1.0 - 1e-12)))
 
     def requirement(self, limit: float, upper: bool) -> Requirement | None:
         """What a limit of the statistic requires of each run; `None` if it requires nothing.
@@ -152,8 +158,15 @@ class Constraint(eqx.Module):
 
     def text(self) -> str:
         """The constraint in words."""
-        side = "at most" if self.upper else "at least"
-        return f"{self.statistic.text()} {side} {self.limit:g}"
+        return f"{self.statistic.text()} {self._side} {self.limit:g}"
+
+    def label(self) -> str:
+        """The same for a table, where the value of the statistic follows."""
+        return f"{self.statistic.text()} ({self._side} {self.limit:g})"
+
+    @property
+    def _side(self) -> str:
+        return "at most" if self.upper else "at least"
 
 
 @final
@@ -224,8 +237,8 @@ class Quantile(AbstractStatistic):
         return f"{100.0 * self.share:g} % quantile of {self.output}"
 
     @property
-    def fewest_runs(self) -> int:
-        return _runs_of_tail(min(self.share, 1.0 - self.share))
+    def tail(self) -> float | None:
+        return min(self.share, 1.0 - self.share)
 
     def requirement(self, limit: float, upper: bool) -> Requirement | None:
         if upper:
@@ -263,8 +276,8 @@ class CVaR(AbstractStatistic):
         return f"mean of {self.output} beyond its {100.0 * self.share:g} % quantile"
 
     @property
-    def fewest_runs(self) -> int:
-        return _runs_of_tail(1.0 - self.share)
+    def tail(self) -> float | None:
+        return 1.0 - self.share
 
 
 @final
@@ -335,12 +348,6 @@ class Worst(AbstractStatistic):
 
     def text(self) -> str:
         return f"greatest {self.output}"
-
-
-def _runs_of_tail(tail: float) -> int:
-    """How many runs have `TAIL` of them in this share."""
-    # Rounding of 1 - 0.99 must not ask for another run.
-    return int(np.ceil(TAIL / tail * (1.0 - 1e-12)))
 
 
 def _count(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:

@@ -1,0 +1,56 @@
+"""Figure of an output of several designs over the same runs."""
+
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ..core.extras import extra
+from ._bins import MOST_BINS
+from ._style import COLOURS, MUTED, dress, headline
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from ..dispersion import Dispersion
+
+
+def designs_figure(
+    designs: Mapping[str, "Dispersion"],
+    output: str,
+    limits: Sequence[float] = (),
+    title: str = "",
+) -> "Figure":
+    """Histograms of an output of several designs over one another.
+
+    **Arguments**
+
+    - `designs`: the runs of each, by the name of the design.
+    - `output`: name of the output.
+    - `limits`: lines across the histograms.
+    - `title`: of the figure.
+
+    **Raises** `InputError` for an unknown output, and `ImportError` where matplotlib is not
+    installed.
+    """
+    with extra("app"):
+        from matplotlib.figure import Figure as NewFigure
+
+    values = {name: runs.values(output)[runs.good].astype(float) for name, runs in designs.items()}
+    values = {name: x[np.isfinite(x)] for name, x in values.items()}
+    figure = NewFigure(figsize=(7.0, 3.8), layout="constrained")
+    axes = figure.subplots()
+    if title:
+        headline(figure, title)
+    # The same bins for all, so that areas compare.
+    every = np.concatenate(list(values.values()))
+    edges = np.histogram_bin_edges(every, MOST_BINS).tolist() if every.size else [0.0, 1.0]
+    for (name, x), colour in zip(values.items(), COLOURS, strict=False):
+        axes.hist(x, edges, color=colour, alpha=0.25)
+        axes.hist(x, edges, color=colour, histtype="step", linewidth=1.4, label=name)
+    for limit in limits:
+        axes.axvline(limit, color=MUTED, linewidth=1.0, linestyle="--")
+    label = next(iter(designs.values())).label(output)
+    dress(axes, "", label, "runs")
+    axes.legend(fontsize=8, frameon=False)
+    return figure

@@ -1,0 +1,186 @@
+"""What fresh runs say of designs: table and figure."""
+
+from typing import TYPE_CHECKING, Any, NamedTuple, final
+
+import equinox as eqx
+import numpy as np
+from jax.tree_util import tree_leaves_with_path
+
+from ..core.listed import Listed
+from ..core.printing import printed
+from ..core.text import aligned
+from ..dispersion import Dispersion
+from ..dispersion.limits import Probability
+from ..dispersion.requirements import Verdict
+from ._optimum import DesignOptimum, name_of
+from ._runs import Design
+from ._statistics import Constraint, Measured
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@printed()
+class Estimate(NamedTuple):
+    """A `value` with its standard `error`, in the unit of the output; NaN where none is known."""
+
+    value: float
+    error: float
+
+    def __str__(self) -> str:
+        if not np.isfinite(self.error) or self.error <= 0.0:
+            return f"{self.value:.6g}"
+        # The error with two digits, and the value to its last one.
+        place = max(1 - int(np.floor(np.log10(self.error))), 0)
+        return f"{self.value:.{place}f} ± {self.error:.{place}f}"
+
+
+class JudgedLimit(NamedTuple):
+    """A limit by fresh runs.
+
+    - `constraint`: the limit; `value`: of its statistic.
+    - `verdict`: share of the runs that violate what it requires of each run, with its interval;
+      `None` where it requires nothing of a run."""
+
+    constraint: Constraint
+    value: Estimate
+    verdict: Verdict | None
+
+    @property
+    def fails(self) -> bool:
+        """Whether the runs show that the limit is not kept: by the verdict, or by two errors."""
+        if self.verdict is not None:
+            return self.verdict.word == "fail"
+        over = self.value.value - self.constraint.limit
+        return (over if self.constraint.upper else -over) > 2.0 * self.value.error
+
+
+class JudgedDesign(NamedTuple):
+    """A design by fresh runs.
+
+    - `x`: the design; `runs`: the fresh campaign.
+    - `measured`: the statistic that was minimised.
+    - `limits`: the constraints; `failed`: the share of failed runs."""
+
+    x: Design
+    runs: Dispersion
+    measured: Measured
+    limits: tuple[JudgedLimit, ...]
+    failed: Probability
+
+    @property
+    def value(self) -> Estimate:
+        """The statistic that was minimised."""
+        return Estimate(self.measured.value, self.measured.error)
+
+
+@final
+class JudgedDesigns(eqx.Module):
+    """Designs judged by the same fresh runs.
+
+    - `designs`: a `JudgedDesign` for each, by name; the optimum of the search is "robust".
+    - `optimum`: the result of the search; `on_search`: the statistic on its runs.
+    - `seed`: of the fresh runs.
+    """
+
+    designs: dict[str, JudgedDesign]
+    optimum: DesignOptimum
+    on_search: Measured
+    seed: int = eqx.field(static=True)
+
+    @property
+    def gap(self) -> Estimate:
+        """By how much the statistic that was minimised is larger on fresh runs than on those of the
+        search, with the error of both."""
+        fresh = self.designs["robust"].measured
+        both = np.hypot(fresh.error, self.on_search.error)
+        return Estimate(fresh.value - self.on_search.value, float(both))
+
+    def worth(self, name: str) -> Estimate:
+        """By how much the statistic that was minimised is larger for another design than for the
+        optimum. The error is smaller than that of either, because they have the same inputs."""
+        own, other = self.designs["robust"].measured, self.designs[name].measured
+        change = other.influence - own.influence
+        return Estimate(other.value - own.value, float(np.sqrt(np.sum(change**2))))
+
+    @property
+    def sentences(self) -> tuple[str, ...]:
+        """Worth, gap, tails and warnings, in words."""
+        objective = self.optimum.problem.objective
+        fresh = self.designs["robust"].runs
+        result = []
+        for name, design in self.designs.items():
+            if name == "robust":
+                continue
+            more = self.worth(name)
+            size = Estimate(abs(more.value), more.error)
+            side = "more" if more.value >= 0.0 else "less"
+            fails = ", and fails a limit" if any(x.fails for x in design.limits) else ""
+            result.append(f"{name} has {size} {side} of the {objective.text()}{fails}.")
+        result.append(
+            f"On the runs of the search it was {Estimate(self.on_search.value, 0.0)}: fresh runs "
+            f"differ by {self.gap}."
+        )
+        for statistic in self.optimum.problem.statistics:
+            if statistic.tail is not None:
+                beyond = f"{statistic.tail * fresh.runs:.0f} of {fresh.runs} fresh runs"
+                result.append(f"{beyond} are the tail of the {statistic.text()}.")
+        return Listed([*result, *self.optimum.warnings])
+
+    def __repr__(self) -> str:
+        names = list(self.designs)
+        count = self.designs["robust"].runs.runs
+        rows = [("", *names)]
+        rows.append((self.optimum.problem.objective.text(), *self._each(lambda d: str(d.value))))
+        for k, constraint in enumerate(self.optimum.problem.constraints):
+            rows.append((constraint.label(), *self._each(lambda d, k=k: str(d.limits[k].value))))
+            if self.designs["robust"].limits[k].verdict is not None:
+                rows.append(("  violated in", *self._each(lambda d, k=k: _shares(d.limits[k]))))
+        rows.append(("failed", *self._each(lambda d: _percent(d.failed))))
+        for number, (path, leaf) in enumerate(tree_leaves_with_path(self.optimum.x)):
+            for index in np.ndindex(np.shape(leaf)):
+                values = [
+                    np.asarray(tree_leaves_with_path(d.x)[number][1])[index]
+                    for d in self.designs.values()
+                ]
+                rows.append((name_of(path, index), *(f"{value:.6g}" for value in values)))
+        lines = [*aligned(rows).splitlines(), *self.sentences]
+        title = f"Designs over {count} fresh runs of seed {self.seed}"
+        return "\n".join([title, *(f"  {line}" for line in lines)])
+
+    def _each(self, text: Any) -> list[str]:
+        return [text(design) for design in self.designs.values()]
+
+    def plot(self, output: str | None = None, title: str = "") -> "Figure":
+        """Histograms of an output of all designs over one another, with matplotlib.
+
+        **Arguments**
+
+        - `output`: its name; by default that of the statistic that was minimised.
+        - `title`: of the figure.
+
+        **Raises** `InputError` for an unknown output, and `ImportError` without matplotlib."""
+        from ..plots import designs_figure
+
+        output = self.optimum.problem.objective.output if output is None else output
+        required = [
+            c.requirement
+            for c in self.optimum.problem.constraints
+            if c.statistic.output == output and c.requirement is not None
+        ]
+        limits = [x for one in required for x in (one.low, one.high) if x is not None]
+        runs = {name: design.runs for name, design in self.designs.items()}
+        return designs_figure(runs, output, limits, title)
+
+
+def _percent(share: Probability) -> str:
+    """A share with its interval."""
+    low, value, high = (100.0 * x for x in (share.low, share.value, share.high))
+    return f"{value:.3g} % ({low:.2g} to {high:.2g})"
+
+
+def _shares(limit: JudgedLimit) -> str:
+    """Share of violations and verdict of a limit that requires something of each run."""
+    assert limit.verdict is not None
+    word, violation, allowed = limit.verdict
+    return f"{_percent(violation)} of {100.0 * allowed:.3g} %: {word}"
