@@ -8,7 +8,7 @@ mode, are compared with the variational equations
     d' = f_y d + f_p p,    d(0) = dy0
 
 as equations of motion of their own, in so many fixed steps that half of them give the same. It ends
-with status 1 where a derivative is wrong."""
+with status 1 where a derivative is wrong and no note says why."""
 
 import sys
 from collections.abc import Iterator
@@ -35,6 +35,12 @@ MODES = 1e-7
 # Truths that half of the steps change by more are none, as those of a fall into a centre.
 RESOLVED = 1e-7
 STEPS, SAVED = 800, 16
+# Errors that are no defect: system, what is zero there, and by what is differentiated.
+NOTES = {
+    ("inertial_navigator", ".attitude", ".roll_frequency"): (
+        "height and velocity do not depend on it: 10 m/s^2 over 600 s, 2e6 m, cancels to 6e-8 m"
+    ),
+}
 
 
 class Place(NamedTuple):
@@ -265,7 +271,7 @@ def main() -> int:
         if sys.argv[1:] and sample.name not in sys.argv[1:]:
             continue
         found = look(sample)
-        wrong = [x for x in found if x.wrong]
+        wrong = [x for x in found if x.wrong and (sample.name, x.zero, x.by) not in NOTES]
         worst, modes = (max((row[k] for row in found), default=0.0) for k in (2, 3))
         print(
             f"{sample.name}: {len(found)} derivatives, error up to {worst:.0e}, "
