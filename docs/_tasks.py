@@ -138,9 +138,8 @@ TASKS = {
     },
     "robust": {
         "Search": "optimise_design optimise_nominal DesignOptimum",
-        "Judge by fresh runs": "judge_designs JudgedDesigns JudgedDesign JudgedLimit Estimate",
-        "Say what is best": "Mean MeanPlus Quantile CVaR Violation Worst "
-        "Constraint AbstractStatistic",
+        "Judge by fresh runs": "judge_designs JudgedDesigns judged",
+        "Say what is best": "statistics",
     },
     "studies": {
         "Know what accuracy costs": "accuracy_cost AccuracyCost cost_table",

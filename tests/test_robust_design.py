@@ -15,17 +15,9 @@ from unchecked import unchecked
 
 from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar, quantity
 from jaxspace.dispersion import Campaign, Constant, Normal, Uniform
-from jaxspace.robust import (
-    CVaR,
-    Mean,
-    MeanPlus,
-    Quantile,
-    Violation,
-    Worst,
-    optimise_design,
-    optimise_nominal,
-)
+from jaxspace.robust import optimise_design, optimise_nominal
 from jaxspace.robust._runs import problem_of
+from jaxspace.robust.statistics import CVaR, Mean, MeanPlus, Quantile, Violation, Worst
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, Status
 from jaxspace.solvers import Tsit5
 

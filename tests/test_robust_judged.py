@@ -8,15 +8,8 @@ from test_robust_design import SCATTER, algebraic, linear_quadratic
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Normal
-from jaxspace.robust import (
-    CVaR,
-    Mean,
-    MeanPlus,
-    Quantile,
-    judge_designs,
-    optimise_design,
-    optimise_nominal,
-)
+from jaxspace.robust import judge_designs, optimise_design, optimise_nominal
+from jaxspace.robust.statistics import CVaR, Mean, MeanPlus, Quantile
 
 K = 2.0
 # At the optimum y has the mean 0.16 and the deviation 0.24, and 0 and 0.4 at the nominal one.

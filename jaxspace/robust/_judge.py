@@ -7,7 +7,7 @@
     S       statistic that was minimised                                   that of the output
     x*, x_0 optimum under dispersion, and another design                   those of the unknowns
     w       inputs of the fresh runs, the same for each design
-    I_i     influence of run i on S (`_statistics.py`)                     that of the output
+    I_i     influence of run i on S (`statistics.py`)                     that of the output
 
 A search flatters its optimum: it adapts the design to its runs. By how much is the difference
 between the statistic of its runs and that of fresh ones.
@@ -29,10 +29,10 @@ from ..dispersion.limits import clopper_pearson
 from ..dispersion.requirements import Verdict, verdict_of
 from ..simulation import Mission
 from ..simulation.mission_result import MissionTrajectory
-from ._judged import Estimate, JudgedDesign, JudgedDesigns, JudgedLimit
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs
-from ._statistics import AbstractStatistic, Constraint, Measured
+from .judged import Estimate, JudgedDesign, JudgedDesigns, JudgedLimit
+from .statistics import AbstractStatistic, Constraint, Measured
 
 RUNS = 4096
 """How many fresh runs there are at least by default."""

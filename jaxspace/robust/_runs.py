@@ -15,7 +15,7 @@ from ..dispersion.evaluate import evaluate_allowed, fixed_normals, inputs_at
 from ..integration.accuracy import Accuracy
 from ..optimization import Criterion
 from ..simulation import Status
-from ._statistics import TAIL, AbstractStatistic, Constraint
+from .statistics import TAIL, AbstractStatistic, Constraint
 
 Design: TypeAlias = PyTree[Float[Array, "..."]]
 CampaignOf: TypeAlias = Callable[[Design], Campaign]

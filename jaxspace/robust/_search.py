@@ -26,7 +26,7 @@ from ..optimization import Progress
 from ..optimization import minimise as search_minimum
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
-from ._statistics import AbstractStatistic, Constraint
+from .statistics import AbstractStatistic, Constraint
 
 RUNS = 1024
 """How many runs there are at least by default."""

@@ -26,6 +26,17 @@ Sources: Azzalini, Biometrika 68 (1981), 326 (kernel); Rockafellar and Uryasev, 
 21.
 """
 
+__all__ = [
+    "AbstractStatistic",
+    "CVaR",
+    "Constraint",
+    "Mean",
+    "MeanPlus",
+    "Quantile",
+    "Violation",
+    "Worst",
+]
+
 from abc import abstractmethod
 from typing import NamedTuple, final
 

@@ -1,6 +1,8 @@
 """What fresh runs say of designs: table and figure."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple, final
+__all__ = ["Estimate", "JudgedDesign", "JudgedLimit"]
+
+from typing import Any, NamedTuple, final
 
 import equinox as eqx
 import numpy as np
@@ -14,10 +16,7 @@ from ..dispersion.limits import Probability
 from ..dispersion.requirements import Verdict
 from ._optimum import DesignOptimum, name_of
 from ._runs import Design
-from ._statistics import Constraint, Measured
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+from .statistics import Constraint, Measured
 
 
 @printed()
@@ -151,8 +150,8 @@ class JudgedDesigns(eqx.Module):
     def _each(self, text: Any) -> list[str]:
         return [text(design) for design in self.designs.values()]
 
-    def plot(self, output: str | None = None, title: str = "") -> "Figure":
-        """Histograms of an output of all designs over one another, with matplotlib.
+    def plot(self, output: str | None = None, title: str = "") -> Any:
+        """A figure with the histograms of an output of all designs, by matplotlib.
 
         **Arguments**
 
