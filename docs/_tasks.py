@@ -122,6 +122,7 @@ TASKS = {
         "Choose the samples": "LatinHypercube Sobol AbstractDesign",
         "Know what causes the scatter": "contributors sensitivity",
         "Know how sure a number is": "limits spread rare extremes Footprint",
+        "Take the tolerance that serves": "purpose",
         "Do without many runs": "moments covariance comparison evaluate",
         "Run one again": "run_paths RunPaths replay",
         "Keep the runs": "open_store DamagedStore StoreError",

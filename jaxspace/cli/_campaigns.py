@@ -20,7 +20,7 @@ from ..io.report import dispersion_report
 from ..io.units import read_option
 from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
-from ._report import keep_pictures, nominal_outputs
+from ._report import accuracy_of, keep_pictures, nominal_outputs
 from ._stopping import Stopped, is_stop
 from ._waiting import progress, waiting
 from ._warning_lines import UNFINISHED, warnings_as_lines
@@ -153,7 +153,6 @@ def _run_and_report(
             result = disperse_campaign(
                 campaign,
                 runs,
-                accuracy=file.accuracy,
                 store=store,
                 engine=engine,
                 notes={"title": file.title, "scene_file": str(file.path)},
@@ -238,7 +237,7 @@ def replay(
     # A hypercube is made for the runs that were planned, also where fewer were enough.
     with waiting(f"simulating run {run}"):
         result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
-            run, seed=dispersion.seed, accuracy=file.accuracy, num_saved=samples
+            run, seed=dispersion.seed, accuracy=accuracy_of(file, dispersion), num_saved=samples
         )
     print(replay_report(file, result, dispersion))
     title = f"{file.title}, run {run}"

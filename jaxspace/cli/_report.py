@@ -1,5 +1,6 @@
 """Report of a campaign: its figure, its page, its tables."""
 
+import dataclasses
 import importlib.util
 import os
 import sys
@@ -12,7 +13,7 @@ from ..core import InputError
 from ..dispersion import Dispersion, RunPaths, open_store, run_paths
 from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
-from ..simulation import MissionTrajectory
+from ..simulation import Accuracy, MissionTrajectory
 from ..vehicles import LaunchSite
 from ._commands import print_next
 from ._folder import make_folder
@@ -106,7 +107,8 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         campaign = file.campaign(run, warn=False, runs=planned)
         if campaign.text() == result.attributes.get("inputs"):
             with waiting("simulating the runs whose paths are drawn"):
-                paths = run_paths(campaign, some, seed=result.seed, accuracy=file.accuracy)
+                accuracy = accuracy_of(file, result)
+                paths = run_paths(campaign, some, seed=result.seed, accuracy=accuracy)
         else:
             print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
     with waiting("computing the statistics"):
@@ -121,6 +123,14 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     if file is not None:
         print_next(file, "replay", path, "--run", 0, "--show")
     return 0
+
+
+def accuracy_of(file: SceneFile, result: Dispersion) -> Accuracy:
+    """The accuracy of the runs of a store: that of its file, with the tolerance that was found
+    where it asks for one by purpose."""
+    if result.purpose is None:
+        return file.accuracy
+    return dataclasses.replace(file.accuracy, rtol=result.purpose.tolerance)
 
 
 def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:

@@ -44,6 +44,7 @@ if TYPE_CHECKING:
     from . import evaluate as evaluate
     from . import extremes as extremes
     from . import limits as limits
+    from . import purpose as purpose
     from . import rare as rare
     from . import replay as replay
     from . import requirements as requirements

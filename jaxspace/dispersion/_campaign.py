@@ -10,17 +10,18 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, Integer
 
-from ..core import InputError, Scalar, State
+from ..core import InputError, State
 from ..core.checks import check_finite
 from ..core.quantities import Quantity
 from ..core.types import as_float
-from ..integration.accuracy import Accuracy, as_accuracy
+from ..integration.accuracy import Accuracy
 from ..simulation import Mission
 from ..simulation.mission_result import MissionTrajectory
 from ._exact_parts import with_exact_parts
 from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
 from .names import check_names
+from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
 from .replay import Replay, replay
 from .requirements import Requirement, requirement_of
 
@@ -51,7 +52,7 @@ def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> N
 
 def _as_optional_accuracy(x: Any) -> Any:
     # A placeholder of a tree transformation passes.
-    return as_accuracy(x) if isinstance(x, int | float | Accuracy) else x
+    return as_campaign_accuracy(x) if isinstance(x, int | float | str | Accuracy) else x
 
 
 @final
@@ -78,8 +79,8 @@ class Campaign(eqx.Module):
     - `files`: texts of the files that the description names, by name, for the record.
     - `modules`: texts of the Python files (`core.run_module`) whose classes and functions the
       campaign uses, by name: workers run them, and the record has them with their hashes.
-    - `accuracy`: the default of the relative tolerance of each step, or an `Accuracy`; a campaign
-      of a scene file has that of the file.
+    - `accuracy`: the default of the relative tolerance of each step, an `Accuracy`, or "by purpose"
+      (`ByPurpose`); a campaign of a scene file has that of the file.
 
     `build` and `outputs` are traced once; as modules they may hold arrays. Raises `InputError` for
     an input that is no distribution or has a reserved name, for no inputs, and for fewer than two
@@ -100,7 +101,7 @@ class Campaign(eqx.Module):
     )
     along: int = eqx.field(static=True, default=2)
     files: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
-    accuracy: Accuracy | None = eqx.field(converter=_as_optional_accuracy, default=None)
+    accuracy: Accuracy | ByPurpose | None = eqx.field(converter=_as_optional_accuracy, default=None)
     modules: tuple[tuple[str, str], ...] = eqx.field(static=True, converter=_as_pairs, default=())
 
     def __check_init__(self):
@@ -118,12 +119,14 @@ class Campaign(eqx.Module):
         if self.along < 2:
             raise InputError(f"Campaign.along is {self.along}: it must be 2 or more.")
 
-    def accuracy_for(self, given: Accuracy | Scalar | None) -> Accuracy:
-        """The accuracy of a call: the one `given`, or else that of the campaign.
+    def accuracy_for(self, given: CampaignAccuracy) -> Accuracy:
+        """The accuracy of a call: the one `given`, or else that of the campaign; by purpose without
+        a tolerance.
 
         `Accuracy.decoupled` is set if the nominal run turns so fast that its steps would run out.
         """
-        return with_exact_parts(self, as_accuracy(self.accuracy if given is None else given))
+        asked = as_campaign_accuracy(self.accuracy if given is None else given)
+        return with_exact_parts(self, asked.accuracy if isinstance(asked, ByPurpose) else asked)
 
     def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
         """The mean of every input, (runs,)."""
@@ -193,7 +196,7 @@ class Campaign(eqx.Module):
         number: int,
         *,
         seed: int = 0,
-        accuracy: Accuracy | Scalar | None = None,
+        accuracy: CampaignAccuracy = None,
         num_saved: int = 200,
     ) -> Replay:
         """Run one sample again, in full detail.
@@ -202,7 +205,7 @@ class Campaign(eqx.Module):
 
         - `number`, `seed`: of the run and of the campaign.
         - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
-          campaign.
+          campaign. One by purpose is in the result: `dispersion.purpose.tolerance`.
         - `num_saved`: number of states of each phase that are saved.
 
         **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails has the status

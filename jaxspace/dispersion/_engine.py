@@ -12,22 +12,25 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ..core import InputError, Scalar
+from ..core import InputError
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy
 from ..integration.config import check_tolerance
 from ._along import Kept
 from ._batch_runner import BatchRunner
+from ._by_purpose import errors_at, recorded, tolerance_by_purpose
 from ._campaign import Campaign
 from ._chosen_times import choose_times
 from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
 from ._record import record
+from ._run_results import RunResults
 from ._store import ENOUGH, DamagedStore
 from ._store_writer import StoreWriter
 from ._whole import check_whole
 from ._work import AbstractEngine
 from .covariance import MONTE_CARLO, Moments, moments
+from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
 from .spread import StopRule
 from .statistics import Dispersion
 
@@ -47,7 +50,7 @@ def disperse(
     method: Literal["monte_carlo"] = "monte_carlo",
     seed: int = 0,
     chunk: int = CHUNK,
-    accuracy: Accuracy | Scalar | None = None,
+    accuracy: CampaignAccuracy = None,
     store: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -66,7 +69,7 @@ def disperse(
     campaign: Campaign,
     *,
     method: Literal["lincov", "second_order", "unscented"],
-    accuracy: Accuracy | Scalar | None = None,
+    accuracy: CampaignAccuracy = None,
 ) -> Moments: ...
 
 
@@ -77,7 +80,7 @@ def disperse(
     method: str = MONTE_CARLO,
     seed: int = 0,
     chunk: int = CHUNK,
-    accuracy: Accuracy | Scalar | None = None,
+    accuracy: CampaignAccuracy = None,
     store: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
     resume: bool = False,
@@ -105,7 +108,8 @@ def disperse(
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
-      campaign, or 1e-9.
+      campaign, or 1e-9. Or "by purpose" (`ByPurpose`): the loosest tolerance for which the
+      numerical error of each output is below a twentieth of its sampling error.
     - `store`: the path of a Zarr store, which gets every chunk as soon as it is finished. The
       columns of the result are then read from it on demand.
     - `overwrite`: whether an existing store may be replaced; otherwise it is an error.
@@ -160,7 +164,8 @@ def disperse(
     check_whole("seed", seed)
     check_whole("samples", samples)
     started = time.perf_counter()
-    accuracy = _resolved(campaign.accuracy_for(accuracy))
+    asked = as_campaign_accuracy(campaign.accuracy if accuracy is None else accuracy)
+    accuracy = _resolved(campaign.accuracy_for(asked))
     kept_states = _kept_states(campaign, samples, times, store)
     using = as_engine(engine)
     local = _devices(devices)
@@ -176,12 +181,18 @@ def disperse(
                 stack.enter_context(writer)
             if writer.lock.stale:
                 warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
-        runner = BatchRunner.plan(campaign, accuracy, seed, local, kept_states, runs)
+
+        def plan(rtol: float) -> BatchRunner:
+            tolerance = dataclasses.replace(accuracy, rtol=rtol)
+            return BatchRunner.plan(campaign, tolerance, seed, local, kept_states, runs)
+
+        there = writer.store.attributes if writer is not None and resume else None
+        runner, found = _planned(plan, asked, accuracy, runs, there)
         # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
-        attributes = {**record(campaign, accuracy, runs), **(notes or {}), "seed": seed}
+        attributes = {**record(campaign, runner.planned.accuracy, runs), **(notes or {})}
         attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
-        attributes |= {"chunk": runner.chunk(chunk), "samples": samples}
+        attributes |= {"chunk": runner.chunk(chunk), "samples": samples, "seed": seed, **found}
         if runner.planned.small:
             attributes["small_program"] = True
         if runner.nominal is not None:
@@ -206,6 +217,41 @@ def disperse(
         attributes["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
         results = ordered(every, campaign)
         return Dispersion(*results[:4], dict(campaign.units), seed, seconds, attributes)
+
+
+def _planned(
+    plan: Callable[[float], BatchRunner],
+    asked: Accuracy | ByPurpose,
+    accuracy: Accuracy,
+    runs: int,
+    there: Mapping[str, Any] | None,
+) -> tuple[BatchRunner, dict[str, Any]]:
+    """The planned campaign, with the tolerance that serves its purpose where that is asked for; and
+    what is recorded of its numerical errors.
+
+    **Arguments**
+
+    - `plan`: the campaign with a tolerance; `accuracy`: the one that is given, or the default.
+    - `there`: the attributes of a store that is resumed, whose tolerance stays."""
+
+    def simulated(rtol: float) -> RunResults:
+        # The warnings are those of the campaign itself.
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            runner = plan(rtol)
+            return runner.run(0, runner.call)
+
+    given = float(np.asarray(accuracy.rtol))
+    if there is not None:
+        by_purpose = isinstance(asked, ByPurpose) and "by_purpose" in there
+        return plan(there["rtol"] if by_purpose else given), {}
+    if isinstance(asked, ByPurpose):
+        found = tolerance_by_purpose(simulated, runs)
+        return plan(found.purpose.tolerance), found.record
+    runner = plan(given)
+    # Of fewer runs the second tolerance would take longer than the campaign.
+    errors = errors_at(given, runner.run(0, runner.call), simulated) if runs >= RUNS else {}
+    return runner, recorded(errors)
 
 
 def _kept_states(

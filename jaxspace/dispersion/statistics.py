@@ -3,6 +3,7 @@
 __all__ = ["Failure"]
 
 import functools
+import math
 import shlex
 import warnings
 from collections.abc import Mapping
@@ -21,6 +22,7 @@ from ._export import as_dataset, as_frame
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors
 from .limits import Percentile, Probability, clopper_pearson, percentile
+from .purpose import Purpose
 from .requirements import Requirement, Verdict, requirement_of, verdict_of
 from .sensitivity import RankCorrelation, rank_correlation
 from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
@@ -139,6 +141,13 @@ class Dispersion(eqx.Module):
         return busy / (computing * self.cores) if known else float("nan")
 
     @property
+    def purpose(self) -> Purpose | None:
+        """The tolerance that was found where the accuracy was asked for "by purpose"; `None` where
+        it was given."""
+        found = self.attributes.get("by_purpose")
+        return None if found is None else Purpose(**found)
+
+    @property
     def good(self) -> np.ndarray:
         """Whether each run ended well, (runs,)."""
         return self.status <= Status.EVENT
@@ -173,10 +182,12 @@ class Dispersion(eqx.Module):
         good = int(np.count_nonzero(self.good))
         lines = [f"Dispersion of {self.runs} runs, {good} of them good"]
         lines += [f"  {failure.count} runs: {failure.sentence}" for failure in self.failed]
-        rows: list[tuple[str, ...]] = [("", "unit", "mean", "deviation", "least", "greatest")]
+        heads = ("", "unit", "mean", "deviation", "least", "greatest")
+        known = "numerical_errors" in self.attributes
+        rows: list[tuple[str, ...]] = [(*heads, "numerical error") if known else heads]
         for row in (*self.table("inputs"), *self.table())[:MOST_ROWS]:
             numbers = [row.shown(x) for x in (row.mean, row.std, row.min, row.max)]
-            rows.append((row.name, row.unit, *numbers))
+            rows.append((row.name, row.unit, *numbers, *([row.numerical_words] if known else [])))
         lines += [f"  {line}" for line in aligned(rows, left=2).splitlines()]
         more = len(self.inputs) + len(self.outputs) + 1 - len(rows)
         return "\n".join([*lines, f"  and {more} more"] if more else lines)
@@ -193,10 +204,12 @@ class Dispersion(eqx.Module):
         how many there are (`Row.warning`). Raises `InputError` for any other word."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
-        return [
+        errors = self.attributes.get("numerical_errors", {})
+        rows = [
             row_of(name, self.units.get(name, ""), x[self.good], self._numbers_of_runs[self.good])
             for name, x in getattr(self, of).items()
         ]
+        return [row._replace(numerical_error=errors.get(row.name, math.nan)) for row in rows]
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from ..bodies import BodyState
 from ..core import AbstractSystem, argument
 from ..core.quantities import REQUIRED
 from ..dispersion.covariance import METHODS
+from ..dispersion.purpose import BY_PURPOSE
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
 from ._effect_tables import EffectName, EffectTables
@@ -35,6 +36,7 @@ from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import entry_of, function_way
 from ._optimize_table import optimize_table
 from ._table_kinds import AnyTable, NamedTables, Object, Table
+from ._tolerance import Tolerance
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission", "flight")
@@ -48,7 +50,7 @@ LONGEST_STEP = Number(argument("s", positive=True, fixed=True, doc="longest step
 # The engine resolves sixteen units in the last place of a state of 64 bits, and no tolerance above
 # a half has a digit.
 LEAST_ACCURACY = 16.0 * float(np.finfo(float).eps)
-ACCURACY = Number(argument("", low=LEAST_ACCURACY, high=0.5, fixed=True, doc="of each step"))
+ACCURACY = Tolerance(argument("", low=LEAST_ACCURACY, high=0.5, fixed=True, doc="of each step"))
 TOLERANCE = Number(argument("", positive=True, fixed=True, doc="relative tolerance"))
 TIMES = Table(
     {
@@ -120,7 +122,9 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
         # Far below the errors of the data of a flight, and within reach of every method in double
         # precision.
-        "accuracy": Entry(ACCURACY, 1e-9, doc="relative tolerance of each step"),
+        "accuracy": Entry(
+            ACCURACY, 1e-9, doc=f'relative tolerance of each step; of campaigns also "{BY_PURPOSE}"'
+        ),
         "final_error": Entry(
             final_error_kind(state, ACCURACY.quantity),
             None,

@@ -26,6 +26,7 @@ from ._optimize_table import read_task
 from ._output_entries import given_parts, read_outputs
 from ._outputs import OutputSpec
 from ._scene_file import SceneFile
+from ._tolerance import tolerance_errors
 from .by_numpy import by_numpy
 
 LONGEST = 4_000_000
@@ -89,6 +90,7 @@ def load(
         errors = flight_errors(file)
     if not errors:
         errors = final_error_errors(file, given_parts(file), "accuracy" in data)
+        errors += tolerance_errors(file)
     inputs = {}
     outputs = ()
     # Traces the vector field, which needs a state without faults.

@@ -54,7 +54,7 @@ def campaign_of(
         {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
         along,
         dict(texts),
-        file.accuracy,
+        file.campaign_accuracy,
         {module.path.name: module.text for module in file.modules},
     )
 

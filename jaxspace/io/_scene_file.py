@@ -17,6 +17,8 @@ from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..core.listed import Listed
 from ..dispersion import Campaign, StopRule
+from ..dispersion.purpose import BY_PURPOSE, ByPurpose
+from ..integration.accuracy import DEFAULT_RTOL
 from ..optimization import Progress
 from ..scene import Scene
 from ..scene.ground_check import ground_warning, lowest_below_ground
@@ -127,16 +129,29 @@ class SceneFile:
 
     @functools.cached_property
     def tolerance(self) -> float:
-        """The relative tolerance of the steps. Of a file with `final_error` that which its nominal
-        run takes, which is simulated for it, rounded down to two digits.
+        """The relative tolerance of the steps; the default one where a campaign finds its own "by
+        purpose". Of a file with `final_error` that which its nominal run takes, which is simulated
+        for it, rounded down to two digits.
 
         **Raises** `SimulationError` where that run fails."""
+        if self.by_purpose:
+            return DEFAULT_RTOL["float64"]
         if self.final_error is None:
             return self.values["accuracy"]
         samples = 2 if self.values["dispersion"] is None else self._along
         # The program of `nominal_mission` for campaigns, which follows.
         run = self._mission_run(self.final_error, samples, throw=True)
         return rounded_down(tolerance_of(run.phases[0]))
+
+    @property
+    def by_purpose(self) -> bool:
+        """Whether the campaign of the file finds the tolerance that serves it."""
+        return self.values["accuracy"] == BY_PURPOSE
+
+    @property
+    def campaign_accuracy(self) -> Accuracy | ByPurpose:
+        """The accuracy of the campaign of the file."""
+        return ByPurpose(self._steps(None)) if self.by_purpose else self.accuracy
 
     @functools.cached_property
     def final_error(self) -> FinalError | None:

@@ -262,16 +262,22 @@ def dispersion_report(
 
 
 def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
-    """Mean, standard deviation and 99 % limits of every output, beside its nominal value where one
-    is known; below it a line for each output that is not finite in runs that ended well."""
+    """Mean, standard deviation and 99 % limits of every output, beside its nominal value and its
+    numerical error where one is known; below it a line for each output that is not finite in runs
+    that ended well, and one for a tolerance that was found by purpose."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
     table = result.table()
+    # Known of most campaigns; without any the column would be empty.
+    known = any(row.numerical_words for row in table)
+    rows[0] = (*rows[0], "numerical error") if known else rows[0]
     for row in table:
-        numbers = (row.shown(x) for x in (row.mean, row.std, row.low, row.high))
+        numbers = [row.shown(x) for x in (row.mean, row.std, row.low, row.high)]
         # An output that was given in Python has no nominal value here.
         nominal_value = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
-        rows.append((row.name, row.unit, nominal_value, *numbers))
+        errors = [row.numerical_words or "-"] if known else []
+        rows.append((row.name, row.unit, nominal_value, *numbers, *errors))
     warnings = [sentence for row in table if (sentence := row.warning)]
+    warnings += [] if result.purpose is None else [result.purpose.sentence]
     return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
 
 

@@ -161,12 +161,15 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     verdicts = dispersion.verdicts
     heads = ["output", "nominal", "mean", "deviation", "middle 99\u00a0%", "limit of 99.5\u00a0%"]
     heads += ["least, greatest", "runs"]
+    known = "numerical_errors" in dispersion.attributes
+    heads += ["numerical error"] if known else []
     heads += ["required", "violated", "at most"] if required else []
     heads += ["allowed", "verdict"] if verdicts else []
     lines = [_cells(heads, "th", 1)]
     for row in dispersion.table():
         name = in_words(row.name) + (f" [{row.unit}]" if row.unit else "")
         cells = [name, *_numbers(dispersion, row, nominal), str(row.runs)]
+        cells += [row.numerical_words.replace(" ", "\u00a0")] if known else []
         if required:
             result = violations.get(row.name)
             words = (
@@ -186,7 +189,9 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
     if required:
         note += " A failed run counts as a violation; “at most” is the end of the interval"
         note += " of 95 %, or of the confidence that the requirement gives."
-    warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in dispersion.warnings)
+    purpose = dispersion.purpose
+    sentences = [*dispersion.warnings, *([] if purpose is None else [purpose.sentence])]
+    warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in sentences)
     return f'{_outputs_table(lines)}{warnings}<p class="note">{note}</p>'
 
 
