@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from jaxspace.core import InputError, Scalar, Vector
-from jaxspace.core.formula import _numbers_of, formula
+from jaxspace.core.formula import ABOVE_ZERO, ANY, BELOW_ONE, POSITIVE, formula
 from jaxspace.core.modules import public_names
 from jaxspace.orbits.transfers import hohmann_transfer
 
@@ -28,6 +28,11 @@ EXCEPTIONS = {
 }
 
 
+def numbers_of(function):
+    """The arguments of a public function that take real numbers, with their ranges."""
+    return getattr(function, "numbers", ()) or formula(function).numbers
+
+
 def formulas():
     """The public functions with arguments of real numbers, and these arguments."""
     found = {}
@@ -35,10 +40,29 @@ def formulas():
         for thing in public_names(importlib.import_module(f"jaxspace.{package}")).values():
             own = inspect.isfunction(thing) and thing.__module__.startswith(f"jaxspace.{package}")
             if own and thing.__name__ not in EXCEPTIONS:
-                numbers = _numbers_of(thing)
-                if numbers:
-                    found[thing] = numbers
+                if numbers_of(thing):
+                    found[thing] = numbers_of(thing)
     return found
+
+
+def required(function):
+    arguments = inspect.signature(function).parameters.items()
+    return [name for name, argument in arguments if argument.default is argument.empty]
+
+
+def complaint(function, number, value, sentence):
+    """How a formula takes a wrong value, unless it refuses it in a `sentence` with its name."""
+    # The check comes before anything is computed, so that the others may be anything.
+    others = {name: 0.5 for name in required(function) if name != number.name}
+    try:
+        function(**{number.name: value}, **others)
+    except InputError as error:
+        found = "" if re.search(sentence, str(error)) else str(error)
+    except Exception as error:
+        found = str(type(error))
+    else:
+        found = "nothing"
+    return found and f"{function.__name__}.{number.name}, {value}: {found}"
 
 
 def wrong_values(number):
@@ -53,28 +77,87 @@ def test_every_formula_refuses_what_is_no_real_number():
     every = formulas()
     wrong, tried = [], 0
     for function, numbers in every.items():
-        required = [
-            name
-            for name, argument in inspect.signature(function).parameters.items()
-            if argument.default is argument.empty
-        ]
         for number in numbers:
-            # The check comes before anything is computed, so that the others may be anything.
-            others = {name: 0.5 for name in required if name != number.name}
             for what, value in wrong_values(number):
                 tried += 1
-                try:
-                    function(**{number.name: value}, **others)
-                except InputError as error:
-                    if re.match(rf"{number.name} (is|has) .*: it must be a", str(error)):
-                        continue
-                    wrong.append(f"{function.__name__}.{number.name}, {what}: {error}")
-                except Exception as error:
-                    wrong.append(f"{function.__name__}.{number.name}, {what}: {type(error)}")
-                else:
-                    wrong.append(f"{function.__name__}.{number.name}, {what}: nothing")
+                # Of a range too where the value is a number: NaN.
+                sentence = rf"^{number.name} (is|has) .*: it must be a"
+                found = complaint(function, number, value, sentence)
+                wrong += [f"{what}: {found}"] if found else []
     assert not wrong, "\n".join(wrong)
     assert len(every) > 200 and tried > 4000
+
+
+def out_of_range(number):
+    """Numbers that are not within the declared range, in the shape that the argument has."""
+    yield np.nan
+    if number.range is not ANY:
+        yield -1.0
+    if number.range in (POSITIVE, ABOVE_ZERO):
+        yield 0.0
+    if number.range not in (ANY, ABOVE_ZERO):
+        yield np.inf
+    if number.range is BELOW_ONE:
+        yield 1.0
+
+
+def test_every_formula_refuses_numbers_out_of_the_range_of_their_argument():
+    """Python's numbers, NumPy's and JAX's; of arrays, the components of one run."""
+    wrong, tried = [], 0
+    for function, numbers in formulas().items():
+        for number in numbers:
+            # NaN in an array marks its own place.
+            if number.shape and number.range is ANY:
+                continue
+            like = np.ones([3 if n is None else n for n in number.shape])
+            for value in out_of_range(number):
+                for given in (value * like, jnp.asarray(value * like)):
+                    tried += 1
+                    sentence = rf"{number.name} is .*({value:.3g}).*: it must be "
+                    wrong.append(complaint(function, number, given, sentence))
+    assert not any(wrong), "\n".join(filter(None, wrong))
+    assert tried > 2000
+
+
+# Names of arguments that mean the same size in every formula.
+SIZES = {
+    *("A", "C", "I", "R", "ballistic_coefficient", "density", "drag_area", "eccentricity"),
+    *("exhaust_velocity", "flattening", "mass", "mass_ratio", "mean_motion", "moments", "mu"),
+    *("period", "radius", "restitution", "semi_latus_rectum", "semi_major_axis"),
+}
+# Those without a range of the formula, each with the reason.
+FORCES = (
+    *("oblateness", "oblateness_potential", "point_gravity", "point_gravity_potential"),
+    *("shell_gravity", "shell_potential", "sphere_gravity", "sphere_potential"),
+    *("third_body", "third_body_potential", "zonal_potential", "zonals"),
+)
+SOLIDS = ("box", "cone", "conical_shell", "cylinder", "ellipsoid", "simplex", "sphere")
+QUANTITIES = ("orbit_from_altitude", "orbit_from_burnout", "orbit_from_radius")
+NO_RANGE = {
+    **{("mu", name): "a centre may repel, and a body may lack mass" for name in FORCES},
+    ("mu", "escape_speed"): "nothing is held by a centre that repels",
+    ("mu", "excess_speed"): "a centre that repels adds speed",
+    ("mu", "specific_energy"): "of either sign, as the force",
+    **{("mass", name): "refused with the name of the solid" for name in SOLIDS},
+    **{("radius", name): "refused with the name of the solid" for name in SOLIDS},
+    **{("mu", name): "a declared quantity" for name in QUANTITIES},
+    ("radius", "orbit_from_altitude"): "a declared quantity",
+    ("eccentricity", "orbit_from_radius"): "a declared quantity",
+    ("semi_major_axis", "vis_viva_speed"): "negative on a hyperbola",
+    ("semi_major_axis", "period"): "negative on a hyperbola",
+    ("semi_major_axis", "eccentricities_through"): "negative on a hyperbola",
+}
+
+
+def test_a_size_has_a_range_in_every_formula():
+    """So that the radius of a new formula is not left without one."""
+    bare = {
+        (number.name, function.__name__)
+        for function, numbers in formulas().items()
+        for number in numbers
+        if number.name in SIZES and number.range is ANY
+    }
+    assert bare <= set(NO_RANGE), bare - set(NO_RANGE)
 
 
 @formula

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractJump, BodyState
 from ..core import InputError, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.safe import end_sqrt
 from ..core.types import as_float
 from ..core.vectors import axis
@@ -38,7 +38,7 @@ def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     return I / (m * R * R) + 1.0
 
 
-@formula
+@formula(I=POSITIVE, R=POSITIVE, m=POSITIVE)
 def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_f, m, that slows the spin from `w0` to `w_f`, rad/s (Thomson 7.5-15).
 
@@ -58,7 +58,7 @@ def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Sca
     return R * end_sqrt(radicand, *(as_float(x) for x in (w0, w_f, I, R, m)))
 
 
-@formula
+@formula(I=POSITIVE, R=POSITIVE, m=POSITIVE)
 def zero_spin_cord_length(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_0, m, that stops the spin, whatever its rate (Thomson 7.5-16).
 

@@ -46,7 +46,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractClosedForm, AbstractSystem, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import as_float
 
@@ -56,7 +56,7 @@ FASTEST_DRIFT = math.atan(math.sqrt(0.5))
 _HALVINGS = 60
 
 
-@formula
+@formula(A=POSITIVE, C=POSITIVE)
 def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     """Energy of rotation, J, of a symmetric body of the angular momentum `h`, kg m^2/s, whose axis
     stands at `theta`, rad, to it (Thomson 7.6-6).
@@ -70,7 +70,7 @@ def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     return 0.5 * h * h * (c * c / C + s * s / A)
 
 
-@formula
+@formula(A=POSITIVE, C=POSITIVE, dissipation=NOT_NEGATIVE)
 def drift_by_dissipation(
     theta: Scalar, A: Scalar, C: Scalar, h: Scalar, dissipation: Scalar
 ) -> Scalar:
@@ -88,7 +88,17 @@ def drift_by_dissipation(
     return dissipation / (h * h * (1.0 / C - 1.0 / A) * jnp.sin(theta) * jnp.cos(theta))
 
 
-@formula
+@formula(
+    gamma=NOT_NEGATIVE,
+    modulus=POSITIVE,
+    disk_mass=POSITIVE,
+    length=POSITIVE,
+    radius=POSITIVE,
+    section=POSITIVE,
+    volume=POSITIVE,
+    A=POSITIVE,
+    C=POSITIVE,
+)
 def tube_drift_constant(
     gamma: Scalar,
     modulus: Scalar,
@@ -119,7 +129,14 @@ def tube_drift_constant(
     return jnp.sign(as_float(A - C)) * size * (C / A) ** 4 * w0**3
 
 
-@formula
+@formula(
+    count=NOT_NEGATIVE,
+    gamma=NOT_NEGATIVE,
+    modal_mass=POSITIVE,
+    natural_frequency=POSITIVE,
+    A=POSITIVE,
+    C=POSITIVE,
+)
 def antenna_drift_constant(
     count: Scalar,
     gamma: Scalar,
@@ -147,7 +164,7 @@ def antenna_drift_constant(
     return jnp.sign(as_float(A - C)) * count * gamma * per_body * shape
 
 
-@formula
+@formula(gamma=NOT_NEGATIVE)
 def structural_damping(gamma: Scalar) -> Scalar:
     """alpha = gamma/(2 pi), from the hysteretic factor (Thomson, Problem 7.6-9)."""
     return gamma / (2.0 * math.pi)

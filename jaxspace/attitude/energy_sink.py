@@ -25,12 +25,12 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_divide
 from ..core.vectors import dot, scale
 
 
-@formula
+@formula(A=POSITIVE, C=POSITIVE, damping=NOT_NEGATIVE)
 def energy_sink_angle(
     theta: Scalar, duration: Scalar, A: Scalar, C: Scalar, damping: Scalar
 ) -> Scalar:

@@ -29,7 +29,7 @@ import jax.numpy as jnp
 
 from ..bodies.inertia import AbstractInertia, parallel_axes
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2
 from ..core.shapes import with_rank
@@ -73,7 +73,7 @@ class BearingReactions(NamedTuple):
     drive: Scalar
 
 
-@formula
+@formula(mass=NOT_NEGATIVE)
 def bearing_reactions(
     inertia: AbstractInertia,
     mass: Scalar,
@@ -115,7 +115,7 @@ def bearing_reactions(
     return BearingReactions(force - on_second, on_second, drive)
 
 
-@formula
+@formula(speed=NOT_NEGATIVE, radius=POSITIVE, gravity=NOT_NEGATIVE)
 def bank_angle(speed: Scalar, radius: Scalar, gravity: Scalar) -> Scalar:
     """Bank of an airplane in a level turn without side force (Thomson 5.9-P10).
 

@@ -38,13 +38,13 @@ from ..bodies.inertia import AbstractInertia
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.barrier import barrier
 from ..core.elliptic import complete_elliptic
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.shapes import check_components
 from ..core.vectors import cross, dot, inverse_norm
 from ..rotations import Quaternion
 
 
-@formula
+@formula(mu=NOT_NEGATIVE)
 def gravity_gradient_torque(
     r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar
 ) -> Vector:
@@ -63,7 +63,7 @@ def gravity_gradient_torque(
     return (3.0 * mu * per_r * (per_r * per_r)) * cross(up, inertia.times(up))
 
 
-@formula
+@formula(mu=NOT_NEGATIVE)
 def gravity_gradient_energy(
     r: Vector, attitude: Quaternion, inertia: AbstractInertia, mu: Scalar
 ) -> Scalar:
@@ -83,7 +83,7 @@ def _upwards(r: Vector, attitude: Quaternion) -> tuple[Scalar, Vector]:
     return per_r, barrier(attitude.rotate_back(per_r * r))
 
 
-@formula
+@formula(moments=POSITIVE, mean_motion=POSITIVE)
 def pitch_libration_period(amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
     """Period of the libration in the plane of a circular orbit (Thomson 7.4, Problem 15).
 

@@ -43,7 +43,7 @@ from jaxtyping import Array, Float
 from ..bodies import BodyState
 from ..bodies.inertia import AbstractInertia
 from ..core import Flag, Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_divide
 from ..core.shapes import check_components
@@ -64,7 +64,7 @@ class LibrationModes(NamedTuple):
     growth: Float[Array, "3 *#runs"]
 
 
-@formula
+@formula(moments=POSITIVE)
 def inertia_ratios(moments: Vector) -> tuple[Scalar, Scalar]:
     """k_1 = (I_2 - I_3)/I_1 and k_3 = (I_2 - I_1)/I_3, each within (-1, 1) and (*runs,), from the
     moments I_1, I_2 and I_3, kg m^2, (3, *runs)."""
@@ -90,7 +90,7 @@ def libration_is_stable(k1: Scalar, k3: Scalar) -> Flag:
     return (k1 > k3) & (product > 0.0) & (1.0 + 3.0 * k1 + product > 4.0 * root)
 
 
-@formula
+@formula(moments=POSITIVE, mean_motion=POSITIVE)
 def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     """Frequencies and growth rates of small librations in a circular orbit (Thomson 7.4, Problem
     15).
@@ -133,7 +133,7 @@ def _positive(x: Scalar) -> Scalar:
     return jnp.maximum(x, 0.0)
 
 
-@formula
+@formula(eccentricity=NOT_NEGATIVE, moments=POSITIVE)
 def forced_pitch(eccentricity: Scalar, true_anomaly: Scalar, moments: Vector) -> Scalar:
     """The pitch that an elliptic orbit forces on a body, to first order (Hughes 9.3).
 
@@ -151,7 +151,7 @@ def forced_pitch(eccentricity: Scalar, true_anomaly: Scalar, moments: Vector) ->
     return 2.0 * eccentricity / (stiffness - 1.0) * jnp.sin(true_anomaly)
 
 
-@formula
+@formula(mu=POSITIVE)
 def jacobi_integral(y: BodyState, inertia: AbstractInertia, mu: Scalar) -> Scalar:
     """Jacobi's integral of a body in a circular orbit, J, (*runs,) (Hughes 9.2).
 

@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, BodyState, BurningBody
 from ..core import InputError, Scalar, Vector, output
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_atan2
 from ..core.vectors import axis, cross, dot, norm
 from ..rotations import Quaternion, to_euler_angles
@@ -41,7 +41,7 @@ def spin_rate(omega: Vector) -> Scalar:
     return omega[2]
 
 
-@formula
+@formula(mass=POSITIVE)
 @output("rad")
 def cone_angle(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Scalar:
     """Angle between the body's z axis and its angular momentum, rad.
@@ -55,7 +55,7 @@ def cone_angle(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Scalar
     return _angle_between(h, axis(2, h[2]))
 
 
-@formula
+@formula(mass=POSITIVE)
 @output("rad")
 def pointing(
     attitude: Quaternion, omega: Vector, mass: Scalar | None, body: AbstractBody, initial: Any

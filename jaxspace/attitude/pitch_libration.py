@@ -28,13 +28,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.jacobi import jacobi
 from ..core.printing import printed
 from ..core.shapes import check_components
 
 
-@formula
+@formula(moments=POSITIVE, mean_motion=POSITIVE)
 def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: Scalar) -> Scalar:
     """The pitch a time after rest at its amplitude, on a circle (Thomson 7.4, Problem 15).
 

@@ -24,10 +24,10 @@ __all__ = ["luni_solar_nutation", "luni_solar_rate", "luni_solar_rates_at"]
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 
 
-@formula
+@formula(mass_share=NOT_NEGATIVE, period=POSITIVE)
 def luni_solar_rate(
     mass_share: Scalar, period: Scalar, ellipticity: Scalar, obliquity: Scalar, spin: Scalar
 ) -> Scalar:
@@ -46,7 +46,7 @@ def luni_solar_rate(
     return -_amplitude(mass_share, period, ellipticity, spin) * jnp.cos(obliquity)
 
 
-@formula
+@formula(mass_share=NOT_NEGATIVE, period=POSITIVE)
 def luni_solar_rates_at(
     longitude: Scalar,
     mass_share: Scalar,
@@ -71,7 +71,7 @@ def luni_solar_rates_at(
     return precession, -rate * jnp.sin(obliquity) * jnp.sin(2.0 * longitude)
 
 
-@formula
+@formula(mass_share=NOT_NEGATIVE, period=POSITIVE)
 def luni_solar_nutation(
     mass_share: Scalar, period: Scalar, ellipticity: Scalar, obliquity: Scalar, spin: Scalar
 ) -> tuple[Scalar, Scalar]:

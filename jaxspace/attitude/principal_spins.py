@@ -26,7 +26,7 @@ import jax.numpy as jnp
 from ..bodies import BodyState
 from ..bodies.inertia import AbstractInertia
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
 from ..core.shapes import check_components, with_rank
@@ -35,7 +35,7 @@ from ._state import attitude_and_omega
 from .polhode import Polhode
 
 
-@formula
+@formula(moments=POSITIVE)
 def spin_stiffness(moments: Vector, rate: Scalar) -> Vector:
     """p_k^2 of the steady spins about each of the three axes (Thomson 5.12-2).
 
@@ -57,7 +57,7 @@ def spin_stiffness(moments: Vector, rate: Scalar) -> Vector:
     return turning * rate * rate
 
 
-@formula
+@formula(moments=POSITIVE)
 def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
     """Frequency and growth rate of small departures from the spins about the three axes.
 
@@ -79,7 +79,7 @@ def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
     return end_sqrt(stable, a, b, c, w), end_sqrt(growing, a, b, c, w)
 
 
-@formula
+@formula(moments=POSITIVE)
 def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
     """Least and greatest angle of each principal axis with h (Thomson 5.12-P8).
 

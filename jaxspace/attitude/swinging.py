@@ -42,7 +42,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_sqrt
 from ..core.types import as_float, precision_of
@@ -50,7 +50,7 @@ from ..core.types import as_float, precision_of
 _PLACES, _WEIGHTS = np.polynomial.legendre.leggauss(48)
 
 
-@formula
+@formula(cord=NOT_NEGATIVE, I=POSITIVE, R=POSITIVE, m=POSITIVE)
 def radial_release_spin(
     w0: Scalar,
     cord: Scalar,
@@ -73,7 +73,7 @@ def radial_release_spin(
     return w0 * (whole - m * reach * out) / (m * reach * reach + I)
 
 
-@formula
+@formula(I=POSITIVE, R=POSITIVE, m=POSITIVE)
 def zero_spin_radial_cord(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_0, m, that stops the spin when its mass is let go at the radius: shorter by R than
     that of the tangential release.

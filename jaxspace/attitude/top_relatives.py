@@ -32,12 +32,12 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.roots import increasing_root
 from ..core.types import as_float
 
 
-@formula
+@formula(inertia=POSITIVE, first=NOT_NEGATIVE, second=NOT_NEGATIVE)
 def sprung_flywheel_frequencies(
     inertia: Scalar, momentum: Scalar, first: Scalar, second: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -61,7 +61,13 @@ def sprung_flywheel_frequencies(
     return jnp.sqrt(first * second / (inertia * inertia * fast)), jnp.sqrt(fast)
 
 
-@formula
+@formula(
+    weight=NOT_NEGATIVE,
+    radius=POSITIVE,
+    arm=POSITIVE,
+    transverse_inertia=POSITIVE,
+    axial_inertia=POSITIVE,
+)
 def crusher_force(
     theta: Scalar,
     precession: Scalar,
@@ -90,7 +96,7 @@ def crusher_force(
     return weight * sine + precession * precession * gyroscopic
 
 
-@formula
+@formula(radius=POSITIVE, arm=POSITIVE)
 def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar) -> Scalar:
     """phi', rad/s, of the wheel about its axle.
 
@@ -100,7 +106,13 @@ def crusher_spin(theta: Scalar, precession: Scalar, radius: Scalar, arm: Scalar)
     return -(arm * jnp.sin(theta) + radius * jnp.cos(theta)) * precession / radius
 
 
-@formula
+@formula(
+    weight=NOT_NEGATIVE,
+    radius=POSITIVE,
+    arm=POSITIVE,
+    transverse_inertia=POSITIVE,
+    axial_inertia=POSITIVE,
+)
 def best_crusher_tilt(
     precession: Scalar,
     weight: Scalar,
@@ -137,7 +149,14 @@ def best_crusher_tilt(
     return newton(newton(jax.lax.stop_gradient(theta)))
 
 
-@formula
+@formula(
+    mass=POSITIVE,
+    transverse_inertia=POSITIVE,
+    axial_inertia=POSITIVE,
+    string=POSITIVE,
+    arm=POSITIVE,
+    gravity=POSITIVE,
+)
 def gyro_on_a_string(
     theta: Scalar,
     rate: Scalar,

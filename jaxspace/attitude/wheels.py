@@ -44,14 +44,14 @@ from ..core import (
     constructor,
     quantity,
 )
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import cross, unit
 from .motors import AbstractMotor, along_axes
 
 
-@formula
+@formula(A=POSITIVE, C=POSITIVE)
 def gyrostat_nutation_rate(n: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     """Rate, rad/s, at which the small transverse rate of a gyrostat turns in the body (Thomson
     7.11).
@@ -68,7 +68,7 @@ def gyrostat_nutation_rate(n: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar
     return (n * (C - A) + h) / A
 
 
-@formula
+@formula(inertia=NOT_NEGATIVE)
 def rotor_moment(
     omega: Vector, axis: Vector, inertia: Scalar, speed: Scalar, acceleration: Scalar
 ) -> Vector:

@@ -21,7 +21,7 @@ from typing import NamedTuple, final
 import jax.numpy as jnp
 
 from ..core import AbstractParameters, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 
@@ -46,7 +46,7 @@ class Air(NamedTuple):
     sound_speed: Scalar
 
 
-@formula
+@formula(temperature=POSITIVE, pressure=NOT_NEGATIVE)
 def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
     """The state of dry air: rho = p M_0/(R T), c = sqrt(gamma R T/M_0) (U.S. Standard Atmosphere,
     1976, Eqs. 42 and 50).
@@ -58,7 +58,7 @@ def dry_air(temperature: Scalar, pressure: Scalar) -> Air:
     return Air(temperature, pressure, pressure / per_mass, sqrt(HEAT_RATIO * per_mass))
 
 
-@formula
+@formula(temperature=POSITIVE)
 def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
     """Ratio of the pressures of dry air in equilibrium after and before a climb at one temperature
     (U.S. Standard Atmosphere, 1976, Eq. 33b).
@@ -70,7 +70,7 @@ def isothermal_ratio(climb: Scalar, temperature: Scalar) -> Scalar:
     return jnp.exp(-GRAVITY * MOLAR_MASS / GAS_CONSTANT * climb / temperature)
 
 
-@formula
+@formula(density=NOT_NEGATIVE, scale_height=POSITIVE)
 def exponential_density(
     height: Scalar, density: Scalar, reference_height: Scalar, scale_height: Scalar
 ) -> Scalar:

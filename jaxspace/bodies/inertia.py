@@ -27,7 +27,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractParameters, InputError, Matrix, Scalar, Vector, check, quantity
 from ..core.checks import is_concrete
 from ..core.field_types import is_real, shown
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -225,7 +225,7 @@ def kinetic_energy(inertia: AbstractInertia, omega: Vector) -> Scalar:
     return 0.5 * dot(omega, inertia.times(omega))
 
 
-@formula
+@formula(mass=NOT_NEGATIVE)
 def parallel_axes(inertia: AbstractInertia, mass: Scalar, offset: Vector) -> InertiaTensor:
     """Inertia about another point than the centre of mass (Thomson 5.5).
 

@@ -36,7 +36,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Matrix, Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.shapes import check_components, with_rank
 from ..core.square_roots import inverse_sqrt
@@ -166,7 +166,7 @@ class PivotImpact(NamedTuple):
     energy_loss: Scalar
 
 
-@formula
+@formula(mass=POSITIVE)
 def pivot_impact(
     inertia: AbstractInertia, mass: Scalar, arm: Vector, velocity: Vector, omega: Vector
 ) -> PivotImpact:

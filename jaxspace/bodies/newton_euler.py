@@ -25,13 +25,13 @@ __all__ = ["angular_acceleration", "linear_acceleration"]
 import jax.numpy as jnp
 
 from ..core import Matrix, Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.vectors import cross, matvec, solve3
 from .inertia import AbstractInertia, diagonal
 
 
-@formula
+@formula(mass=POSITIVE)
 def linear_acceleration(
     acceleration: Vector | None, force: Vector | None, mass: Scalar | None
 ) -> Vector:

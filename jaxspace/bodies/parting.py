@@ -32,7 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import end_sqrt
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -175,7 +175,7 @@ def _mean(masses: Sequence[Scalar], vectors: Sequence[Vector], whole: Scalar) ->
     return functools.reduce(operator.add, terms)
 
 
-@formula
+@formula(energy=NOT_NEGATIVE, mass=POSITIVE, other=POSITIVE)
 def spring_speed(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:
     """Relative speed of two masses, m/s, after springs between them have released their energy.
 

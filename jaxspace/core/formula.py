@@ -1,41 +1,78 @@
-"""Formulas: functions of numbers whose arguments are checked by their annotations.
+"""Formulas: functions of numbers whose arguments are checked by their annotations and ranges.
 
 Without a check a text in the place of a number is found where it is first computed with, by an
-error of JAX that names no argument, and a complex number is computed with in silence.
+error of JAX that names no argument, and a complex number is computed with in silence; a radius of
+the wrong sign gives NaN.
 """
 
 import functools
 import inspect
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar, cast
 
 import numpy as np
 
-from .checks import InputError
+from .checks import InputError, check, is_concrete
 from .field_types import SHOWN, is_real
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
 
+class Range(NamedTuple):
+    """What a number may be: `allowed` in words, and `contains`, which is false for NaN."""
+
+    allowed: str
+    contains: Callable[[Any], Any]
+
+
+POSITIVE = Range("positive and finite", lambda x: (x > 0.0) & np.isfinite(x))
+NOT_NEGATIVE = Range("zero or positive, and finite", lambda x: (x >= 0.0) & np.isfinite(x))
+# Where the limit at infinity has a meaning, as the other apsis of a parabola.
+ABOVE_ZERO = Range("above zero", lambda x: x > 0.0)
+BELOW_ONE = Range("at least zero and below one", lambda x: (x >= 0.0) & (x < 1.0))
+UP_TO_ONE = Range("from zero to one", lambda x: (x >= 0.0) & (x <= 1.0))
+ANY = Range("a number", lambda x: x == x)
+
+
 class _Number(NamedTuple):
     """An argument that takes numbers: its place, its name, the lengths of its first axes (`None`
-    for any), and whether it may be absent."""
+    for any), whether it may be absent, and its range."""
 
     place: int
     name: str
     shape: tuple[int | None, ...]
     optional: bool
+    range: Range
 
 
-def formula(function: Function) -> Function:
-    """Check the arguments of a function that its annotations declare as real numbers.
+@typing.overload
+def formula(function: Function, /) -> Function: ...
+
+
+@typing.overload
+def formula(**ranges: Range) -> Callable[[Function], Function]: ...  # pyright: ignore[reportInvalidTypeVarUse]
+
+
+def formula(function: Callable[..., Any] | None = None, /, **ranges: Range) -> Any:
+    """Check the arguments of a function that its annotations declare as real numbers:
+    `@formula`, or with ranges `@formula(radius=POSITIVE, eccentricity=NOT_NEGATIVE)`.
 
     Raises `InputError`, by the name of the argument, for a text, a complex number or another object
-    in the place of numbers, and for an array with another number of components. What is traced is
-    checked by its type and shape alone, at no cost in the compiled program; NaN passes."""
-    numbers = tuple(_numbers_of(function))
+    in the place of numbers, for an array with another number of components, and for a known number
+    that is NaN or out of its range. What is traced is checked by its type and shape alone, at no
+    cost in the compiled program. Numbers of several runs pass: a run out of the range is NaN, and
+    the others are what they are."""
+    if function is None:
+        return lambda function: _checked(function, ranges)
+    return _checked(function, {})
+
+
+def _checked(function: Function, ranges: Mapping[str, Range]) -> Function:
+    numbers = tuple(_numbers_of(function, ranges))
     by_name = {number.name: number for number in numbers}
+    if not set(ranges) <= set(by_name):
+        raise TypeError(f"{function.__name__}: no numbers {sorted(set(ranges) - set(by_name))}")
 
     @functools.wraps(function)
     def checked(*given: Any, **named: Any) -> Any:
@@ -47,11 +84,12 @@ def formula(function: Function) -> Function:
                 _check(by_name[name], value)
         return function(*given, **named)
 
+    checked.numbers = numbers  # type: ignore[attr-defined]
     return cast(Function, checked)
 
 
-def _numbers_of(function: Callable[..., Any]) -> list[_Number]:
-    """The arguments of a function that take real numbers."""
+def _numbers_of(function: Callable[..., Any], ranges: Mapping[str, Range]) -> list[_Number]:
+    """The arguments of a function that take real numbers, with their ranges."""
     result = []
     for place, (name, argument) in enumerate(inspect.signature(function).parameters.items()):
         kinds = [argument.annotation, *typing.get_args(argument.annotation)]
@@ -64,14 +102,17 @@ def _numbers_of(function: Callable[..., Any]) -> list[_Number]:
         axes = [x for x in arrays[0].dim_str.split() if not x.startswith(("*", "#", "."))]
         shape = tuple(int(x) if x.isdigit() else None for x in axes)
         optional = argument.default is None or type(None) in kinds
-        result.append(_Number(place, name, shape, optional))
+        result.append(_Number(place, name, shape, optional, ranges.get(name, ANY)))
     return result
 
 
 def _check(number: _Number, x: Any) -> None:
     """Raise `InputError` unless `x` can stand for the number."""
     # The kinds of most calls first.
-    if isinstance(x, float | int) or (x is None and number.optional):
+    if isinstance(x, float | int):
+        _check_range(number, x)
+        return
+    if x is None and number.optional:
         return
     dtype = getattr(x, "dtype", None)
     # Lists are converted where they are used, and objects that say what array they are.
@@ -84,6 +125,16 @@ def _check(number: _Number, x: Any) -> None:
             raise InputError(
                 f"{number.name} has the shape {np.shape(x)}: it must be {_allowed(number)}."
             )
+    # Of several runs, one that is out of the range must not stop the others. The components of a
+    # vector without a range are not read, because that would wait for the device.
+    if np.ndim(x) == len(number.shape) and (not number.shape or number.range is not ANY):
+        _check_range(number, x)
+
+
+def _check_range(number: _Number, x: Any) -> None:
+    """Raise `InputError` for known numbers that are NaN or out of their range."""
+    if is_concrete(x):
+        check(number.range.contains(np.asarray(x)), number.name, x, number.range.allowed)
 
 
 def _allowed(number: _Number) -> str:

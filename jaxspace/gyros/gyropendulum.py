@@ -26,13 +26,13 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
 
 
-@formula
+@formula(gravity=NOT_NEGATIVE, radius=POSITIVE)
 def schuler_frequency(gravity: Scalar, radius: Scalar) -> Scalar:
     """sqrt(g / R), rad/s (Thomson 6.11-12).
 
@@ -43,7 +43,7 @@ def schuler_frequency(gravity: Scalar, radius: Scalar) -> Scalar:
     return jnp.sqrt(gravity / radius)
 
 
-@formula
+@formula(gravity=POSITIVE, radius=POSITIVE)
 def schuler_period(gravity: Scalar, radius: Scalar) -> Scalar:
     """2 pi sqrt(R / g), s: 84.4 minutes on the earth.
 

@@ -31,7 +31,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ._linear import LinearFlow, linear_rate
 from .gyropendulum import schuler_frequency
@@ -138,7 +138,7 @@ def _cross_matrix(a: Array) -> Array:
     )
 
 
-@formula
+@formula(schuler=POSITIVE, rate=NOT_NEGATIVE)
 def coupled_rates(schuler: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
     """Oscillation and growth of the errors along the track and of the height of a fast vehicle.
 
@@ -158,7 +158,7 @@ def coupled_rates(schuler: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
     return jnp.sqrt(oscillation), jnp.sqrt(growth)
 
 
-@formula
+@formula(radius=POSITIVE)
 def table_rates(
     latitude: Scalar, north_speed: Scalar, east_speed: Scalar, radius: Scalar, earth_rate: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

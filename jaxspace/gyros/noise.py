@@ -21,11 +21,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.square_roots import sqrt
 
 
-@formula
+@formula(step=POSITIVE, angle_walk=NOT_NEGATIVE, rate_walk=NOT_NEGATIVE)
 def gyro_noise(
     key: Array, samples: int, step: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0
 ) -> Float[Array, "samples *#runs"]:
@@ -47,7 +47,7 @@ def gyro_noise(
     return angle_walk / root * white + bias
 
 
-@formula
+@formula(step=POSITIVE)
 def allan_variance(
     rates: Float[Array, "samples *#runs"], step: Scalar, factors: Sequence[int]
 ) -> Float[Array, "times *#runs"]:
@@ -72,7 +72,7 @@ def allan_variance(
     return jnp.stack(result)
 
 
-@formula
+@formula(time=POSITIVE, angle_walk=NOT_NEGATIVE, rate_walk=NOT_NEGATIVE)
 def allan_of_walks(time: Scalar, angle_walk: Scalar, rate_walk: Scalar = 0.0) -> Scalar:
     """The Allan variance, (rad/s)^2, that `gyro_noise` has at averages over many samples.
 

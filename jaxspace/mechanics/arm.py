@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 
@@ -82,7 +82,7 @@ class ArmPendulum(AbstractSystem):
         )
 
 
-@formula
+@formula(frequency=POSITIVE)
 def foucault_motion(
     t: Scalar,
     position: Float[Array, "2 *#runs"],

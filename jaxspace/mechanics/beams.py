@@ -40,8 +40,7 @@ from jax.scipy.linalg import solve_triangular
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
-from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_sqrt
 from ..core.types import as_float
 
@@ -235,7 +234,7 @@ def _two_span_shape(ends: Ends, root: float, x: Scalar, derivative: int, support
     return b**derivative / math.sqrt(mean) * jnp.where(left, shares[0] * near, far)
 
 
-@formula
+@formula(length=POSITIVE)
 def assumed_modes(
     shapes: Callable[[Scalar], Array],
     length: Scalar,
@@ -259,7 +258,6 @@ def assumed_modes(
 
     **Raises** `InputError` for a length that is not positive, or shapes without an axis of shapes.
     """
-    check_positive("length", length)
     x, weights = np.polynomial.legendre.leggauss(NODES)
     length = as_float(length)
     x, weights = (jnp.asarray(a, length.dtype) for a in (0.5 * (x + 1.0), 0.5 * weights))

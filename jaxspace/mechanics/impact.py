@@ -26,11 +26,11 @@ __all__ = ["contact_impulse", "contact_inverse_mass", "crushable_pad", "impact_e
 import jax.numpy as jnp
 
 from ..core import Matrix, Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, UP_TO_ONE, formula
 from ..core.vectors import cross, dot, solve3
 
 
-@formula
+@formula(mass=POSITIVE)
 def contact_inverse_mass(mass: Scalar, inertia: Matrix, arm: Vector, normal: Vector) -> Scalar:
     """Inverse of the mass that a free rigid body has at a contact (Thomson 4.4).
 
@@ -48,7 +48,7 @@ def contact_inverse_mass(mass: Scalar, inertia: Matrix, arm: Vector, normal: Vec
     return 1.0 / mass + dot(normal, cross(turned, arm))
 
 
-@formula
+@formula(inverse_mass=POSITIVE, restitution=UP_TO_ONE)
 def contact_impulse(approach: Scalar, inverse_mass: Scalar, restitution: Scalar) -> Scalar:
     """Impulse of an impact along the normal (Thomson 4.2-2).
 
@@ -64,7 +64,7 @@ def contact_impulse(approach: Scalar, inverse_mass: Scalar, restitution: Scalar)
     return (1.0 + restitution) * jnp.maximum(approach, 0.0) / inverse_mass
 
 
-@formula
+@formula(inverse_mass=POSITIVE, restitution=UP_TO_ONE)
 def impact_energy_loss(approach: Scalar, inverse_mass: Scalar, restitution: Scalar) -> Scalar:
     """Energy, J, (*runs,), that the impact of `contact_impulse` takes away.
 
@@ -76,7 +76,9 @@ def impact_energy_loss(approach: Scalar, inverse_mass: Scalar, restitution: Scal
     return 0.5 * (1.0 - restitution) * (1.0 + restitution) * u * u / inverse_mass
 
 
-@formula
+@formula(
+    weight=POSITIVE, height=NOT_NEGATIVE, deceleration=POSITIVE, strength=POSITIVE, gravity=POSITIVE
+)
 def crushable_pad(
     weight: Scalar, height: Scalar, deceleration: Scalar, strength: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import UP_TO_ONE, formula
 from ._description import GeneralisedState
 from ._equations import columns, mass_matrix, matmul, solve
 from ._lagrangian import AbstractLagrangian
@@ -59,7 +59,7 @@ def apply_impulse(
     return GeneralisedState(q, v + (free + matmul(mobility, answer))[:, 0])
 
 
-@formula
+@formula(restitution=UP_TO_ONE)
 def apply_impact(
     system: AbstractLagrangian,
     t: Scalar,

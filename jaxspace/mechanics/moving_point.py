@@ -21,7 +21,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.vectors import cross, scale
 
 
@@ -47,7 +47,7 @@ def momentum_about(
     return jnp.sum(scale(masses, cross(arms, speeds)), axis=1)
 
 
-@formula
+@formula(mass=NOT_NEGATIVE)
 def moment_about_moving_point(
     momentum_rate: Vector, mass: Scalar, arm: Vector, acceleration: Vector
 ) -> Vector:

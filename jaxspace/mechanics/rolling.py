@@ -27,7 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.special import stumpff
 from ._description import GeneralisedState
@@ -84,7 +84,7 @@ class InclineDisk(AbstractLagrangian):
         return jnp.stack(jnp.broadcast_arrays(x, y, phi, rate))
 
 
-@formula
+@formula(inertia_ratio=NOT_NEGATIVE)
 def turntable_motion(
     t: Scalar,
     position: Float[Array, "2 *#runs"],
@@ -112,7 +112,7 @@ def turntable_motion(
     return position + moved, jnp.stack([c * vx - s * vy, s * vx + c * vy])
 
 
-@formula
+@formula(radius=POSITIVE)
 def rolling_loop(radius: Scalar, turn_rate: Scalar, roll_rate: Scalar) -> tuple[Scalar, ...]:
     """A vertical wheel that rolls on a circle: an example of constraints that cannot be integrated
     (Thomson 9.4).

@@ -23,7 +23,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.special import stumpff_near
 from ..core.types import as_float
 from ._lagrangian import AbstractLagrangian
@@ -63,7 +63,7 @@ def action(
     return (end - start) * jnp.sum(jnp.tile(jnp.asarray(0.5 * weights / pieces), pieces) * values)
 
 
-@formula
+@formula(span=POSITIVE, length=POSITIVE)
 def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     """The parameter a and the sag, m, of a chain between two points of equal height (C-12).
 
@@ -89,7 +89,7 @@ def hanging_chain(span: Scalar, length: Scalar) -> tuple[Scalar, Scalar]:
     return a, 2.0 * a * jnp.sinh(0.5 * u) ** 2
 
 
-@formula
+@formula(distance=POSITIVE, drop=POSITIVE, gravity=POSITIVE)
 def brachistochrone(
     distance: Scalar, drop: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:

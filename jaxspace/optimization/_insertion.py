@@ -27,8 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
-from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import SingleNumberField, as_float
 from ..simulation import Mission, Phase, simulate_compact
@@ -115,7 +114,7 @@ class InsertionOptimum(eqx.Module):
     minimum: Minimum
 
 
-@formula
+@formula(duration=POSITIVE, tolerance=POSITIVE)
 def optimise_insertion(
     insertion: Insertion,
     law: Law,
@@ -148,7 +147,6 @@ def optimise_insertion(
     if form not in FORMS:
         raise InputError(f"form is {form!r}: it must be one of {', '.join(FORMS)}.")
     T = as_float(duration)
-    check_positive("duration", T)
     return _search(insertion, law, T, form, steps, as_float(tolerance), max_steps, optimiser)
 
 

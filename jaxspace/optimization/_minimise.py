@@ -16,7 +16,7 @@ import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.tracing import is_traced
 from ._bounds import as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
@@ -28,7 +28,7 @@ from ._scaling import scaled_problem
 from ._search import search
 
 
-@formula
+@formula(tolerance=POSITIVE)
 def minimise(
     problem: Callable[[Point], Criterion],
     start: PyTree | Minimum,
@@ -97,7 +97,7 @@ def minimise(
     return minimum
 
 
-@formula
+@formula(tolerance=POSITIVE)
 def minimise_from(
     problem: Callable[[Point], Criterion],
     starts: PyTree,

@@ -39,8 +39,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Flag, InputError, Scalar
-from ..core.checks import check_non_negative, check_positive, is_concrete
-from ..core.formula import formula
+from ..core.checks import is_concrete
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
@@ -109,7 +109,7 @@ class PropellantUse(eqx.Module):
         return f"{share:.1%} of the propellant at the start, the rest at the end."
 
 
-@formula
+@formula(velocity_gain=NOT_NEGATIVE, gravity=POSITIVE, duration=NOT_NEGATIVE)
 def propellant_use(
     velocity: Float[Array, "2 *#runs"],
     climb: Scalar,
@@ -130,9 +130,6 @@ def propellant_use(
 
     **Raises** `InputError` for a gravity that is not positive, or a negative duration or gain.
     """
-    check_positive("gravity", gravity)
-    check_non_negative("duration", duration)
-    check_non_negative("velocity_gain", velocity_gain)
     u0, w0 = as_float(velocity)
     D, V, g = (as_float(x) + 0.0 * u0 for x in (climb, velocity_gain, gravity))
     free = duration is None

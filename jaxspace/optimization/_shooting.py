@@ -23,7 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import as_float
 from ..simulation import Accuracy, simulate
@@ -94,7 +94,7 @@ class SteeringOptimum(eqx.Module):
     converged: Bool[Array, ""]
 
 
-@formula
+@formula(tolerance=POSITIVE)
 def optimise_steering(
     ascent: Ascent,
     start: SteeringProfile,

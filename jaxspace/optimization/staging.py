@@ -36,7 +36,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import Flag, InputError, Scalar, check
 from ..core.checks import check_non_negative, check_positive, is_concrete
-from ..core.formula import formula
+from ..core.formula import ABOVE_ZERO, BELOW_ONE, NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import safe_divide
@@ -75,7 +75,12 @@ def velocity_limit(exhaust_velocity: Stages, structural_factor: Stages) -> Scala
     return -jnp.sum(exhaust_velocity * jnp.log(structural_factor), axis=0)
 
 
-@formula
+@formula(
+    total_velocity=NOT_NEGATIVE,
+    exhaust_velocity=POSITIVE,
+    structural_factor=BELOW_ONE,
+    stages=ABOVE_ZERO,
+)
 def equal_stages_payload(
     total_velocity: Scalar,
     exhaust_velocity: Scalar,
@@ -93,7 +98,6 @@ def equal_stages_payload(
     **Returns** [(1/mu - b)/(1 - b)]^N with mu = exp(v_m/(N u)); zero where the stages cannot give
     the velocity.
     """
-    check_positive("exhaust_velocity", exhaust_velocity)
     each = as_float(total_velocity) / (exhaust_velocity * stages)
     # ln of the ratio by its difference from 1, which keeps its digits for many stages.
     lost = -jnp.expm1(-each) / (1.0 - structural_factor)

@@ -35,7 +35,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
 from ..core.types import as_float
@@ -65,7 +65,7 @@ class BallisticImpact(NamedTuple):
     duration: Scalar
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE, mu=POSITIVE)
 def ballistic_flight(
     radius: Scalar, speed: Scalar, flight_path_angle: Scalar, mu: Scalar
 ) -> BallisticFlight:
@@ -105,7 +105,7 @@ def ballistic_flight(
     return BallisticFlight(2.0 * half, height, duration)
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE, range_angle=NOT_NEGATIVE, mu=POSITIVE)
 def ballistic_angles(
     radius: Scalar, speed: Scalar, range_angle: Scalar, mu: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -140,7 +140,7 @@ def ballistic_angles(
     return jnp.where(ahead & (lam <= 1.0), low, jnp.nan), jnp.where(reached, high, jnp.nan)
 
 
-@formula
+@formula(radius=POSITIVE, range_angle=NOT_NEGATIVE, mu=POSITIVE)
 def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tuple[Scalar, Scalar]:
     """The slowest launch that reaches a range: speed, m/s, and flight-path angle, rad, (*runs,)
     (Thomson 4.17).
@@ -159,7 +159,7 @@ def least_energy_launch(radius: Scalar, range_angle: Scalar, mu: Scalar) -> tupl
     return speed, 0.25 * (jnp.pi - phi)
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE, mu=POSITIVE)
 def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Scalar]:
     """The longest range of a speed below the circular one, and the angle for it: both in rad,
     (*runs,) (Thomson 4.17).
@@ -176,7 +176,7 @@ def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Sc
     return phi, 0.25 * (jnp.pi - phi)
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE, mu=POSITIVE)
 def ballistic_impact(
     radius: Scalar,
     speed: Scalar,

@@ -21,12 +21,12 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
 
 
-@formula
+@formula(ratio=POSITIVE)
 def bielliptic_break_even(ratio: Scalar) -> Scalar:
     """Distance of the middle impulse beyond which a bi-elliptic transfer costs less than Hohmann's.
 

@@ -25,14 +25,14 @@ __all__ = [
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector, argument, initial
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.types import as_float
 from .elements import ClassicalElements, state_from_elements
 from .initial import MU
 
 
-@formula
+@formula(radius=POSITIVE, mu=POSITIVE)
 def circular_speed(radius: Scalar, mu: Scalar) -> Scalar:
     """Speed on a circle about a centre, m/s (Thomson 4.10-1).
 
@@ -43,7 +43,7 @@ def circular_speed(radius: Scalar, mu: Scalar) -> Scalar:
     return jnp.sqrt(mu / radius)
 
 
-@formula
+@formula(radius=POSITIVE)
 def escape_speed(radius: Scalar, mu: Scalar) -> Scalar:
     """Least speed, m/s, that does not return from a radius (Thomson 4.10). Zero for a centre that
     repels.
@@ -56,7 +56,7 @@ def escape_speed(radius: Scalar, mu: Scalar) -> Scalar:
     return jnp.where(repels, 0.0, jnp.sqrt(jnp.where(repels, 1.0, 2.0 * mu / radius)))
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE)
 def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
     """Speed at infinity after an escape, m/s. NaN below the escape speed (Thomson 4.7,
     4.10).
@@ -72,7 +72,7 @@ def excess_speed(radius: Scalar, speed: Scalar, mu: Scalar) -> Scalar:
     return jnp.sqrt(jnp.where(attracts, left, speed * speed - 2.0 * mu / radius))
 
 
-@formula
+@formula(radius=POSITIVE, mu=POSITIVE)
 def vis_viva_speed(radius: Scalar, semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     """Speed at a distance from the centre (Thomson 4.9).
 
@@ -87,7 +87,7 @@ def vis_viva_speed(radius: Scalar, semi_major_axis: Scalar, mu: Scalar) -> Scala
     return jnp.sqrt(mu * (2.0 / radius - 1.0 / as_float(semi_major_axis)))
 
 
-@formula
+@formula(radius=POSITIVE, speed=NOT_NEGATIVE, mu=POSITIVE)
 def elements_from_burnout(
     radius: Scalar, speed: Scalar, flight_path_angle: Scalar, mu: Scalar
 ) -> ClassicalElements:

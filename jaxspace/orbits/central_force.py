@@ -38,7 +38,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import phi1, safe_divide
 from ..core.vectors import dot, inverse_norm, norm, scale
 
@@ -66,7 +66,7 @@ def power_law(r: Vector, k: Scalar, n: Scalar) -> Vector:
     return scale(-k * jnp.where(centre, at_centre, away), r)
 
 
-@formula
+@formula(r=POSITIVE, zero_at=POSITIVE)
 def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) -> Scalar:
     """Potential energy per unit mass of `power_law`, smooth in every argument, n = 1 included.
 
@@ -85,7 +85,7 @@ def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) 
     return k * jnp.power(zero_at, 1.0 - n) * logarithm * phi1((1.0 - n) * logarithm)
 
 
-@formula
+@formula(radius=POSITIVE)
 def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     """Acceleration by a thin spherical shell of uniform mass (Harrison and Nettleton 5.8).
 
@@ -103,7 +103,7 @@ def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     return scale(jnp.where(outside, -mu * inverse_norm(far, 3), 0.0), r)
 
 
-@formula
+@formula(r=NOT_NEGATIVE, radius=POSITIVE)
 def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass of `shell_gravity`, m^2/s^2, zero at infinity; constant
     inside.
@@ -116,7 +116,7 @@ def shell_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     return -mu / jnp.maximum(r, radius)
 
 
-@formula
+@formula(radius=POSITIVE)
 def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     """Acceleration by a sphere of uniform density, outside and inside (Harrison and Nettleton
     5.11).
@@ -129,7 +129,7 @@ def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     return scale(-mu * jnp.where(outside, inverse_norm(far, 3), 1.0 / radius**3), r)
 
 
-@formula
+@formula(r=NOT_NEGATIVE, radius=POSITIVE)
 def sphere_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass of `sphere_gravity`, m^2/s^2, zero at infinity (Harrison and
     Nettleton 5.10).

@@ -28,7 +28,7 @@ from jaxtyping import Array
 
 from ..bodies import BodyState
 from ..core import AbstractClosedForm, AbstractSystem, NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.shapes import with_rank
 from ..core.special import stumpff_near
 from ..core.types import as_float
@@ -39,7 +39,7 @@ from ..core.vectors import dot
 _SMALL = 9.0
 
 
-@formula
+@formula(mean_motion=NOT_NEGATIVE)
 def clohessy_wiltshire_flow(
     position: Vector, velocity: Vector, duration: Scalar, mean_motion: Scalar
 ) -> tuple[Vector, Vector]:
@@ -73,7 +73,7 @@ def clohessy_wiltshire_flow(
     return jnp.stack(jnp.broadcast_arrays(*moved)), jnp.stack(jnp.broadcast_arrays(*rates))
 
 
-@formula
+@formula(mean_motion=NOT_NEGATIVE)
 def clohessy_wiltshire_transfer(
     start: Vector, end: Vector, duration: Scalar, mean_motion: Scalar
 ) -> tuple[Vector, Vector]:

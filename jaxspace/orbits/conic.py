@@ -24,7 +24,7 @@ import math
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_sqrt
 from ..core.special import stumpff
 from ..core.types import as_float
@@ -32,7 +32,7 @@ from ..core.types import as_float
 _TURN = 2.0 * math.pi
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE)
 def conic_radius(semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar) -> Scalar:
     """Distance from the centre, m; infinite on an asymptote, negative beyond it.
 
@@ -44,7 +44,7 @@ def conic_radius(semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: 
     return semi_latus_rectum / (1.0 + eccentricity * jnp.cos(true_anomaly))
 
 
-@formula
+@formula(eccentricity=NOT_NEGATIVE)
 def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     """The eccentric anomaly E, rad, or on a hyperbola the hyperbolic anomaly H.
 
@@ -68,7 +68,7 @@ def eccentric_anomaly(true_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     return jnp.where(closed, turns + 2.0 * angle, 2.0 * jnp.arctanh(ratio))
 
 
-@formula
+@formula(eccentricity=NOT_NEGATIVE)
 def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     """The true anomaly, rad, of an eccentric or a hyperbolic one: the inverse of
     `eccentric_anomaly`.
@@ -90,7 +90,7 @@ def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     return jnp.where(closed, ellipse, hyperbola)
 
 
-@formula
+@formula(eccentricity=NOT_NEGATIVE)
 def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     """Kepler's equation: the mean anomaly, rad, of an eccentric or a hyperbolic one.
 
@@ -111,7 +111,7 @@ def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     return _TURN * turns + jnp.abs(1.0 - e) * x + e * x * x * x * c3
 
 
-@formula
+@formula(eccentricity=NOT_NEGATIVE)
 def turning_angle(eccentricity: Scalar) -> Scalar:
     """The angle, rad, between the velocities far before and far after a flyby on a hyperbola of
     this eccentricity, (*runs,); half a turn on the parabola, NaN on an ellipse."""

@@ -23,7 +23,7 @@ __all__ = [
 from typing import Any
 
 from ..core import Scalar, Vector, output
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.vectors import cross, dot, norm, unit
 from .elements import eccentricity_vector, elements_from_state
 
@@ -69,7 +69,7 @@ def cross_track_error(position: Vector, nominal: Any) -> Scalar:
     return dot(position - nominal.position, unit(momentum))
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("", mu="planet.mu")
 def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Eccentricity of the orbit; on a circle its derivative is zero.
@@ -81,7 +81,7 @@ def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return norm(eccentricity_vector(position, velocity, mu))
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("rad", mu="planet.mu")
 def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Longitude of the ascending node, rad, within (-pi, pi]; zero over the equator.
@@ -93,7 +93,7 @@ def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return elements_from_state(position, velocity, mu).node
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("rad", mu="planet.mu")
 def argument_of_periapsis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Angle from the ascending node to the periapsis, rad, within (-pi, pi]; zero on a circle.

@@ -61,7 +61,7 @@ from ..core import AbstractParameters, NumberField, Scalar, Vector, check, outpu
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_atan2, safe_divide
 from ..core.square_roots import sqrt
 from ..core.trigonometry import sincos
@@ -96,7 +96,7 @@ def angular_momentum(position: Vector, velocity: Vector) -> Vector:
     return cross(position, velocity)
 
 
-@formula
+@formula(mu=POSITIVE)
 def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
     """The constant vector e, (3, *runs): it points to periapsis, and its length is the eccentricity
     (Laplace, Runge, Lenz).
@@ -109,7 +109,7 @@ def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vecto
     return cross(velocity, h) / mu - inverse_norm(position) * position
 
 
-@formula
+@formula(mu=POSITIVE)
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Semi-latus rectum p, m.
 
@@ -121,7 +121,7 @@ def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return dot(h, h) / mu
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("m", mu="planet.mu")
 def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Semi-major axis a, m: negative for a hyperbola; infinite for the parabola, with the
@@ -135,7 +135,7 @@ def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("m", mu="planet.mu")
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Least distance from the centre on the whole conic, m.
@@ -150,7 +150,7 @@ def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     )
 
 
-@formula
+@formula(mu=POSITIVE)
 @output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero.
@@ -230,7 +230,7 @@ class ClassicalElements(AbstractParameters):
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
 
 
-@formula
+@formula(mu=POSITIVE)
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 
@@ -280,7 +280,7 @@ def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
     return jnp.stack([c, s, jnp.zeros_like(c)]), jnp.stack([-s * w[1], c * w[1], w[0]]), across
 
 
-@formula
+@formula(mu=POSITIVE)
 def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
     """Position, m, and velocity, m/s, both (3, *runs), at the true anomaly of `elements`.
 

@@ -27,7 +27,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import BELOW_ONE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
@@ -51,7 +51,7 @@ class GroundPoint(NamedTuple):
     altitude: Scalar
 
 
-@formula
+@formula(radius=POSITIVE, flattening=BELOW_ONE)
 def ground_point(
     position: Vector, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> GroundPoint:
@@ -88,7 +88,7 @@ def ground_point(
     return GroundPoint(latitude, safe_atan2(y, x), altitude)
 
 
-@formula
+@formula(radius=POSITIVE, flattening=BELOW_ONE)
 def position_of(
     place: GroundPoint, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> Vector:
@@ -112,7 +112,7 @@ def position_of(
     return jnp.stack(jnp.broadcast_arrays(*parts))
 
 
-@formula
+@formula(flattening=BELOW_ONE)
 def geocentric_latitude(latitude: Scalar, flattening: Scalar) -> Scalar:
     """The geocentric latitude, rad, of a point of the ellipsoid with this geodetic one, rad:
     tan(psi) = (1 - f)^2 tan(phi).

@@ -32,7 +32,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractJump, BodyState
 from ..core import InputError, NumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..core.square_roots import inverse_sqrt
@@ -50,7 +50,7 @@ class OrbitChange(NamedTuple):
     semi_major_axis: Scalar
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE)
 def tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
@@ -83,7 +83,7 @@ def tangential_impulse(
     return OrbitChange(de, df, da)
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE)
 def small_tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
@@ -107,7 +107,7 @@ def small_tangential_impulse(
     )
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE, mu=POSITIVE)
 def apse_line_impulse(
     semi_latus_rectum: Scalar,
     eccentricity: Scalar,
@@ -138,7 +138,7 @@ def apse_line_impulse(
     return outwards, across
 
 
-@formula
+@formula(radius=POSITIVE)
 def eccentricities_through(
     radius: Scalar, true_anomaly: Scalar, semi_major_axis: Scalar
 ) -> tuple[Scalar, Scalar]:
@@ -159,7 +159,7 @@ def eccentricities_through(
     return -half - root, -half + root
 
 
-@formula
+@formula(speed=NOT_NEGATIVE, new_speed=NOT_NEGATIVE)
 def plane_change_impulse(speed: Scalar, new_speed: Scalar, angle: Scalar) -> Scalar:
     """Size of the impulse that turns the velocity by an angle and changes its length.
 

@@ -22,7 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.vectors import cross, dot, norm
@@ -53,7 +53,7 @@ class Interception(NamedTuple):
         return norm(self.departure) + norm(self.arrival)
 
 
-@formula
+@formula(mu=POSITIVE)
 def interception(
     chaser: OrbitState,
     target: OrbitState,

@@ -44,8 +44,8 @@ import numpy as np
 from ..core import Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
-from ..core.checks import check_non_negative, is_concrete
-from ..core.formula import formula
+from ..core.checks import is_concrete
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
@@ -55,7 +55,7 @@ from ._anomaly import Anomaly, anomaly_after
 from ._straight_motion import straight_motion
 
 
-@formula
+@formula(mu=NOT_NEGATIVE)
 def kepler_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
@@ -78,7 +78,6 @@ def kepler_flow(
     **Raises** `InputError` for a position at the centre and a negative `mu`; under `jit`, where
     they are not known, the result is NaN.
     """
-    check_non_negative("mu", mu)
     if is_concrete(position):
         place = np.asarray(position)
         check(np.any(place != 0.0, axis=0), "position", place, "away from the centre")

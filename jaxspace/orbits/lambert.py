@@ -29,8 +29,7 @@ from jaxtyping import Array, Int
 
 from ..core import InputError, Scalar, Vector, check
 from ..core.barrier import barrier
-from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
 from ..core.tracing import is_traced
@@ -66,7 +65,7 @@ class _Chord(NamedTuple):
     kappa: Scalar
 
 
-@formula
+@formula(mu=POSITIVE)
 def lambert(
     start: Vector,
     end: Vector,
@@ -100,7 +99,6 @@ def lambert(
     single transfer whose known inputs have none, or more than one (`TransferStatus`).
     """
     check(revolutions >= 0, "lambert: revolutions", revolutions, "zero or more")
-    check_positive("lambert: mu", mu)
     v1, v2, status = _transfer(start, end, duration, mu, normal, revolutions, low)
     if status.ndim == 0 and not is_traced(status) and status != TransferStatus.FOUND:
         raise InputError(f"lambert: {TransferStatus(int(status)).sentence}")
@@ -108,7 +106,7 @@ def lambert(
     return jnp.where(result, v1, jnp.nan), jnp.where(result, v2, jnp.nan)
 
 
-@formula
+@formula(mu=POSITIVE)
 def transfer_status(
     start: Vector,
     end: Vector,
@@ -156,7 +154,7 @@ def _transfer(
     return *_velocities(x, chord, mu), jnp.where(short, TransferStatus.TOO_SHORT, status)
 
 
-@formula
+@formula(mu=POSITIVE)
 def least_duration(
     start: Vector, end: Vector, mu: Scalar, revolutions: int, *, normal: Vector | None = None
 ) -> Scalar:
@@ -171,7 +169,6 @@ def least_duration(
     known places and a `normal` that do not decide the way.
     """
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
-    check_positive("least_duration: mu", mu)
     chord = _chord(start, end, normal)
     undecided = way_is_undecided((chord.i1, chord.i2), normal)
     if jnp.ndim(undecided) == 0 and not is_traced(undecided) and undecided:

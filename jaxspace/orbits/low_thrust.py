@@ -21,7 +21,7 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, quantity
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.vectors import scale, unit
 from .burnout import circular_speed
 
@@ -61,7 +61,7 @@ class LowThrust(AbstractEffect):
         return LowThrust(factor * self.acceleration)
 
 
-@formula
+@formula(radius=POSITIVE, mu=POSITIVE)
 def spiral_radius(radius: Scalar, increment: Scalar, mu: Scalar) -> Scalar:
     """The radius of a slow spiral after an increment of speed was spent along the path.
 

@@ -27,13 +27,13 @@ from typing import ClassVar, final
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.barrier import barrier
-from ..core.formula import formula
+from ..core.formula import BELOW_ONE, POSITIVE, formula
 from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 from .secular_rates import secular_rates
 
 
-@formula
+@formula(radius=POSITIVE)
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration by J2 alone.
 
@@ -59,7 +59,7 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))
 
 
-@formula
+@formula(radius=POSITIVE)
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity.
 
@@ -72,7 +72,7 @@ def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> S
     return c * (3.0 * z * z * per_r2 - 1.0)
 
 
-@formula
+@formula(semi_major_axis=POSITIVE, eccentricity=BELOW_ONE, mu=POSITIVE, radius=POSITIVE)
 def node_regression_rate(
     semi_major_axis: Scalar,
     eccentricity: Scalar,
@@ -96,7 +96,7 @@ def node_regression_rate(
     return -secular_rates(semi_major_axis, eccentricity, inclination, mu, j2, radius).node
 
 
-@formula
+@formula(semi_major_axis=POSITIVE, eccentricity=BELOW_ONE, mu=POSITIVE, radius=POSITIVE)
 def apsidal_rate(
     semi_major_axis: Scalar,
     eccentricity: Scalar,

@@ -18,12 +18,12 @@ from typing import Any
 
 from ..bodies import BodyState
 from ..core import Scalar, Vector, event, output
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import dot, norm
 from .elements import apoapsis_radius, periapsis_radius
 
 
-@formula
+@formula(mu=POSITIVE, radius=POSITIVE)
 @output("m", mu="planet.mu", radius="planet.radius")
 def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Least height of the orbit, m, above a sphere of the `radius`, m.
@@ -36,7 +36,7 @@ def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: S
     return periapsis_radius(position, velocity, mu) - radius
 
 
-@formula
+@formula(mu=POSITIVE, radius=POSITIVE)
 @output("m", mu="planet.mu", radius="planet.radius")
 def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Greatest height of the orbit, m, above a sphere of the `radius`, m; infinite when it is not
@@ -50,7 +50,7 @@ def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Sc
     return apoapsis_radius(position, velocity, mu) - radius
 
 
-@formula
+@formula(radius=NOT_NEGATIVE)
 @output("m", radius="planet.radius")
 def altitude(position: Vector, radius: Scalar) -> Scalar:
     """Height above a sphere, m.

@@ -21,7 +21,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import as_float
 from .burnout import vis_viva_speed
@@ -39,7 +39,13 @@ class Phasing(NamedTuple):
     opposite: Scalar
 
 
-@formula
+@formula(
+    radius=POSITIVE,
+    semi_major_axis=POSITIVE,
+    mu=POSITIVE,
+    revolutions=POSITIVE,
+    target_revolutions=POSITIVE,
+)
 def phasing(
     radius: Scalar,
     semi_major_axis: Scalar,

@@ -21,12 +21,12 @@ import math
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.types import as_float
 from .time_of_flight import period
 
 
-@formula
+@formula(radius=POSITIVE, other=POSITIVE, mu=POSITIVE)
 def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
     """Synodic period: the time after which the relative position of two bodies on circles repeats.
 
@@ -41,7 +41,7 @@ def synodic_period(radius: Scalar, other: Scalar, mu: Scalar) -> Scalar:
     return first * second / jnp.abs(first - second)
 
 
-@formula
+@formula(radius=POSITIVE, target_radius=POSITIVE)
 def departure_phase(radius: Scalar, target_radius: Scalar) -> Scalar:
     """Phase angle by which the target must lead at the departure of a Hohmann transfer.
 

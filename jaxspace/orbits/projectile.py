@@ -21,13 +21,13 @@ __all__ = ["projectile_angles", "projectile_envelope", "projectile_position"]
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import cross
 
 
-@formula
+@formula(speed=POSITIVE, gravity=POSITIVE)
 def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Scalar:
     """The greatest height, m, that a launch at this speed reaches over a horizontal distance.
 
@@ -40,7 +40,7 @@ def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Sca
     return 0.5 * square / gravity - 0.5 * gravity * distance * distance / square
 
 
-@formula
+@formula(speed=POSITIVE, gravity=POSITIVE)
 def projectile_angles(
     distance: Scalar, height: Scalar, speed: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar]:

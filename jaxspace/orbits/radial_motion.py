@@ -43,7 +43,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..core.square_roots import inverse_sqrt, sqrt
@@ -108,7 +108,7 @@ def _second_divided(f: Potential, a: Scalar, x: Scalar, b: Scalar) -> Scalar:
     return jnp.sum(jnp.sum(weights_t * weights_s * s * second, axis=0), axis=0)
 
 
-@formula
+@formula(r=POSITIVE)
 def effective_potential(potential: Potential, r: Scalar, h: Scalar) -> Scalar:
     """V(r) = U(r) + h^2/(2 r^2), m^2/s^2 (Harrison and Nettleton 5.21).
 
@@ -123,7 +123,7 @@ def effective_potential(potential: Potential, r: Scalar, h: Scalar) -> Scalar:
     return potential(r) + 0.5 * (h / r) ** 2
 
 
-@formula
+@formula(r=POSITIVE)
 def circular_rate(potential: Potential, r: Scalar) -> Scalar:
     """Angular rate sqrt(U'/r) of the circular orbit, rad/s (Thomson 4.15-1); NaN where the force
     repels.
@@ -135,7 +135,7 @@ def circular_rate(potential: Potential, r: Scalar) -> Scalar:
     return jnp.sqrt(_slope(potential, r) / r)
 
 
-@formula
+@formula(r=POSITIVE)
 def radial_frequency_squared(potential: Potential, r: Scalar) -> Scalar:
     """w_r^2 = U'' + 3 U'/r, 1/s^2, of small radial oscillations about the circular orbit.
 
@@ -150,7 +150,7 @@ def radial_frequency_squared(potential: Potential, r: Scalar) -> Scalar:
     return _slope(lambda z: _slope(potential, z), r) + 3.0 * first / r
 
 
-@formula
+@formula(inner=POSITIVE, outer=POSITIVE)
 def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialMotion:
     """The motion that turns at two given radii, to rounding error, circles included.
 

@@ -22,7 +22,7 @@ __all__ = ["local_frame", "navigation_rates", "planet_frame", "plumb_line_deviat
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.vectors import axis, cross, scale
 from ..rotations import MovingFrame, Quaternion
 
@@ -43,7 +43,7 @@ def planet_frame(angle: Scalar, rate: Scalar) -> MovingFrame:
     return MovingFrame(Quaternion.about(2, angle), scale(rate, axis(2, angle)))
 
 
-@formula
+@formula(radius=POSITIVE)
 def local_frame(latitude: Scalar, longitude: Scalar, radius: Scalar, rate: Scalar) -> MovingFrame:
     """The frame of a place on a turning planet: x south, y east, z up (Thomson 2.6).
 
@@ -106,7 +106,7 @@ def navigation_rates(
     return jnp.stack(omega), jnp.stack(omega_rate)
 
 
-@formula
+@formula(mu=POSITIVE, radius=POSITIVE)
 def plumb_line_deviation(latitude: Scalar, mu: Scalar, radius: Scalar, rate: Scalar) -> Scalar:
     """Angle between the plumb line and the line to the centre (Thomson, problem 2.6-1).
 

@@ -32,7 +32,7 @@ from typing import NamedTuple
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import BELOW_ONE, POSITIVE, formula
 from ..core.printing import printed
 
 # cos^2 i = 1/5: the line of apsides rests to first order in J2; its supplement is critical too.
@@ -49,7 +49,7 @@ class SecularRates(NamedTuple):
     mean_anomaly: Scalar
 
 
-@formula
+@formula(semi_major_axis=POSITIVE, eccentricity=BELOW_ONE, mu=POSITIVE, radius=POSITIVE)
 def secular_rates(
     semi_major_axis: Scalar,
     eccentricity: Scalar,
@@ -105,7 +105,7 @@ def _second_order(h: Scalar, x: Scalar) -> tuple[Scalar, Scalar, Scalar]:
     return node, 0.09375 * apsis, 0.09375 * anomaly
 
 
-@formula
+@formula(semi_major_axis=POSITIVE, eccentricity=BELOW_ONE, mu=POSITIVE, radius=POSITIVE)
 def sun_synchronous_inclination(
     semi_major_axis: Scalar,
     eccentricity: Scalar,

@@ -30,7 +30,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar, Vector
 from ..core.barrier import barrier
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
 from ..core.trigonometry import atan2, sincos
@@ -58,7 +58,7 @@ def _angles(
     return (0.0 if sun_radius is None else _apparent_radius(sun_radius, norm(to_sun))), b, c
 
 
-@formula
+@formula(radius=POSITIVE, sun_radius=POSITIVE)
 def shadow(
     position: Vector,
     sun: Vector,
@@ -85,7 +85,7 @@ def shadow(
     return c - b - a if part == "penumbra" else c - b + a
 
 
-@formula
+@formula(radius=POSITIVE, sun_radius=POSITIVE)
 def sunlight(
     position: Vector, sun: Vector, radius: Scalar, sun_radius: Scalar | None = None
 ) -> Scalar:
@@ -102,7 +102,7 @@ def sunlight(
     return 1.0 - _hidden_part(*barrier(jnp.broadcast_arrays(a, b, c)))
 
 
-@formula
+@formula(radius=POSITIVE, sun_radius=POSITIVE)
 def shadow_event(
     sun: Callable[[Scalar], Vector] | Vector,
     radius: Scalar,

@@ -18,14 +18,14 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from .elements import ClassicalElements, elements_from_state
 
 _TURN = 2.0 * math.pi
 _ANGLES = ("inclination", "node", "argument_of_periapsis", "true_anomaly")
 
 
-@formula
+@formula(mu=POSITIVE)
 def impulse_change(
     position: Vector, velocity: Vector, impulse: Vector, mu: Scalar, *, first_order: bool = False
 ) -> dict[str, Scalar]:

@@ -22,7 +22,7 @@ import equinox as eqx
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity
 from ..core.barrier import barrier
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.shapes import with_rank
 from ..core.vectors import inverse_norm, scale
 from .paths import Path
@@ -31,7 +31,7 @@ from .shadow import sunlight
 ASTRONOMICAL_UNIT = 149597870700.0  # m, the L to which the pressure refers
 
 
-@formula
+@formula(pressure=NOT_NEGATIVE, area_per_mass=NOT_NEGATIVE)
 def solar_pressure(
     position: Vector, sun: Vector, pressure: Scalar, area_per_mass: Scalar
 ) -> Vector:

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.barrier import barrier
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
@@ -36,7 +36,7 @@ from .kepler import universal_anomaly
 _TURN = 2.0 * math.pi
 
 
-@formula
+@formula(mu=POSITIVE)
 def period(semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     """Time of a revolution 2 pi sqrt(a^3/mu), s (Thomson 4.10-8); infinite for an open orbit, with
     the derivative zero.
@@ -52,7 +52,7 @@ def period(semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     return jnp.where(closed, _TURN * a * jnp.sqrt(a / mu), math.inf)
 
 
-@formula
+@formula(period=POSITIVE, mu=POSITIVE)
 def semi_major_axis_of_period(period: Scalar, mu: Scalar) -> Scalar:
     """The semi-major axis (mu (T/(2 pi))^2)^(1/3), m, (*runs,), of the closed orbits of a period:
     undoes `period`.
@@ -68,7 +68,7 @@ def semi_major_axis_of_period(period: Scalar, mu: Scalar) -> Scalar:
     return jnp.cbrt(mu * (as_float(period) / _TURN) ** 2)
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE, mu=POSITIVE)
 def time_of_flight(
     start: Scalar, end: Scalar, semi_latus_rectum: Scalar, eccentricity: Scalar, mu: Scalar
 ) -> Scalar:
@@ -108,7 +108,7 @@ def time_of_flight(
     return unit_of_time * jnp.where(beyond, jnp.nan, time + whole)
 
 
-@formula
+@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE, mu=POSITIVE)
 def true_anomaly_after(
     start: Scalar, duration: Scalar, semi_latus_rectum: Scalar, eccentricity: Scalar, mu: Scalar
 ) -> Scalar:

@@ -26,13 +26,10 @@ import math
 from typing import NamedTuple
 
 import jax.numpy as jnp
-import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import InputError, Scalar, check
-from ..core.checks import is_concrete
-from ..core.field_types import is_real, shown
-from ..core.formula import formula
+from ..core import Scalar
+from ..core.formula import ABOVE_ZERO, POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import as_float
 
@@ -60,7 +57,7 @@ class ImpulsiveTransfer(NamedTuple):
         return jnp.sum(self.durations, axis=0)
 
 
-@formula
+@formula(radius=ABOVE_ZERO, before=ABOVE_ZERO, after=ABOVE_ZERO, mu=POSITIVE)
 def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -> Scalar:
     """The increment of speed at an apsis that moves the opposite apsis (Thomson 4.12).
 
@@ -75,7 +72,6 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
 
     **Raises** `InputError` for a number that is not above zero.
     """
-    _check_positive(radius=radius, before=before, after=after, mu=mu)
     r = as_float(radius)
     s = as_float(before)
     s2 = as_float(after)
@@ -86,15 +82,6 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
     share = (t2 - t) / ((r + t2) * (r + t))
     share = jnp.where(open_s2, 1.0 / (r + t), jnp.where(open_s, -1.0 / (r + t2), share))
     return 2.0 * mu * share / speeds
-
-
-def _check_positive(**given: Scalar) -> None:
-    """Raise `InputError` for a known number that is not above zero; a radius may be infinite."""
-    for name, value in given.items():
-        if not is_real(value):
-            raise InputError(f"{name} is {shown(value)}: it must be a number above zero.")
-        if is_concrete(value):
-            check(np.asarray(value) > 0.0, name, value, "above zero")
 
 
 def _apsis_speed(r: Scalar, s: Scalar, mu: Scalar) -> Scalar:
@@ -109,7 +96,13 @@ def half_revolution(radius: Scalar, opposite: Scalar, mu: Scalar) -> Scalar:
     return math.pi * a * jnp.sqrt(a / mu)
 
 
-@formula
+@formula(
+    departure=ABOVE_ZERO,
+    departure_opposite=ABOVE_ZERO,
+    arrival=ABOVE_ZERO,
+    arrival_opposite=ABOVE_ZERO,
+    mu=POSITIVE,
+)
 def coaxial_transfer(
     departure: Scalar,
     departure_opposite: Scalar,
@@ -132,8 +125,6 @@ def coaxial_transfer(
 
     **Raises** `InputError` for a number that is not above zero.
     """
-    _check_positive(departure=departure, departure_opposite=departure_opposite, mu=mu)
-    _check_positive(arrival=arrival, arrival_opposite=arrival_opposite)
     impulses = (
         apsidal_impulse(departure, departure_opposite, arrival, mu),
         apsidal_impulse(arrival, departure, arrival_opposite, mu),
@@ -141,7 +132,7 @@ def coaxial_transfer(
     return _transfer(impulses, (half_revolution(departure, arrival, mu),))
 
 
-@formula
+@formula(start=ABOVE_ZERO, end=ABOVE_ZERO, mu=POSITIVE)
 def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfer:
     """Transfer from a circle to another one in the same plane by two impulses (Thomson 4.11).
 
@@ -154,11 +145,10 @@ def hohmann_transfer(start: Scalar, end: Scalar, mu: Scalar) -> ImpulsiveTransfe
 
     **Raises** `InputError` for a number that is not above zero.
     """
-    _check_positive(start=start, end=end, mu=mu)
     return coaxial_transfer(start, start, end, end, mu)
 
 
-@formula
+@formula(start=ABOVE_ZERO, between=ABOVE_ZERO, end=ABOVE_ZERO, mu=POSITIVE)
 def bielliptic_transfer(
     start: Scalar, between: Scalar, end: Scalar, mu: Scalar
 ) -> ImpulsiveTransfer:
@@ -174,7 +164,6 @@ def bielliptic_transfer(
 
     **Raises** `InputError` for a number that is not above zero.
     """
-    _check_positive(start=start, between=between, end=end, mu=mu)
     impulses = (
         apsidal_impulse(start, start, between, mu),
         apsidal_impulse(between, start, end, mu),

@@ -21,11 +21,11 @@ __all__ = ["from_relative", "reduced_mass", "sphere_of_influence", "to_relative"
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import scale
 
 
-@formula
+@formula(m1=POSITIVE, m2=POSITIVE)
 def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
     """m_1 m_2 / (m_1 + m_2), kg: the inertia of the relative motion (Thomson 4.6-3).
 
@@ -36,7 +36,7 @@ def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
     return m1 * (m2 / (m1 + m2))
 
 
-@formula
+@formula(m1=NOT_NEGATIVE, m2=NOT_NEGATIVE)
 def to_relative(m1: Scalar, m2: Scalar, first: Vector, second: Vector) -> tuple[Vector, Vector]:
     """The barycentre and the separation of two bodies.
 
@@ -53,7 +53,7 @@ def to_relative(m1: Scalar, m2: Scalar, first: Vector, second: Vector) -> tuple[
     return first + scale(m2 / (m1 + m2), separation), separation
 
 
-@formula
+@formula(m1=NOT_NEGATIVE, m2=NOT_NEGATIVE)
 def from_relative(
     m1: Scalar, m2: Scalar, barycentre: Vector, separation: Vector
 ) -> tuple[Vector, Vector]:
@@ -73,7 +73,7 @@ def from_relative(
     )
 
 
-@formula
+@formula(distance=POSITIVE, mu=POSITIVE, mu_central=POSITIVE)
 def sphere_of_influence(distance: Scalar, mu: Scalar, mu_central: Scalar) -> Scalar:
     """Radius within which a body counts as the centre, and the body that it orbits as a
     perturbation.

@@ -46,8 +46,8 @@ from ..core import (
     check,
     quantity,
 )
-from ..core.checks import check_positive, is_concrete
-from ..core.formula import formula
+from ..core.checks import is_concrete
+from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import phi1
@@ -65,7 +65,7 @@ class GravityTurnState(eqx.Module):
     height: NumberField = quantity("m", doc="height")
 
 
-@formula
+@formula(gravity=POSITIVE, speed=POSITIVE, start=POSITIVE)
 def gravity_turn(
     angle: Scalar, thrust_ratio: Scalar, gravity: Scalar, speed: Scalar, start: Scalar
 ) -> tuple[Scalar, GravityTurnState]:
@@ -84,8 +84,6 @@ def gravity_turn(
     **Raises** `InputError` for a speed or a start that is not positive: a vertical path stays
     vertical, see `gravity_turn_after`.
     """
-    check_positive("speed", speed)
-    check_positive("start", start)
     if is_concrete(angle):
         psi = np.asarray(angle)
         check((psi > 0.0) & (psi < np.pi), "angle", angle, "between 0 and pi")
@@ -96,7 +94,7 @@ def gravity_turn(
     return time, _state(s, thrust_ratio, gravity, first)
 
 
-@formula
+@formula(gravity=POSITIVE)
 def gravity_turn_after(
     time: Scalar, thrust_ratio: Scalar, gravity: Scalar, y: GravityTurnState
 ) -> GravityTurnState:

@@ -40,7 +40,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity, reference
 from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, formula
 from ..core.safe import phi1, times_slope
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -50,7 +50,7 @@ from ..core.vectors import axis, dot
 NODES = 32
 
 
-@formula
+@formula(mass_ratio=NOT_NEGATIVE)
 def jet_damping_ratio(
     mass_ratio: Scalar,
     lever_over_gyration: Scalar | Callable[[Scalar], Scalar],
@@ -90,7 +90,7 @@ def jet_damping_ratio(
     return jnp.exp(-half * jnp.sum(weights * squares, axis=0)) / (xi * ratio)
 
 
-@formula
+@formula(mass_ratio=NOT_NEGATIVE, ring_over_gyration=NOT_NEGATIVE)
 def spin_ratio(mass_ratio: Scalar, ring_over_gyration: Scalar) -> Scalar:
     """omega_z / n (Thomson 7.9); at the mass ratio zero
     as `jet_damping_ratio`.
@@ -121,7 +121,7 @@ def _power_tangent(primals, tangents):
     return value, times_slope(by_base, tangents[0]) + by_exponent * tangents[1]
 
 
-@formula
+@formula(ring_over_gyration=NOT_NEGATIVE)
 def spin_angle(
     time: Scalar, spin: Scalar, burn_fraction_rate: Scalar, ring_over_gyration: Scalar
 ) -> Scalar:

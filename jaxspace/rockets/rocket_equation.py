@@ -31,12 +31,11 @@ __all__ = [
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.types import as_float
 
 
-@formula
+@formula(exhaust_velocity=POSITIVE, mass_ratio=POSITIVE)
 def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
     """Gain of speed in free space, u ln(m_0 / m), m/s (Thomson 7.7-4).
 
@@ -47,12 +46,10 @@ def rocket_equation(exhaust_velocity: Scalar, mass_ratio: Scalar) -> Scalar:
 
     **Raises** `InputError` where one of them is not positive.
     """
-    check_positive("exhaust_velocity", exhaust_velocity)
-    check_positive("mass_ratio", mass_ratio)
     return exhaust_velocity * jnp.log(mass_ratio)
 
 
-@formula
+@formula(exhaust_velocity=POSITIVE)
 def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
     """Mass ratio m_0 / m that gives a gain of speed in free space (Thomson 7.7-4).
 
@@ -63,11 +60,12 @@ def mass_ratio_for(exhaust_velocity: Scalar, velocity_gain: Scalar) -> Scalar:
 
     **Raises** `InputError` for an exhaust velocity that is not positive.
     """
-    check_positive("exhaust_velocity", exhaust_velocity)
     return jnp.exp(velocity_gain / exhaust_velocity)
 
 
-@formula
+@formula(
+    exhaust_velocity=POSITIVE, mass_ratio=POSITIVE, burn_time=NOT_NEGATIVE, gravity=NOT_NEGATIVE
+)
 def vertical_burnout_velocity(
     exhaust_velocity: Scalar,
     mass_ratio: Scalar,
@@ -90,7 +88,9 @@ def vertical_burnout_velocity(
     return start + rocket_equation(exhaust_velocity, mass_ratio) - gravity * burn_time
 
 
-@formula
+@formula(
+    exhaust_velocity=POSITIVE, mass_ratio=POSITIVE, burn_time=NOT_NEGATIVE, gravity=NOT_NEGATIVE
+)
 def vertical_burnout_height(
     exhaust_velocity: Scalar,
     mass_ratio: Scalar,
@@ -119,7 +119,7 @@ def vertical_burnout_height(
     return start * burn_time + exhaust_velocity * burn_time * share - 0.5 * gravity * burn_time**2
 
 
-@formula
+@formula(speed=NOT_NEGATIVE, surface_gravity=POSITIVE, radius=POSITIVE)
 def coast_height(
     speed: Scalar, height: Scalar, surface_gravity: Scalar, radius: Scalar | None = None
 ) -> Scalar:
@@ -143,7 +143,7 @@ def coast_height(
     return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)
 
 
-@formula
+@formula(exhaust_velocity=POSITIVE)
 def propulsive_efficiency(speed: Scalar, exhaust_velocity: Scalar) -> Scalar:
     """The share of the power of a jet that moves the rocket, F v / [F v + m' (u - v)^2 / 2] with
     the thrust F = m' u; the rest stays behind as kinetic energy of the exhaust (Thomson 8.1).
@@ -157,7 +157,6 @@ def propulsive_efficiency(speed: Scalar, exhaust_velocity: Scalar) -> Scalar:
 
     **Raises** `InputError` for an exhaust velocity that is not positive.
     """
-    check_positive("exhaust_velocity", exhaust_velocity)
     # In units of u, so that no square overflows in single precision.
     x = as_float(speed) / exhaust_velocity
     return 2.0 * x / (1.0 + x * x)

@@ -19,10 +19,10 @@ __all__ = ["servo_rate"]
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.formula import formula
+from ..core.formula import ABOVE_ZERO, POSITIVE, formula
 
 
-@formula
+@formula(rate_limit=ABOVE_ZERO, time_constant=POSITIVE)
 def servo_rate(
     command: Scalar,
     position: Scalar,

@@ -17,11 +17,10 @@ __all__ = ["sprinkler_moment", "sprinkler_speed"]
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.checks import check_positive
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 
 
-@formula
+@formula(flow=NOT_NEGATIVE, arm=POSITIVE)
 def sprinkler_moment(
     flow: Scalar, arm: Scalar, spin_rate: Scalar, jet_speed: Scalar = 0.0, bend: Scalar = 0.0
 ) -> Scalar:
@@ -37,7 +36,7 @@ def sprinkler_moment(
     return flow * arm * (arm * spin_rate - jet_speed * jnp.sin(bend))
 
 
-@formula
+@formula(flow=POSITIVE, arm=POSITIVE, friction=NOT_NEGATIVE)
 def sprinkler_speed(
     flow: Scalar, arm: Scalar, jet_speed: Scalar, bend: Scalar, friction: Scalar = 0.0
 ) -> Scalar:
@@ -52,6 +51,4 @@ def sprinkler_speed(
 
     **Raises** `InputError` for a flow or an arm that is not positive.
     """
-    check_positive("flow", flow)
-    check_positive("arm", arm)
     return (jet_speed * jnp.sin(bend) - friction / (flow * arm)) / arm

@@ -30,12 +30,12 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 
 
-@formula
+@formula(mass=POSITIVE)
 def variable_mass_acceleration(
     mass: Scalar,
     velocity: Vector,
@@ -57,7 +57,7 @@ def variable_mass_acceleration(
     return (force + push) / mass
 
 
-@formula
+@formula(mass=POSITIVE)
 def swept_motion(
     time: Scalar,
     mass: Scalar,
@@ -98,7 +98,7 @@ def _log_rest(s: Scalar) -> Scalar:
     return jnp.where(small, near, (far - jnp.log1p(jnp.where(small, 0.0, s))) / (far * far))
 
 
-@formula
+@formula(air_rate=NOT_NEGATIVE, fuel_rate=NOT_NEGATIVE, exit_area=NOT_NEGATIVE)
 def jet_engine_thrust(
     air_rate: Scalar,
     fuel_rate: Scalar,

@@ -49,7 +49,7 @@ from ..core import (
     constructor,
     quantity,
 )
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.types import as_float
 from ._aerodynamic_file import read_columns
 from ._coefficient_grid import AXES, AXIAL, on_grid
@@ -187,7 +187,7 @@ class AerodynamicTable(AbstractParameters):
         return x > of_all_runs(nodes)[-1] if nodes.shape[0] > 1 else jnp.zeros(jnp.shape(x), bool)
 
 
-@formula
+@formula(area=POSITIVE, length=POSITIVE)
 def read_aerodynamics(
     path: str | os.PathLike[str], *, area: Scalar, length: Scalar, station: Scalar
 ) -> AerodynamicTable:

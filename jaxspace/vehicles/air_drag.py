@@ -21,13 +21,13 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import InputError, NumberField, OptionalNumberField, Scalar, Vector, output, quantity
-from ..core.formula import formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import norm
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
 from .local_air import LocalAir, air_about
 
 
-@formula
+@formula(density=NOT_NEGATIVE, drag_area=NOT_NEGATIVE)
 def drag_force(relative_velocity: Vector, density: Scalar, drag_area: Scalar) -> Vector:
     """Drag, N, (3, *runs), against the velocity relative to the air.
 
@@ -137,7 +137,7 @@ class Parachute(AbstractEffect):
         return jnp.stack([self.opening, self.opening + self.inflation_time])
 
 
-@formula
+@formula(mass=POSITIVE, drag_area=POSITIVE, density=POSITIVE, gravity=NOT_NEGATIVE)
 def descent_rate(mass: Scalar, drag_area: Scalar, density: Scalar, gravity: Scalar) -> Scalar:
     """Steady speed of the descent under a parachute, m/s (Knacke 5.2): sqrt(2 m g/(rho C_D A)).
 

@@ -35,7 +35,7 @@ from ..core import (
     output,
     quantity,
 )
-from ..core.formula import formula
+from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import norm
@@ -253,7 +253,7 @@ def flight_phases(recovery: Sequence[Recovery]) -> list[str]:
     return names
 
 
-@formula
+@formula(rail_within=POSITIVE, ascent_within=POSITIVE, descent_within=POSITIVE)
 def sounding_flight(
     vehicle: Vehicle,
     site: LaunchSite,
