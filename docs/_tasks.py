@@ -138,7 +138,7 @@ TASKS = {
         "Reach an orbit": "optimise_insertion Insertion InsertionOptimum InsertionState",
     },
     "robust": {
-        "Search": "optimise_design optimise_nominal DesignOptimum",
+        "Search": "optimise_design train_design optimise_nominal DesignOptimum",
         "Judge by fresh runs": "judge_designs JudgedDesigns judged",
         "Say what is best": "statistics",
     },

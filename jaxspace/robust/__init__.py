@@ -7,6 +7,7 @@ from ._judge import judge_designs as judge_designs
 from ._optimum import DesignOptimum as DesignOptimum
 from ._search import optimise_design as optimise_design
 from ._search import optimise_nominal as optimise_nominal
+from ._train import train_design as train_design
 from .judged import JudgedDesigns as JudgedDesigns
 
 if TYPE_CHECKING:

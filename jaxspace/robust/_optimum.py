@@ -9,7 +9,8 @@ from jax.tree_util import keystr, tree_leaves_with_path
 
 from ..core.listed import Listed
 from ..core.text import aligned
-from ..optimization import Minimum
+from ..optimization import Criterion, Minimum
+from ..optimization.batch_descent import BatchMinimum
 from ._runs import Design, Problem, RunsOfDesign, failures
 
 
@@ -18,21 +19,24 @@ class DesignOptimum(eqx.Module):
     """The best design that a search found, on the runs of the search.
 
     - `x`: the design; `start`: that of the search.
-    - `minimum`: the result of `minimise`, with multipliers and history.
+    - `criterion`: objective and margins of the limits on these runs.
+    - `minimum`: the result of `minimise`, with multipliers and history; of `train_design` that of
+      its steps.
     - `problem`: what was minimised over which runs; `seed`: of these runs.
 
     The runs of the search flatter their optimum: `judge_designs` has fresh ones."""
 
     x: Design
     start: Design
-    minimum: Minimum
+    criterion: Criterion
+    minimum: Minimum | BatchMinimum
     problem: Problem
     seed: int = eqx.field(static=True)
 
     @property
     def value(self) -> float:
         """The objective on the runs of the search."""
-        return float(self.minimum.criterion.objective)
+        return float(self.criterion.objective)
 
     @property
     def converged(self) -> bool:
@@ -42,7 +46,7 @@ class DesignOptimum(eqx.Module):
     @property
     def runs(self) -> RunsOfDesign:
         """What the runs of the search gave for the design, (runs,)."""
-        return jax.tree.map(np.asarray, self.minimum.criterion.report)
+        return jax.tree.map(np.asarray, self.criterion.report)
 
     @property
     def without_influence(self) -> tuple[str, ...]:
@@ -76,18 +80,21 @@ class DesignOptimum(eqx.Module):
 
     def sentence(self) -> str:
         """Why the search ended, in words."""
+        margins = self._margins
+        minimum = self.minimum
+        missed = minimum.unmet[1] if isinstance(minimum, Minimum) else margins < 0.0
         unmet = [
             f"the {constraint.text()} is missed by {-margin:.3g}"
-            for constraint, margin, missed in zip(
-                self.problem.constraints, self._margins, self.minimum.unmet[1], strict=True
+            for constraint, margin, flag in zip(
+                self.problem.constraints, margins, missed, strict=True
             )
-            if missed
+            if flag
         ]
         return self.minimum.sentence(unmet)
 
     @property
     def _margins(self) -> np.ndarray:
-        margins = self.minimum.criterion.non_negative
+        margins = self.criterion.non_negative
         return np.zeros(0) if margins is None else np.asarray(margins)
 
     def __repr__(self) -> str:

@@ -131,7 +131,7 @@ def _searched(
         max_steps=max_steps,
         progress=progress,
     )
-    optimum = DesignOptimum(minimum.x, start, minimum, problem, seed)
+    optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
     if not math.isfinite(optimum.value) and int(minimum.steps) == 0:
         failed = failures(optimum.runs)
         if failed:

@@ -1,0 +1,99 @@
+"""The best design under dispersion by fresh runs in every step, for networks and many unknowns."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import InputError, Scalar
+from ..integration.accuracy import Accuracy
+from ..optimization import Criterion, Progress
+from ..optimization.batch_descent import descend_by_batches
+from ._optimum import DesignOptimum
+from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
+from ._search import RUNS
+from .statistics import AbstractStatistic, Constraint
+
+
+def train_design(
+    campaign: CampaignOf,
+    start: Design,
+    *,
+    minimise: AbstractStatistic,
+    optimiser: Any,
+    subject_to: Sequence[Constraint] = (),
+    bounds: tuple[PyTree, PyTree] | None = None,
+    scale: PyTree | None = None,
+    batch: int = 256,
+    seed: int = 0,
+    accuracy: Accuracy | Scalar | None = None,
+    may_fail: float = 0.0,
+    max_steps: int = 1000,
+    patience: int = 100,
+    average: float = 0.9,
+    progress: Progress | None = None,
+) -> DesignOptimum:
+    """The design that is best where everything scatters, by fresh runs in every step.
+
+    Unlike `optimise_design` it does not adapt to one sample, and reaches the optimum within the
+    noise of its steps.
+
+    **Arguments**
+
+    - `campaign`, `start`, `minimise`, `subject_to`, `accuracy`, `may_fail`: as in
+      `optimise_design`. A batch in which more runs fail is left out.
+    - `optimiser`: of optax, such as `optax.adam(1e-3)`; with a schedule, clipping or whatever else
+      its chain holds, but for line searches. Its rates are in sizes of the unknowns.
+    - `bounds`, `scale`: as in `optimise_design`; steps end at the bounds.
+    - `batch`: number of runs of a step. A quantile is that of each batch.
+    - `seed`: of the runs.
+    - `max_steps`: the largest number of steps.
+    - `patience`: the search ends where the mean of so many steps is not below that of as many
+      before, by more than its error.
+    - `average`: factor of the average of the iterates, which is the result: 0 for the last one,
+      0.9 for about ten.
+    - `progress`: called after each step with its number and the objective, violation and gradient
+      of its batch. Ctrl-C ends the search with the result so far.
+
+    **Returns** a `DesignOptimum`, whose objective and limits are those of a sample of its own.
+
+    **Raises** `InputError` as `optimise_design` does, for a batch too small for a quantile, and for
+    an optimiser with a line search.
+    """
+    problem = problem_of(campaign, start, minimise, subject_to, batch, seed, accuracy, may_fail)
+    assert problem.normals is not None
+    dimensions = problem.normals.shape[1]
+
+    def of_batch(x: Design, key: Array) -> Criterion:
+        normals = jax.random.normal(key, (batch, dimensions), jnp.result_type(float))
+        # Without the runs, which no step needs.
+        found = problem._replace(normals=normals)(x)
+        return Criterion(found.objective, None, found.non_negative)
+
+    found = descend_by_batches(
+        of_batch,
+        start,
+        optimiser=optimiser,
+        bounds=bounds,
+        scale=scale,
+        max_steps=max_steps,
+        patience=patience,
+        average=average,
+        seed=seed,
+        progress=progress,
+    )
+    whole = problem_of(
+        *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
+        *(seed, accuracy, may_fail),
+    )
+    criterion = jax.jit(lambda x: whole(x))(found.x)
+    if int(found.steps) == int(found.left_out):
+        failed = failures(criterion.report)
+        if failed:
+            raise InputError(
+                f"In every batch too many runs fail. {failed} At most a share of {may_fail:g} may "
+                f"fail: start from a design whose runs end well, or allow more by may_fail."
+            )
+    return DesignOptimum(found.x, start, criterion, found, whole, seed)
