@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from ..core.tracing import is_traced
 from ..integration.compiling import QUICK
+from .search_store import SearchStore
 
 # What a search carries from step to step, and what is evaluated for it.
 S = TypeVar("S", bound=Any)
@@ -41,6 +42,7 @@ def drive(
     unfinished: Callable[[S], Array],
     state: S,
     progress: Progress | None = None,
+    store: SearchStore | None = None,
 ) -> tuple[S, bool]:
     """The last state of a search, and whether it was interrupted (by Ctrl-C).
 
@@ -49,6 +51,7 @@ def drive(
     - `evaluate`: a function from a state to values and derivatives at its `trial`.
     - `advance`: the next state; `unfinished`: whether there is one.
     - `progress`: see `Progress`; its numbers are the last row of `state.rows`.
+    - `store`: keeps the state after each step.
     """
     if not is_traced(state):
         # A weak type of the start would make another program of each further step.
@@ -57,7 +60,7 @@ def drive(
         first = compiled(state)
         # If the problem closes over traced numbers, its results are traced.
         if not is_traced(first):
-            return _watched(compiled, advance, unfinished, state, first, progress)
+            return _watched(compiled, advance, unfinished, state, first, progress, store)
 
     def body(state: S) -> S:
         return advance(state, evaluate(state))
@@ -76,6 +79,7 @@ def _watched(
     state: S,
     evaluation: F | None,
     progress: Progress | None,
+    store: SearchStore | None,
 ) -> tuple[S, bool]:
     def move(state: S, evaluation: F) -> tuple[S, Array]:
         state = advance(state, evaluation)
@@ -92,11 +96,15 @@ def _watched(
             state, goes_on = move(state, evaluation)
             evaluation = None
             more = bool(goes_on)
+            if store is not None:
+                store.save(state, last=not more)
             if progress is not None and int(state.taken) > taken:
                 taken = int(state.taken)
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
         # The state of the last whole step, from which `minimise` can continue.
+        if store is not None:
+            store.save(state, last=True)
         return state, True
     return state, False

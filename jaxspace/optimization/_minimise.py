@@ -8,6 +8,7 @@ unknowns. `f` may be infinite outside its domain: the search turns back.
 """
 
 import functools
+import os
 from collections.abc import Callable
 
 import equinox as eqx
@@ -26,6 +27,7 @@ from ._gradient_check import refuse
 from ._optimiser import SQP, Optimiser, check_optimiser
 from ._scaling import scaled_problem
 from ._search import search
+from .search_store import SearchStore, as_store
 
 
 @formula(tolerance=POSITIVE)
@@ -41,6 +43,8 @@ def minimise(
     exact_hessian: bool = False,
     scale: PyTree | None = None,
     progress: Progress | None = None,
+    store: SearchStore | str | os.PathLike[str] | None = None,
+    resume: bool = False,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints.
 
@@ -67,6 +71,9 @@ def minimise(
       the start.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far.
+    - `store`: the path of a file in which the search keeps its state; not under `jit`.
+    - `resume`: whether it goes on from that file, where there is one, after its process was ended:
+      with the same steps, bit for bit, that it would have taken.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
     `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
@@ -74,8 +81,10 @@ def minimise(
 
     **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are not floats, a
     problem that returns no `Criterion` of arrays, a `Minimum` of another problem or optimiser, what
-    is no optimiser, or a gradient that is not the slope.
+    is no optimiser, a gradient that is not the slope, or a store that exists, or is that of another
+    search.
     """
+    kept = as_store(store, resume)
     before = start if isinstance(start, Minimum) else None
     check_steps(max_steps)
     check_optimiser(optimiser, exact_hessian)
@@ -90,7 +99,7 @@ def minimise(
     check = check_gradient and before is None
     scaled = scaled_problem(problem, x, limits, scale, before, bounds is not None)
     minimum = search(
-        scaled, optimiser, tolerance, max_steps, exact_hessian, check, progress, before
+        scaled, optimiser, tolerance, max_steps, exact_hessian, check, progress, before, kept
     )
     if check_gradient and not is_traced(minimum.gradient_error):
         refuse(float(minimum.gradient_error), worst_number(minimum))

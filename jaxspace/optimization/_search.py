@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import InputError, Scalar
+from ..core.tracing import is_traced
 from . import _descent as descent
 from . import _descent_state as descent_state
 from . import _sqp as sqp
@@ -21,6 +22,7 @@ from ._free_numbers import free_numbers
 from ._optimiser import SQP, as_stepper
 from ._result import End, minimum_of
 from ._scaling import ScaledProblem
+from .search_store import SearchStore
 
 # In sizes of the unknowns: a line search of optax goes on by its largest step, 1e6 at most, where
 # the objective falls without bound.
@@ -46,10 +48,11 @@ def search(
     check: bool,
     progress: Progress | None,
     before: Minimum | None,
+    store: SearchStore | None = None,
 ) -> Minimum:
     """The minimum of a scaled problem; the arguments are those of `minimise`, `check` says whether
-    the gradient at the start is compared with differences, and `before` is the search to
-    continue."""
+    the gradient at the start is compared with differences, `before` is the search to
+    continue, and `store` keeps its state."""
     z0 = scaled.start
     least = jnp.asarray(tolerance, z0.dtype)
     by_programmes = optimiser == SQP
@@ -60,7 +63,12 @@ def search(
     else:
         method = _by_optax(scaled, limits, optimiser, max_steps, check)
     state = method.state if before is None else _resumed(before, method.state)
-    last, interrupted = drive(method.evaluate, method.advance, method.unfinished, state, progress)
+    if store is not None:
+        if is_traced(state):
+            raise InputError("store is given under jit: a traced search has no numbers to keep.")
+        state = store.begin(state, (limits, scaled.size, state))
+    steps = (method.evaluate, method.advance, method.unfinished)
+    last, interrupted = drive(*steps, state, progress, store)
     minimum = at_once(lambda last: minimum_of(method.end(last), last, limits, interrupted), last)
     history = minimum.history
     if before is not None:

@@ -31,6 +31,7 @@ from ._entry import as_point, check_scale, check_steps
 from ._lagrangian import FIRST_WEIGHT, Multipliers
 from ._optimiser import SQP, Optimiser, Stepper, as_stepper, check_optimiser
 from ._scaling import ScaledProblem, scaled_problem, weights
+from .search_store import SearchStore
 
 # Steps after which the multipliers follow the mean of the constraints.
 ROUND = 20
@@ -104,6 +105,13 @@ class BatchState(NamedTuple):
     row: Float[Array, " 3"]
 
 
+class Kept(NamedTuple):
+    """What a search keeps: its `state`, and the `rows` of its history, NaN for batches to come."""
+
+    state: BatchState
+    rows: Float[np.ndarray, "max_steps 3"]
+
+
 def descend_by_batches(
     problem: Callable[[Point, Array], Criterion],
     start: PyTree,
@@ -116,6 +124,7 @@ def descend_by_batches(
     average: float,
     seed: int,
     progress: Progress | None,
+    store: SearchStore | None,
 ) -> BatchMinimum:
     """A minimum of the mean of `problem(x, key)` over random keys.
 
@@ -127,6 +136,7 @@ def descend_by_batches(
     - `max_steps`: the largest number of batches; `patience`: of how many the mean is compared.
     - `average`: the factor a, from 0 for the last iterate to below 1.
     - `seed`: of the keys.
+    - `store`: keeps the state after each batch.
 
     **Returns** the `BatchMinimum`; Ctrl-C ends the search with that of the last step.
 
@@ -155,7 +165,11 @@ def descend_by_batches(
         own = scaled._replace(problem=lambda x: problem(x, batch_key))
         return _advance(state, own, stepper, average)
 
-    state, rows, reason = _driven(step, _begin(scaled, stepper), max_steps, patience, progress)
+    begun = Kept(_begin(scaled, stepper), np.full((max_steps, 3), np.nan))
+    if store is not None:
+        setting = (scaled.low, scaled.high, scaled.size, seed, patience, average)
+        begun = store.begin(begun, (setting, begun))
+    state, rows, reason = _driven(step, begun, patience, progress, store)
     z = state.mean if not stepper.averages else stepper.averaged(state.optimiser, state.z)
     return BatchMinimum(
         x=scaled.unravel(scaled.size * z),
@@ -254,30 +268,41 @@ def _violation(values: Float[Array, " all"], me: int) -> Float[Array, ""]:
 
 def _driven(
     step: Callable[[BatchState], BatchState],
-    state: BatchState,
-    max_steps: int,
+    begun: Kept,
     patience: int,
     progress: Progress | None,
+    store: SearchStore | None,
 ) -> tuple[BatchState, np.ndarray, StopReason]:
     """The last state, a row for each batch, and why the search ended."""
-    rows: list[np.ndarray] = []
-    reason = StopReason.STEP_LIMIT
+    state, rows = begun.state, np.array(begun.rows)
+    taken = int(state.step)
+    reason = _reason(state, rows, patience)
     try:
-        while len(rows) < max_steps:
+        while reason is None:
             state = step(state)
-            rows.append(np.asarray(state.row))
+            taken = int(state.step)
+            rows[taken - 1] = np.asarray(state.row)
+            reason = _reason(state, rows, patience)
+            if store is not None:
+                store.save(Kept(state, rows), last=reason is not None)
             if progress is not None:
-                progress(len(rows), *(float(x) for x in rows[-1]))
-            if int(state.bad) >= MOST_LEFT_OUT:
-                reason = StopReason.NOT_FINITE
-                break
-            if len(rows) % patience == 0 and _settled(np.array(rows), patience):
-                reason = StopReason.CONVERGED
-                break
+                progress(taken, *(float(x) for x in rows[taken - 1]))
     except KeyboardInterrupt:
         # The state of the last whole step.
         reason = StopReason.INTERRUPTED
-    return state, np.array(rows).reshape(-1, 3), reason
+        if store is not None:
+            store.save(Kept(state, rows), last=True)
+    return state, rows[:taken], StopReason(reason)
+
+
+def _reason(state: BatchState, rows: np.ndarray, patience: int) -> StopReason | None:
+    """Why a search ends here; `None` where it goes on."""
+    taken = int(state.step)
+    if int(state.bad) >= MOST_LEFT_OUT:
+        return StopReason.NOT_FINITE
+    if taken and taken % patience == 0 and _settled(rows[:taken], patience):
+        return StopReason.CONVERGED
+    return StopReason.STEP_LIMIT if taken >= len(rows) else None
 
 
 def _settled(rows: np.ndarray, patience: int) -> bool:

@@ -15,6 +15,7 @@ Source: Shapiro, Dentcheva and Ruszczynski, Lectures on Stochastic Programming, 
 """
 
 import math
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -24,6 +25,7 @@ from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
 from ..optimization import Progress
 from ..optimization import minimise as search_minimum
+from ..optimization.search_store import SearchStore, as_store
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
 from .statistics import AbstractStatistic, Constraint
@@ -48,6 +50,8 @@ def optimise_design(
     tolerance: Scalar = 1e-4,
     max_steps: int = 200,
     progress: Progress | None = None,
+    store: str | os.PathLike[str] | None = None,
+    resume: bool = False,
 ) -> DesignOptimum:
     """The design that is best where everything scatters.
 
@@ -69,16 +73,35 @@ def optimise_design(
     - `may_fail`: the share of the runs that may fail, from 0 on. They are left out of the
       statistics; the search turns back from a design at which more fail.
 
+    - `store`: the path of a file in which the search keeps its state.
+    - `resume`: whether it goes on from that file, where there is one, after its process was ended:
+      with the same steps, bit for bit, that it would have taken.
+
     **Returns** a `DesignOptimum`. Ctrl-C ends the search with the best design so far.
 
     **Raises** `InputError` for a campaign without scatter, too few runs for a quantile, an unknown
-    output, more runs that fail at the start than may, and as `minimise` does.
+    output, more runs that fail at the start than may, a store that exists or is that of another
+    search, and as `minimise` does.
     """
     every = [minimise, *(getattr(c, "statistic", None) for c in subject_to)]
     known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
     runs = enough_runs(known, RUNS) if runs is None else runs
     problem = problem_of(campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail)
-    return _searched(problem, start, seed, bounds, scale, optimiser, tolerance, max_steps, progress)
+    kept = store_of(store, resume, problem, runs, seed)
+    return _searched(
+        *(problem, start, seed, bounds, scale, optimiser, tolerance, max_steps, progress, kept)
+    )
+
+
+def store_of(
+    store: str | os.PathLike[str] | None, resume: bool, problem: Problem, runs: int, seed: int
+) -> SearchStore | None:
+    """The store of a search with these arguments, which knows its statistics and its runs."""
+    if store is None:
+        return as_store(store, resume)
+    limits = [c.text() for c in problem.constraints]
+    words = (problem.objective.text(), *limits, f"{runs} runs of seed {seed}")
+    return SearchStore(store, resume, "; ".join(words))
 
 
 def optimise_nominal(
@@ -118,6 +141,7 @@ def _searched(
     tolerance: Scalar,
     max_steps: int,
     progress: Progress | None,
+    store: SearchStore | None = None,
 ) -> DesignOptimum:
     """The optimum of a problem; the arguments are those of `minimise`."""
     minimum = search_minimum(
@@ -130,6 +154,7 @@ def _searched(
         tolerance=tolerance,
         max_steps=max_steps,
         progress=progress,
+        store=store,
     )
     optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
     if not math.isfinite(optimum.value) and int(minimum.steps) == 0:

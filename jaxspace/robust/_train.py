@@ -1,5 +1,6 @@
 """The best design under dispersion by fresh runs in every step, for networks and many unknowns."""
 
+import os
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +14,7 @@ from ..optimization import Criterion, Progress
 from ..optimization.batch_descent import descend_by_batches
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
-from ._search import RUNS
+from ._search import RUNS, store_of
 from .statistics import AbstractStatistic, Constraint
 
 
@@ -34,6 +35,8 @@ def train_design(
     patience: int = 100,
     average: float = 0.9,
     progress: Progress | None = None,
+    store: str | os.PathLike[str] | None = None,
+    resume: bool = False,
 ) -> DesignOptimum:
     """The design that is best where everything scatters, by fresh runs in every step.
 
@@ -56,6 +59,7 @@ def train_design(
       0.9 for about ten.
     - `progress`: called after each step with its number and the objective, violation and gradient
       of its batch. Ctrl-C ends the search with the result so far.
+    - `store`, `resume`: as in `optimise_design`.
 
     **Returns** a `DesignOptimum`, whose objective and limits are those of a sample of its own.
 
@@ -83,6 +87,7 @@ def train_design(
         average=average,
         seed=seed,
         progress=progress,
+        store=store_of(store, resume, problem, batch, seed),
     )
     whole = problem_of(
         *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
