@@ -21,7 +21,7 @@ from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError
 DURATION, RUNS = 10.0, 1000
 # So narrow that the loosest tolerances do not serve.
 INPUTS = {
-    "stiffness": Normal(4.0, 2e-4),  # pyright: ignore[reportArgumentType]
+    "stiffness": Normal(4.0, 2e-4),
     "x0": Uniform(0.9999, 1.0001),
     "v0": Normal(0.0, 1e-4),
 }

@@ -98,6 +98,26 @@ def test_every_run_of_a_batch_has_its_error_and_a_failed_one_harms_no_other():
     assert np.isnan(price[2])
 
 
+def test_every_run_of_a_batch_has_its_tolerance():
+    """An eccentric orbit needs a tighter one than a circle does. In several blocks, whose order is
+    that of the rates, and in each the tolerances are those of its runs."""
+    speeds = jnp.tile(jnp.array([0.6, 1.0]), 320)
+    asked = FinalError(position=1e-8, accuracy=METHOD)
+    batch = simulate_batch(ORBIT, start(speeds), TS, accuracy=asked)
+    rtol = np.asarray(batch.accuracy.rtol)
+    assert rtol.shape == (640,) and np.all(rtol[::2] < 0.5 * rtol[1::2])
+    np.testing.assert_array_less(apart(batch.final.position, truth(speeds).position), 1e-8)
+    one = batch.of(1)
+    assert one.accuracy.rtol == one.config.rtol == rtol[1]
+    np.testing.assert_array_equal(batch.stats["steps"][::2], batch.stats["steps"][0])
+    # A run alone with this tolerance takes these steps.
+    alone = simulate(ORBIT, start(1.0), TS, accuracy=Accuracy(rtol[1], method=DOP853()))
+    np.testing.assert_allclose(alone.final.position, one.final.position, atol=1e-8)
+    assert abs(int(alone.stats["steps"]) - int(one.stats["steps"])) <= 1
+    error = apart(batch.error().position, 0.0)
+    np.testing.assert_array_less(error, 1e-8)
+
+
 def test_under_every_transformation():
     """The derivative is that of the run, whose tolerance has none."""
 
@@ -188,6 +208,16 @@ def test_single_precision_meets_what_it_resolves():
         (lambda: FinalError(position=jnp.ones(3)), r"has the shape \(3,\)"),
         (lambda: FinalError(output=len), "are given together"),
         (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "has a tolerance"),
+        (
+            lambda: simulate(ORBIT, start(1.0), TS, accuracy=Accuracy(jnp.full(2, 1e-9))),
+            r"Accuracy.rtol has the shape \(2,\): it must be one number.$",
+        ),
+        (
+            lambda: simulate_batch(
+                ORBIT, start(jnp.ones(3)), TS, accuracy=Accuracy(jnp.full(2, 1e-9))
+            ),
+            r"Accuracy.rtol has the shape \(2,\): .* one for each run, \(3,\)",
+        ),
         (lambda: as_accuracy(FinalError(1e-9)), "An error at the end is asked of simulate"),
         (lambda: run_with(FinalError(positon=1.0)), "no such block.*Did you mean position"),
         (

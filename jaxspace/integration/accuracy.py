@@ -54,7 +54,8 @@ class Accuracy(AbstractParameters):
     **Arguments**
 
     - `rtol`: relative to the length of every block of the state (position, quaternion, ...). By
-      default 1e-9 for float64 states and 1e-5 for float32 states.
+      default 1e-9 for float64 states and 1e-5 for float32 states. In a batch each run may have its
+      own, (runs,), and its own `atol`.
     - `atol`: in the unit of the block, by default a thousandth of `rtol`. It matters only for a
       block that is close to zero.
     - `method`: `"auto"` (see `select_method`), `"closed_form"`, or a diffrax solver with an error
@@ -139,6 +140,16 @@ class Accuracy(AbstractParameters):
                     f"Accuracy.max_step is given with {name}: number its steps by "
                     f"{name}(steps=...)."
                 )
+
+
+def check_tolerances(accuracy: Accuracy, runs: int | None) -> None:
+    """Raise `InputError` for a tolerance that is neither one number nor one for each of the `runs`
+    of a batch; `None` for a run alone."""
+    for name in ("rtol", "atol"):
+        shape = np.shape(getattr(accuracy, name))
+        if shape and shape != (runs,):
+            each = "" if runs is None else f", or one for each run, ({runs},)"
+            raise InputError(f"Accuracy.{name} has the shape {shape}: it must be one number{each}.")
 
 
 def check_number(name: str, value: object) -> None:

@@ -30,14 +30,15 @@ MAX_REFINEMENT = 8
 class IntegrationConfig(eqx.Module):
     """A resolved `Accuracy`: every default is filled in, and the method is the one that runs.
 
-    - `rtol`, `atol`: tolerances in the precision of the state.
+    - `rtol`, `atol`: tolerances in the precision of the state; in a batch each run may have its
+      own.
     - `method`: a solver, or "closed_form".
     - `adjoint`, `max_steps`, `max_step`, `derivative_control`: as in `Accuracy`.
     - `decoupled`: whether the exact part of the motion (`AbstractSystem.decoupled`) is computed by
       itself, and the `method` integrates the rest."""
 
-    rtol: Float[Array | np.ndarray, ""]
-    atol: Float[Array | np.ndarray, ""]
+    rtol: Float[Array | np.ndarray, "*runs"]
+    atol: Float[Array | np.ndarray, "*runs"]
     method: diffrax.AbstractSolver | str = eqx.field(converter=as_method)
     adjoint: diffrax.AbstractAdjoint | None
     max_steps: int = eqx.field(static=True)
@@ -59,6 +60,17 @@ class IntegrationConfig(eqx.Module):
     def fixed_step(self) -> bool:
         """Whether the method takes a given number of steps, whatever the tolerance."""
         return not isinstance(self.method, str) and solver_traits(self.method).fixed_step
+
+    def split(self) -> tuple["IntegrationConfig", "IntegrationConfig"]:
+        """The tolerances of which each run has its own, and the rest: `eqx.combine` joins them."""
+        none = jax.tree.map(lambda _: False, self)
+        own = [np.ndim(x) > 0 for x in (self.rtol, self.atol)]
+        return eqx.partition(self, eqx.tree_at(lambda c: (c.rtol, c.atol), none, own))
+
+    def of_runs(self, rows: np.ndarray) -> "IntegrationConfig":
+        """The configuration of these runs of a batch."""
+        own, rest = self.split()
+        return eqx.combine(jax.tree.map(lambda x: x[..., rows], own), rest)
 
     def small_program(self) -> "IntegrationConfig":
         """The same with a program that compiles sooner and runs slower, if the method has one."""
@@ -180,7 +192,7 @@ def solver_traits_of(method: diffrax.AbstractSolver | str) -> SolverTraits:
     return SolverTraits() if isinstance(method, str) else solver_traits(method)
 
 
-def _in_precision(x: Scalar, dtype: DTypeLike) -> Float[Array | np.ndarray, ""]:
+def _in_precision(x: Scalar | np.ndarray, dtype: DTypeLike) -> Float[Array | np.ndarray, "*runs"]:
     """The number in this precision."""
     # A conversion by JAX takes a tenth of the time of a short run, one by NumPy almost none.
     return np.asarray(x, dtype) if is_concrete(x) else jnp.asarray(x, dtype)

@@ -10,7 +10,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import AbstractSystem, State
 from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
@@ -79,9 +79,6 @@ def simulate_batch(
     **Raises** `InputError` as `simulate` does, and for arrays that disagree about the number of
     runs. `SimulationError`, if `throw`, for a run that failed."""
     check_system("systems", systems, "simulate_mission_batch")
-    if isinstance(accuracy, FinalError):
-        options = {"events": events, "dense": dense, "in_axes": in_axes}
-        return to_final_error(simulate_batch, (systems, y0s, ts), accuracy, throw, options)
     systems = captured_as_leaves(systems)
     # A state that is not finite fails only its own run.
     y0s = as_state(y0s)
@@ -89,6 +86,9 @@ def simulate_batch(
     events = captured_as_leaves(as_events(events))
     check_dense(dense, events)
     batched, shared, runs = split_batch(systems, y0s, ts, in_axes, times_axes=1)
+    if isinstance(accuracy, FinalError):
+        options = {"events": events, "dense": dense, "in_axes": in_axes}
+        return to_final_error(simulate_batch, (systems, y0s, ts), accuracy, throw, options, (runs,))
     whole = cut_batch(batched, shared)
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
     check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
@@ -98,6 +98,7 @@ def simulate_batch(
     warn_of_switches(whole[0], events, whole[1], start, stacklevel=3)
     # A traced status cannot decide which runs are repeated (below).
     accuracy = as_accuracy(accuracy)
+    check_tolerances(accuracy, runs)
 
     def configs_for(rows: np.ndarray | None, exactly: bool) -> Configs:
         asked = exact(accuracy) if exactly else accuracy

@@ -44,18 +44,20 @@ def run_systems(
     dense: bool,
 ) -> Trajectory:
     """The runs of a system, block by block; `batched` carries runs, `shared` is for all of them."""
+    own, rest = config.split()
 
     def block(piece: PyTree, given: PyTree) -> Trajectory:
-        shared, config, events = given
-        system, y0, ts = cut_batch(piece, shared)
+        (batched, own), (shared, rest, events) = piece, given
+        system, y0, ts = cut_batch(batched, shared)
+        config = eqx.combine(own, rest)
         # Checked here, where a condition first gets states with the axis of runs.
         check_events(events, system, y0, ts[0], 1)
         _check_runs(system, y0, ts[0], blocks.size)
         return _every_run(run_system(system, y0, ts, events, config, 1, dense))
 
     # Passed and not closed over, so that every device gets a copy of these arrays.
-    given = (shared, config, events)
-    return blocks.map(block, batched, given, _order_of(batched, shared, config, blocks))
+    given = (shared, rest, events)
+    return blocks.map(block, (batched, own), given, _order_of(batched, shared, config, blocks))
 
 
 @jit_wide_vectors
@@ -68,17 +70,19 @@ def run_missions(
 ) -> MissionTrajectory:
     """The runs of a mission, block by block; `batched` carries runs, `shared` is for all of
     them."""
+    own, rest = zip(*(config.split() for config in configs), strict=True)
 
     def block(piece: PyTree, given: PyTree) -> MissionTrajectory:
-        shared, configs = given
-        mission, y0, t0 = cut_batch(piece, shared)
+        (batched, own), (shared, rest) = piece, given
+        mission, y0, t0 = cut_batch(batched, shared)
+        configs = tuple(map(eqx.combine, own, rest))
         with _shared_arrays_named(mission, blocks.size):
             run = run_mission(mission, y0, t0, num_saved, configs, 1)
         result = mission_reached(run)
         phases = tuple(_every_run(phase) for phase in result.phases)
         return dataclasses.replace(result, phases=phases)
 
-    return blocks.map(block, batched, (shared, configs))
+    return blocks.map(block, (batched, own), (shared, rest))
 
 
 def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
@@ -185,6 +189,7 @@ def again_by(
     def again(result: Result, rows: np.ndarray, configs: Configs, block: int) -> Result:
         # Padded to whole blocks, so that fewer shapes are compiled.
         filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
+        configs = tuple(config.of_runs(filled) for config in configs)
         part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None), configs)
         return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)
 

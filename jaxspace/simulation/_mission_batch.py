@@ -5,7 +5,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import InputError, State
 from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state
+from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
 from ._batch_runs import again_by, run_missions
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
@@ -51,9 +51,6 @@ def simulate_mission_batch(
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""
     check_mission("missions", missions, "simulate_batch")
-    if isinstance(accuracy, FinalError):
-        options = {"num_saved": num_saved, "in_axes": in_axes}
-        return to_final_error(simulate_mission_batch, (missions, y0s, t0), accuracy, throw, options)
     missions = captured_as_leaves(missions)
     y0s = as_state(y0s)
     check_num_saved(num_saved)
@@ -61,9 +58,14 @@ def simulate_mission_batch(
     if t0.ndim > 1:
         raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
+    if isinstance(accuracy, FinalError):
+        given = (missions, y0s, t0)
+        options = {"num_saved": num_saved, "in_axes": in_axes}
+        return to_final_error(simulate_mission_batch, given, accuracy, throw, options, (runs,))
     mission, y0, _ = cut_batch(batched, shared)
     traced = is_traced((batched, shared))
     given = as_accuracy(accuracy)
+    check_tolerances(given, runs)
 
     def configs_for(rows: object, exactly: bool) -> Configs:
         accuracy = exact(given) if exactly else given

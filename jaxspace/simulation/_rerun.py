@@ -1,5 +1,6 @@
 """Runs repeated with finer steps, to see how far their final states move."""
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -36,12 +37,14 @@ _final_state_of_one = jit_wide_vectors(_final_state)
 def _final_states(
     batched: tuple, shared: tuple, config: IntegrationConfig, blocks: Blocks
 ) -> State:
-    def block(piece: tuple, given: tuple) -> State:
-        shared, config = given
-        system, y0, ts = cut_batch(piece, shared)
-        return _final_state(system, y0, ts, config, 1)
+    own, rest = config.split()
 
-    return blocks.map(block, batched, (shared, config))
+    def block(piece: tuple, given: tuple) -> State:
+        (batched, own), (shared, rest) = piece, given
+        system, y0, ts = cut_batch(batched, shared)
+        return _final_state(system, y0, ts, eqx.combine(own, rest), 1)
+
+    return blocks.map(block, (batched, own), (shared, rest))
 
 
 def final_state_again(

@@ -13,7 +13,13 @@ from ..core import AbstractSystem, InputError
 from ..core.captured import captured_as_leaves
 from ..core.jit import quick_jit
 from ..core.tracing import is_traced
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
+from ..integration.accuracy import (
+    Accuracy,
+    as_accuracy,
+    as_state,
+    check_initial_state,
+    check_tolerances,
+)
 from ..integration.config import resolve
 from ..integration.events import Event
 from ..integration.exact_part import with_exact_part
@@ -89,6 +95,7 @@ def simulate(
     # Everything that can be refused is refused here, before anything is compiled.
     ts = check_times(ts, y0)
     given = as_accuracy(accuracy)
+    check_tolerances(given, None)
     start = jax.ShapeDtypeStruct((), ts.dtype)
     check_structure(system, y0, start, one_run=True, stacklevel=3)
     # Once for all that reads numbers, because to look through the arrays takes time.

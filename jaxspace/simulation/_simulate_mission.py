@@ -6,7 +6,13 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 from ..core import InputError
 from ..core.captured import captured_as_leaves
 from ..core.checks import is_concrete
-from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_initial_state
+from ..integration.accuracy import (
+    Accuracy,
+    as_accuracy,
+    as_state,
+    check_initial_state,
+    check_tolerances,
+)
 from ..integration.status import Status
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
@@ -67,6 +73,7 @@ def simulate_mission(
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)
     given = as_accuracy(accuracy)
+    check_tolerances(given, None)
 
     def run(configs: Configs) -> MissionTrajectory:
         return run_mission(mission, y0, t0, num_saved, configs, 0)

@@ -6,14 +6,15 @@ is about the error of the run k, and errors fall with the tolerance by a power p
     E_k+1 = S d_k (r_k+1 / r_k)^p,     p = log(d_k-1 / d_k) / log(r_k-1 / r_k)
 
 with a safety S. The run with E <= 1, in units of what is asked, is returned. A tolerance is a
-number of the program: all runs are one program. Under a transformation the search is a loop without
-derivatives, and the last run is made once more, with them.
+number of the program: all runs are one program. Each run of a batch has its own, and keeps it where
+the others need more. Under a transformation the search is a loop without derivatives, and the last
+run is made once more, with them.
 """
 
 import dataclasses
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, NamedTuple, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -33,6 +34,8 @@ from .mission_result import MissionTrajectory
 from .trajectory import Trajectory
 
 Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
+# Tolerances: one for each run of a batch, or of a run alone.
+Rtol: TypeAlias = Float[Array | np.ndarray, "*runs"]
 
 # The first two tolerances lie so far apart: the first run takes half the steps of the second.
 APART = 300.0
@@ -55,27 +58,26 @@ MOST_RUNS = 8
 
 
 class Search(NamedTuple):
-    """The search after a run.
+    """The search after a run, or after a batch of runs that each search for themselves.
 
     - `rtol`: the tolerance of the next run; `made`: those of the last two, the later one last.
-    - `last`: what was measured of the last run.
-    - `apart`: the largest difference of the last two runs, and of the two before.
-    - `estimate`: the error of the last run, in units of what is asked, (*runs,).
+    - `last`: what was measured of the last run; `apart`: how far it is from the one before.
+    - `estimate`: its error, in units of what is asked.
     - `loose`: the tolerance of the first run, whether it is good, and its evaluations.
-    - `price`: how many times the evaluations a tenth of the error takes, (*runs,).
-    - `runs`: how many were made, with so many `evaluations`; `over`: whether the last one is the
-      result."""
+    - `price`: how many times the evaluations a tenth of the error takes.
+    - `over`: whether the last run is the result.
+    - `runs`: how many were made, with so many `evaluations`."""
 
-    rtol: Scalar
-    made: Float[Array, " 2"]
+    rtol: Float[Array, "*runs"]
+    made: Float[Array, "2 *#runs"]
     last: Measured
-    apart: Scalar
+    apart: Float[Array, "*runs"]
     estimate: Float[Array, "*runs"]
-    loose: tuple[Scalar, Bool[Array, "*runs"], Array]
+    loose: tuple[Float[Array, "*runs"], Bool[Array, "*runs"], Array]
     price: Float[Array, "*runs"]
+    over: Bool[Array, "*runs"]
     runs: Array
     evaluations: Array
-    over: Bool[Array, ""]
 
 
 def to_final_error(
@@ -84,20 +86,22 @@ def to_final_error(
     asked: FinalError,
     throw: bool,
     options: dict[str, Any],
+    runs: tuple[int, ...] = (),
 ) -> Result:
     """The result of a verb with the error that is `asked` for.
 
     **Arguments**
 
     - `verb`: one of the four; `run`: its system or mission, its initial state and its times.
-    - `throw`, `options`: its further arguments."""
+    - `throw`, `options`: its further arguments.
+    - `runs`: how many runs a batch has."""
     y0 = as_state(run[1])
     dtype = state_dtype(y0)
     if isinstance(run[0], AbstractSystem):
         # Before anything is compiled; the jumps of a mission may lead to other blocks.
         asked.check_blocks(y0)
 
-    def simulated(parts: tuple, rtol: Scalar) -> Result:
+    def simulated(parts: tuple, rtol: Rtol) -> Result:
         run, options = parts
         accuracy = dataclasses.replace(asked.accuracy, rtol=rtol)
         return verb(*run, accuracy=accuracy, throw=False, **options)
@@ -108,11 +112,11 @@ def to_final_error(
     least = 2.0 * least_tolerance(dtype)
     # In single precision the first run may be one of another method: little room is left.
     second = jnp.clip(SECOND * asked.usual_tolerance(y0), least, max(least, LOOSEST / APART))
-    first = jnp.minimum(APART * second, MOST).astype(dtype)
+    first = jnp.broadcast_to(jnp.minimum(APART * second, MOST).astype(dtype), runs)
     if is_traced((parts, asked)):
         result, search = _traced(simulated, parts, asked, first, least)
     else:
-        result, search = _known(simulated, parts, asked, float(first), least)
+        result, search = _known(simulated, parts, asked, np.asarray(first), least)
     good = result.status <= Status.EVENT
     missed = good & (search.estimate > 1.0)
     result = _with_estimate(result, search, missed)
@@ -120,10 +124,10 @@ def to_final_error(
 
 
 def _known(
-    simulated: Callable[[tuple, Scalar], Result],
+    simulated: Callable[[tuple, Rtol], Result],
     parts: tuple,
     asked: FinalError,
-    first: float,
+    first: np.ndarray,
     least: float,
 ) -> tuple[Result, Search]:
     rtol, search = first, None
@@ -136,21 +140,21 @@ def _known(
         if _is_exact(result):
             return result, _exact(now, rtol)
         search = begun(now, rtol, least) if search is None else advance(search, now, least)
-        if bool(search.over):
+        if np.all(search.over):
             return result, search
-        rtol = float(search.rtol)
+        rtol = np.asarray(search.rtol)
 
 
 def _traced(
-    simulated: Callable[[tuple, Scalar], Result],
+    simulated: Callable[[tuple, Rtol], Result],
     parts: tuple,
     asked: FinalError,
-    first: Scalar,
+    first: Rtol,
     least: float,
 ) -> tuple[Result, Search]:
     still = _without_derivatives(parts)
 
-    def measured(rtol: Scalar) -> Measured:
+    def measured(rtol: Rtol) -> Measured:
         return _without_derivatives(asked.measured(simulated(still, rtol)))
 
     first = jax.lax.stop_gradient(first)
@@ -167,7 +171,7 @@ def _traced(
         first, after = begun(now, search.rtol, least), advance(search, now, least)
         return jax.tree.map(lambda a, b: jnp.where(search.runs == 0, a, b), first, after)
 
-    search = jax.lax.while_loop(lambda search: ~search.over, step, start)
+    search = jax.lax.while_loop(lambda search: ~jnp.all(search.over), step, start)
     return simulated(parts, search.made[1]), search
 
 
@@ -176,63 +180,62 @@ def _without_derivatives(tree: PyTree) -> PyTree:
     return eqx.combine(jax.lax.stop_gradient(numbers), rest)
 
 
-def begun(now: Measured, rtol: Scalar, least: float) -> Search:
+def begun(now: Measured, rtol: Rtol | float, least: float) -> Search:
     """The search after the first run."""
     # In the precision of what is compared.
-    rtol = jnp.asarray(rtol, now.allowed[0].dtype)
-    infinite = jnp.full(now.good.shape, jnp.inf, rtol.dtype)
+    rtol = jnp.broadcast_to(jnp.asarray(rtol, now.allowed[0].dtype), now.good.shape)
+    infinite = jnp.full_like(rtol, jnp.inf)
     return Search(
         jnp.maximum(rtol / APART, least),
         jnp.stack([rtol, rtol]),
         now,
-        jnp.asarray(jnp.inf, rtol.dtype),
+        infinite,
         infinite,
         (rtol, now.good, now.evaluations),
         # That of a closed form, for which there is no other run.
         jnp.ones_like(infinite),
+        jnp.zeros_like(now.good),
         jnp.asarray(1),
         now.evaluations,
-        jnp.asarray(False),
     )
 
 
-def _exact(now: Measured, rtol: Scalar) -> Search:
+def _exact(now: Measured, rtol: Rtol) -> Search:
     """The search of a closed form, which has no error beside that of its roundings."""
     search = begun(now, rtol, 0.0)
-    return search._replace(estimate=jnp.zeros_like(search.estimate), over=jnp.asarray(True))
+    return search._replace(estimate=jnp.zeros_like(search.estimate), over=jnp.ones_like(now.good))
 
 
 @jax.jit
 def advance(s: Search, now: Measured, least: Scalar) -> Search:
     """The search after a further run, with the tolerance `s.rtol`."""
     before, rtol = s.made[1], s.rtol
-    each = distance(s.last, now)
-    # A run that failed has its own status, and no other run waits for it.
-    apart = jnp.max(jnp.where(now.good, each, 0.0))
+    apart = distance(s.last, now)
     seen = jnp.log(s.apart / apart) / jnp.log(s.made[0] / before)
     power = jnp.where(jnp.isfinite(seen), jnp.clip(seen, 0.0, STEEPEST), POWER)
     rounded = ROUNDED * jnp.finfo(apart.dtype).eps
     factor = SAFETY * ((rtol + rounded) / (before + rounded)) ** power
-    estimate, worst = factor * each, factor * apart
-    smaller = jnp.clip((AIM / worst) ** (1.0 / jnp.maximum(power, FLATTEST)), LONGEST, SHORTEST)
+    estimate = factor * apart
+    smaller = jnp.clip((AIM / estimate) ** (1.0 / jnp.maximum(power, FLATTEST)), LONGEST, SHORTEST)
     runs = s.runs + 1
-    over = (worst <= 1.0) | (rtol <= 1.01 * least) | (runs >= MOST_RUNS)
-    return Search(
-        jnp.maximum(rtol * smaller, least),
-        jnp.stack([before, rtol]),
-        now,
-        apart,
-        estimate,
-        s.loose,
-        _price(s.loose, rtol, now, power),
-        runs,
-        s.evaluations + now.evaluations,
-        over,
+    # A run that failed has its own status.
+    over = ~now.good | (estimate <= 1.0) | (rtol <= 1.01 * least) | (runs >= MOST_RUNS)
+    price = _price(s.loose, rtol, now, power)
+    following = jnp.where(over, rtol, jnp.maximum(rtol * smaller, least))
+    made = jnp.stack([before, rtol])
+    # One that was over before is the same run again.
+    own = jax.tree.map(
+        lambda old, new: jnp.where(s.over, old, new),
+        (s.rtol, s.made, s.apart, s.estimate, s.price, s.over),
+        (following, made, apart, estimate, _price(s.loose, rtol, now, power), over),
     )
+    rtol, made, apart, estimate, price, over = own
+    spent = s.evaluations + now.evaluations
+    return Search(rtol, made, now, apart, estimate, s.loose, price, over, runs, spent)
 
 
 def _price(
-    loose: tuple[Scalar, Bool[Array, "*runs"], Array], rtol: Scalar, now: Measured, power: Scalar
+    loose: tuple[Rtol, Bool[Array, "*runs"], Array], rtol: Rtol, now: Measured, power: Rtol
 ) -> Float[Array, "*runs"]:
     """How many times the evaluations of this run another one takes that has a tenth of its error.
 

@@ -142,7 +142,7 @@ class Trajectory(eqx.Module):
         parts = jax.tree.map(lambda x: x[..., i], {name: getattr(self, name) for name in names})
         call = self.call
         if call is not None:
-            call = call._replace(system=run_of(call.system, i))
+            call = RunCall(run_of(call.system, i), run_of(call.accuracy, i), run_of(call.config, i))
         return Trajectory(**parts, stats=stats, run_axes=0, call=call)
 
     def at(self, t: Scalar) -> State:

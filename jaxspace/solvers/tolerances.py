@@ -25,7 +25,8 @@ from ..core.barrier import barrier
 
 @final
 class Tolerance(eqx.Module):
-    """The allowed error of a step: `rtol` times the length of each block of the state, plus `atol`.
+    """The allowed error of a step: `rtol` times the length of each block of the state, plus `atol`;
+    one for all runs or each run its own, (*runs,).
 
     - `run_axes`: how many trailing axes carry runs.
     - `blocks`: for a state packed into one vector, the sizes of its blocks; empty where each array
