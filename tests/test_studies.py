@@ -37,7 +37,7 @@ from jaxspace.solvers import (
 from jaxspace.studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from jaxspace.studies._cost_methods import default_methods, methods_by_name, tolerances_of
 from jaxspace.studies.budget_table import Influence
-from jaxspace.studies.cost_table import Cost
+from jaxspace.studies.cost_table import Cost, price_table
 
 BY_NAME = {s.name: s for s in SAMPLES}
 every = pytest.mark.parametrize("name", BY_NAME)
@@ -631,3 +631,33 @@ class Spinning(AbstractSystem):
 
     def invariants(self, t, y):
         return {}
+
+
+def test_the_price_list_of_a_table():
+    """Of times that grow by a power of the error, but for a run that is no use and one that is
+    slower than a more accurate one."""
+
+    def row(tolerance, error, seconds, failure=""):
+        return Cost(
+            "DOP853", "float64", tolerance, error, seconds, 0.0, 1, 1, None, {}, None, None, failure
+        )
+
+    rows = (
+        row(1e-3, 2e-2, 1.0),
+        row(1e-5, 5e-4, 1.5),
+        row(1e-6, 3e-5, 9.0),
+        row(1e-7, 2e-6, 2.0),
+        row(1e-9, 2e-8, 0.1, "The steps ran out."),
+        row(1e-10, 2e-9, 3.0),
+    )
+    cost = AccuracyCost(rows, "the closed form", 1e-15, "float64", (), {"DOP853": DOP853()})
+    prices = cost.prices()
+    assert [p.error for p in prices] == [1e-1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8]
+    assert [p.seconds for p in prices] == [1.0, 1.5, 1.5, 2.0, 2.0, 3.0, 3.0, 3.0]
+    tenths = [1.5, 1.0, 2.0 / 1.5, 1.0, 1.5, 1.0, 1.0, np.nan]
+    np.testing.assert_allclose([p.tenth for p in prices], tenths)
+    assert "2.0" not in prices[0].setting and "1.5 times the time" in price_table(prices)
+    assert cost.prices("float32") == () and price_table(()) != ""
+    steps = accuracy_cost_figure(cost).axes[0].lines
+    drawn = next(line for line in steps if line.get_label() == "cheapest")
+    np.testing.assert_allclose(drawn.get_xdata(), [1e3 * p.seconds for p in prices])

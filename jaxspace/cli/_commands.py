@@ -21,6 +21,7 @@ from ..io.units import read_option
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..studies.budget_table import effect_names
+from ..studies.cost_table import price_table
 from ._folder import make_folder
 from ._waiting import progress, waiting
 
@@ -164,6 +165,7 @@ def cost(
     if not table.reference:
         # Nothing to recommend, and nothing to draw.
         return 1
+    print(f"\nthe price of each error\n{price_table(table.prices())}")
     print(f"\n{_recommendation(table, rtol if error is None else error)}")
     _draw_table(table, path_of(file, folder, "_cost.png"))
     return 0

@@ -41,6 +41,16 @@ class CostRow(Protocol):
 
 
 @runtime_checkable
+class CostPrice(Protocol):
+    """The attributes of a `jaxspace.studies.cost_table.Price` for the figure."""
+
+    @property
+    def error(self) -> float: ...
+    @property
+    def seconds(self) -> float: ...
+
+
+@runtime_checkable
 class CostTable(Protocol):
     """The attributes of a `jaxspace.studies.AccuracyCost` for the figure."""
 
@@ -48,6 +58,7 @@ class CostTable(Protocol):
     def rows(self) -> Sequence[CostRow]: ...
     @property
     def reference_error(self) -> float: ...
+    def prices(self) -> Sequence[CostPrice]: ...
 
 
 @runtime_checkable
@@ -92,7 +103,8 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
     """The work-precision diagram of a run: error of the final state against time and evaluations.
 
     Where gradients were measured, their error against their time is shown as well. A dotted line
-    is the error of the reference.
+    is the error of the reference, and the grey steps are the price list: the least time for each
+    error.
 
     **Arguments**
 
@@ -123,6 +135,11 @@ def accuracy_cost_figure(cost: CostTable, *, title: str = "") -> "Figure":
 
     _curves(panels[0], cost, lambda r: (1e3 * r.seconds, error(r)))
     _curves(panels[1], cost, lambda r: (evaluations(r), error(r)))
+    prices = cost.prices()
+    steps = [1e3 * p.seconds for p in prices], [p.error for p in prices]
+    if prices:
+        look = {"color": MUTED, "linewidth": 5.0, "alpha": 0.3, "label": "cheapest"}
+        panels[0].step(*steps, where="post", **look)
     dress(panels[0], "Time", "time of a run [ms]", "relative error of the final state")
     dress(panels[1], "Arithmetic", "evaluations of the vector field")
     if gradient:

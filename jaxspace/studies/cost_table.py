@@ -1,6 +1,6 @@
 """The table of the cost of accuracy."""
 
-__all__ = ["Cost"]
+__all__ = ["Cost", "Price"]
 
 import itertools
 import math
@@ -17,6 +17,8 @@ from ..core.text import aligned
 from ..simulation import Accuracy
 from ..solvers.protocol import solver_traits
 from ._duration import duration
+from ._price_list import Price, price_list
+from ._price_list import price_table as price_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -131,6 +133,17 @@ class AccuracyCost:
         # The error of the fixed steps is known from the reference, so that their cautious estimate
         # must not reject them.
         return Accuracy(rtol=FIXED_STEP_RTOL, method=method)
+
+    def prices(self, precision: str | None = None) -> tuple[Price, ...]:
+        """The price list: what each error at the end costs at least, by these runs.
+
+        `precision`: as in `cheapest_row`."""
+
+        def cheapest(error: float) -> tuple[str, float]:
+            row = self.cheapest_row(error, precision)
+            return _setting(row), row.seconds
+
+        return price_list(cheapest)
 
     def plot(self) -> "Figure":
         """The work-precision diagram, a matplotlib figure.
