@@ -55,7 +55,10 @@ GOALS = {
         "porkchop low_thrust_transfer fig_4_11_2 coaxial_ellipses fig_4_16_1 "
         "fig_4_16_2 fig_4_16_3"
     ),
-    "Climb": "gimballed_ascent fig_8_5_1 fig_8_3_1 fig_8_1_2 fig_8_4_2 fig_8_4_3 fig_8_4_4",
+    "Climb": (
+        "gimballed_ascent transfer_payload fig_8_5_1 fig_8_3_1 fig_8_1_2 "
+        "fig_8_4_2 fig_8_4_3 fig_8_4_4"
+    ),
     "Land inside a circle": (
         "upright_landing branches booster_return air_brake roll_control "
         "fig_4_17_2 envelope"

@@ -57,7 +57,7 @@ ALLOWED = {
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
         *("scene", "solvers", "simulation", "dispersion", "optimization", "vehicles"),
-        "control",
+        *("control", "robust"),
     },
     "plots": {"core", "rotations"},
     # Hard cases of every package.

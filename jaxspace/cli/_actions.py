@@ -108,7 +108,9 @@ def optimize(given: argparse.Namespace) -> int:
     from . import _commands
 
     settle()
-    return _commands.optimize(given.file, given.out, given.sensitivities, given.modules)
+    return _commands.optimize(
+        given.file, given.out, given.sensitivities, given.modules, given.resume
+    )
 
 
 def show_list(given: argparse.Namespace) -> int:

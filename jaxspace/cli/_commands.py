@@ -23,6 +23,7 @@ from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..studies.budget_table import effect_names
 from ..studies.cost_table import price_table
 from ._folder import make_folder
+from ._optimize_design import optimize_design
 from ._waiting import progress, waiting
 
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
@@ -72,10 +73,22 @@ def _pictured_times(file: SceneFile) -> ArrayLike:
     return jnp.linspace(file.ts[0], file.ts[-1], PICTURED)
 
 
-def optimize(path: str, folder: str, sensitivities: bool, modules: Sequence[str] = ()) -> int:
+def optimize(
+    path: str,
+    folder: str,
+    sensitivities: bool,
+    modules: Sequence[str] = (),
+    resume: bool = False,
+) -> int:
     """Search the best values of the free numbers, print their table, and keep the file, the
     figures of its run and of the search."""
     file = load(path, modules=modules)
+    if file.task is not None and file.task.dispersed:
+        if sensitivities:
+            raise InputError("--sensitivities is about one run: a search over dispersion has many.")
+        return optimize_design(file, folder, resume)
+    if resume:
+        raise InputError('--resume needs optimize.over = "dispersion" in the file.')
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
     with progress("compiling the search", unit="step") as bar:

@@ -8,7 +8,12 @@ from pathlib import Path
 from ..core import InputError
 
 GOALS: dict[str, tuple[str, ...]] = {
-    "scatter a mission and see what comes of it": ("kick_stage", "landing", "intercept"),
+    "scatter a mission and see what comes of it": (
+        "kick_stage",
+        "transfer_payload",
+        "landing",
+        "intercept",
+    ),
     "fly a rocket to orbit": (
         "launch",
         "gimballed_ascent",

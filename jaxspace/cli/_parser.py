@@ -119,6 +119,11 @@ def _optimize_options(optimize: argparse.ArgumentParser) -> None:
         action="store_true",
         help="show which other numbers of the file move the optimum",
     )
+    optimize.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with a search over a dispersion that was interrupted",
+    )
 
 
 def _disperse_options(disperse: argparse.ArgumentParser) -> None:

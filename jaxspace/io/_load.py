@@ -22,7 +22,7 @@ from ._inputs import read_inputs
 from ._kinds import Reading, Value, Values
 from ._modules import missing_module, read_modules
 from ._named_files import NamedFiles
-from ._optimize_table import read_task
+from ._optimize_table import dispersed_and_free, read_task
 from ._output_entries import given_parts, read_outputs
 from ._outputs import OutputSpec
 from ._scene_file import SceneFile
@@ -105,6 +105,8 @@ def load(
     task = None
     if not errors and values["optimize"] is not None:
         task, errors = read_task(file, reading.units)
+        if task is not None and not errors:
+            errors = dispersed_and_free(task, inputs)
     if errors:
         raise SceneError(path, map(named.discreet, errors))
     return SceneFile(

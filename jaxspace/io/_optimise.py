@@ -37,7 +37,7 @@ def optimise(
         bounds=bounds,
         tolerance=table["tolerance"],
         max_steps=table["max_steps"],
-        scale={free.path: jnp.asarray(_size(free)) for free in task.free},
+        scale={free.path: jnp.asarray(size_of(free)) for free in task.free},
         progress=progress,
     )
     objective, constraints, error, happened = result.criterion.report
@@ -66,7 +66,7 @@ def _failed_start(optimum: Optimum) -> str:
     )
 
 
-def _size(free: Free) -> float:
+def size_of(free: Free) -> float:
     """By what a free number is scaled, SI."""
     if free.scale is not None:
         return free.scale

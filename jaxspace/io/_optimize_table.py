@@ -12,6 +12,14 @@ at_least = "185 km"                             or at_most, or equal
 optimiser = "adam", rate = 0.02, max_steps = 2000 search by Adam of optax, whose rate falls to a
 thousandth over these steps. `circular_orbit = "300 km"` stands for the three constraints of a
 circle of that altitude.
+
+over = "dispersion"                             the runs of [dispersion], and not the nominal one
+minimise = { output = "propellant", share = "99 %" }        what 99 % of them stay below; else the
+                                                            mean
+[[optimize.constraint]]
+output = "speed"
+at_most = "6 m/s"
+share = "99 %"                                  in 99 % of them; else on average
 """
 
 from collections.abc import Mapping
@@ -25,13 +33,15 @@ from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._objects import at
-from ._output_entries import read_output, unit_of
+from ._output_entries import read_output, read_share, unit_of
 from ._outputs import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
 from ._table_kinds import AnyTable, Table
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
 from .units import WrittenUnits, in_unit, read_number
 
 GOALS = ("minimise", "maximise")
+SHARE = "share"
+NOMINAL_RUN, DISPERSION = OVER = ("nominal", "dispersion")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
 RATE = Number(argument("", positive=True, fixed=True, doc="rate"))
@@ -51,21 +61,27 @@ class Free(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and its number in the
-    list of the file."""
+    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and the `share` of
+    the runs that must keep it; `None` for their mean."""
 
     spec: OutputSpec
     limit: str
     target: float
+    share: float | None = None
 
 
 class Task(NamedTuple):
-    """The content of [optimize]; `sign` is -1 for a maximum."""
+    """The content of [optimize]; `sign` is -1 for a maximum.
+
+    - `dispersed`: whether it is about the runs of [dispersion].
+    - `share`: of them that are not worse than the objective; `None` for their mean."""
 
     objective: OutputSpec
     sign: float
     free: tuple[Free, ...]
     demands: tuple[Demand, ...]
+    dispersed: bool = False
+    share: float | None = None
 
 
 class OneOutput(Kind):
@@ -73,13 +89,15 @@ class OneOutput(Kind):
 
     def __init__(self, outputs: Kind, more: tuple[str, ...] = ()):
         self.outputs, self.more = outputs, more
+        # Of which none needs to be there.
+        self.options = (*more, SHARE)
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         options: dict[str, Value] = {}
-        if self.more and isinstance(value, Mapping):
-            options = {key: value[key] for key in self.more if key in value}
-            value = {key: x for key, x in value.items() if key not in self.more}
-            if not options:
+        if isinstance(value, Mapping):
+            options = {key: value[key] for key in self.options if key in value}
+            value = {key: x for key, x in value.items() if key not in self.options}
+            if self.more and not set(options) & set(self.more):
                 reading.errors.append(missing(path, f"one of {', '.join(self.more)}"))
         trial = Reading()
         read = self.outputs.read([value], path, trial)
@@ -93,11 +111,10 @@ class OneOutput(Kind):
     def schema(self) -> Schema:
         one = self.outputs.schema()["items"]
         assert isinstance(one, dict)
-        if not self.more:
-            return one
-        table = one["anyOf"][1]
-        limits = {key: {"type": ["number", "string"]} for key in self.more}
-        return {**table, "properties": {**table["properties"], **limits}}
+        name, table = one["anyOf"]
+        limits = {key: {"type": ["number", "string"]} for key in self.options}
+        table = {**table, "properties": {**table["properties"], **limits}}
+        return table if self.more else {"anyOf": [name, table]}
 
 
 def optimize_table(outputs: Kind, tolerance: Number) -> Table:
@@ -107,6 +124,11 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
         {
             "minimise": Entry(goal, None, doc="the output that is to be least"),
             "maximise": Entry(goal, None, doc="the output that is to be greatest"),
+            "over": Entry(
+                OneName(OVER), NOMINAL_RUN, doc="the nominal run, or the runs of [dispersion]"
+            ),
+            # As many as the shares need.
+            "runs": Entry(Whole(), None, doc="how many runs of [dispersion] the search has"),
             "free": Entry(AnyTable(), doc="free numbers, by path, each with low, high and scale"),
             "constraint": Entry(
                 ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."
@@ -158,14 +180,51 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
         errors.append(str(error))
     free, more = _free(table["free"], file, units)
     errors += more
+    share = None
+    try:
+        share = read_share(f"optimize.{goals[0]}.{SHARE}", table[goals[0]].get(SHARE))
+    except ValueError as error:
+        errors.append(str(error))
     if errors or objective is None:
         return None, errors
-    return Task(objective, -1.0 if goals[0] == "maximise" else 1.0, free, tuple(demands)), []
+    sign = -1.0 if goals[0] == "maximise" else 1.0
+    dispersed = table["over"] == DISPERSION
+    task = Task(objective, sign, free, tuple(demands), dispersed, share)
+    return task, _over_errors(task, goals[0], file)
+
+
+def _over_errors(task: Task, goal: str, file: Parsed) -> list[str]:
+    """What does not fit the runs that the task is about."""
+    if not task.dispersed:
+        shares = {f"optimize.{goal}": task.share}
+        shares |= {f"optimize.constraint.{k}": d.share for k, d in enumerate(task.demands)}
+        return [
+            f'{key}.{SHARE} is {share:g}: it needs optimize.over = "{DISPERSION}".'
+            for key, share in shares.items()
+            if share is not None
+        ]
+    if file.values["dispersion"] is None:
+        return [missing("dispersion", "a table with inputs, over whose runs optimize searches")]
+    return [
+        f"optimize.constraint of {d.spec.name} is equal: over dispersion it must be at_least or "
+        f"at_most."
+        for d in task.demands
+        if d.limit == "equal"
+    ]
+
+
+def dispersed_and_free(task: Task, inputs: Mapping[str, object]) -> list[str]:
+    """Free numbers of a task over [dispersion] that are among its `inputs`, a sentence each."""
+    return [
+        f"optimize.free.{free.path} is an input of dispersion: a number cannot be free and random."
+        for free in task.free
+        if task.dispersed and free.path in inputs
+    ]
 
 
 def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> OutputSpec:
     # Left out, because on an output the same keys are requirements of a campaign.
-    values = {k: x for k, x in entry.items() if k not in LIMITS}
+    values = {k: x for k, x in entry.items() if k not in (*LIMITS, SHARE)}
     spec = read_output(key, values, file, units)
     if needs((spec,), NOMINAL) or needs((spec,), INITIAL):
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
@@ -176,14 +235,16 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
 
 def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[Demand]:
     spec = _output(key, entry, file, units)
+    share = read_share(f"{key}.{SHARE}", entry.get(SHARE))
     result = []
     for limit in LIMITS:
         if limit in entry:
             quantity = argument(unit_of(spec, file), doc="target")
             try:
-                result.append(Demand(spec, limit, read_number(entry[limit], quantity)[0]))
+                target = read_number(entry[limit], quantity)[0]
             except ValueError as error:
                 raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
+            result.append(Demand(spec, limit, target, share))
     return result
 
 

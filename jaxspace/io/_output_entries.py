@@ -73,8 +73,9 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     shown_name = entry.get("name", default)
     check_names(f"{key}.name" if "name" in entry else key, [shown_name])
     low, high = (_limit(f"{key}.{k}", entry.get(k), si, factor) for k in ("at_least", "at_most"))
-    allowed, confidence = (_share(f"{key}.{k}", entry.get(k)) for k in ("allowed", "confidence"))
-    given = [k for k in ("allowed", "confidence") if entry.get(k) is not None]
+    shares = ("allowed", "confidence")
+    allowed, confidence = (read_share(f"{key}.{k}", entry.get(k)) for k in shares)
+    given = [k for k in shares if entry.get(k) is not None]
     if given and low is None and high is None:
         raise ValueError(f"{key}.{given[0]} is that of a requirement: give at_least or at_most.")
     required = Requirement(low, high, allowed, 0.95 if confidence is None else confidence)
@@ -169,7 +170,7 @@ def _limit(key: str, value: object, si: str, factor: float) -> float | None:
         raise ValueError(wrong(key, value, str(error))) from None
 
 
-def _share(key: str, value: object) -> float | None:
+def read_share(key: str, value: object) -> float | None:
     """A share between 0 and 1. Raises `ValueError` with the whole sentence."""
     if value is None:
         return None

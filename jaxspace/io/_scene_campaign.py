@@ -43,7 +43,7 @@ def campaign_of(
     units = {path: quantity.unit for path, quantity in limits.items()}
     inputs = {path: how.distribution() for path, how in scatters.items()}
     return Campaign(
-        _Build(file.parsed, replaced(file.values, {})),
+        BuildOfFile(file.parsed, replaced(file.values, {})),
         inputs | _noise(file.values),
         outputs,
         units | {spec.name: spec.unit for spec in file.outputs},
@@ -77,7 +77,7 @@ def _noise(values: Values) -> dict[str, Uniform]:
     return {NOISE: whole} if is_noisy(values) else {}
 
 
-class _Build(eqx.Module):
+class BuildOfFile(eqx.Module):
     """The `build` of a campaign. The numbers of the file are leaves, so that another number needs
     no compilation."""
 

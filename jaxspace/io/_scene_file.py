@@ -2,6 +2,7 @@
 
 import dataclasses
 import functools
+import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -20,6 +21,7 @@ from ..dispersion import Campaign, StopRule
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
 from ..optimization import Progress
+from ..robust import DesignOptimum
 from ..scene import Scene
 from ..scene.ground_check import ground_warning, lowest_below_ground
 from ..simulation import (
@@ -49,8 +51,10 @@ from ._objects import Building, Runs
 from ._optimise import optimise
 from ._optimize_table import Task
 from ._optimum import Optimum
+from ._optimum_file import with_numbers
 from ._output_entries import applicable_outputs, read_output, unit_of
 from ._outputs import INITIAL, NOMINAL, MoreOutputs, Outputs, OutputSpec, needs
+from ._over_runs import optimise_over_runs
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .by_numpy import by_numpy
 from .units import WrittenUnits, in_unit
@@ -343,7 +347,41 @@ class SceneFile:
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
+        if self.task.dispersed:
+            raise InputError('optimize.over is "dispersion": call SceneFile.optimize_design.')
         return optimise(self, self.task, progress, start, steps)
+
+    def optimize_design(
+        self,
+        progress: Progress | None = None,
+        *,
+        store: str | os.PathLike[str] | None = None,
+        resume: bool = False,
+        nominal: bool = False,
+    ) -> DesignOptimum:
+        """The best values of the free numbers of the file over the runs of its [dispersion].
+
+        **Arguments**
+
+        - `progress`: called after each step with its number, objective, violation and gradient.
+        - `store`, `resume`: as in `robust.optimise_design`.
+        - `nominal`: whether the nominal run alone counts, for comparison; without a store.
+
+        **Returns** a `DesignOptimum`, whose `x` are the free numbers by path, SI; its outputs are
+        in the units of the file.
+
+        **Raises** `InputError` without [optimize] over dispersion, and as `optimise_design`."""
+        if self.task is None or not self.task.dispersed:
+            raise InputError('optimize.over must be "dispersion" for this.')
+        return optimise_over_runs(self, self.task, progress, store, resume, nominal)
+
+    def with_design(self, optimum: DesignOptimum) -> str:
+        """The text of the file with the numbers of an optimum of `optimize_design` in place of its
+        free ones, comments and units kept. Raises `InputError` without [optimize]."""
+        if self.task is None:
+            raise InputError("optimize is missing: there are no free numbers.")
+        values = {path: float(x) for path, x in optimum.x.items()}
+        return with_numbers(self, self.task, values)
 
     @property
     def warnings(self) -> tuple[str, ...]:

@@ -71,6 +71,12 @@ class BatchMinimum(eqx.Module):
         """Whether the search ended because the objective fell no further."""
         return int(self.reason) == StopReason.CONVERGED
 
+    def plot(self, title: str = "") -> Any:
+        """A figure of the history, with matplotlib. Raises `ImportError` without it."""
+        from ..plots import convergence_figure
+
+        return convergence_figure(self.history, title)
+
     def sentence(self, unmet: list[str] | None = None) -> str:
         """Why the search ended, in words.
 

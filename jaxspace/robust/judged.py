@@ -18,6 +18,9 @@ from ._optimum import DesignOptimum, name_of
 from ._runs import Design
 from .statistics import Constraint, Measured
 
+# An error below this share of the value is that of rounding.
+ROUNDING = 1e-9
+
 
 @printed()
 class Estimate(NamedTuple):
@@ -27,7 +30,7 @@ class Estimate(NamedTuple):
     error: float
 
     def __str__(self) -> str:
-        if not np.isfinite(self.error) or self.error <= 0.0:
+        if not np.isfinite(self.error) or self.error <= ROUNDING * abs(self.value):
             return f"{self.value:.6g}"
         # The error with two digits, and the value to its last one.
         place = max(1 - int(np.floor(np.log10(self.error))), 0)
@@ -93,14 +96,14 @@ class JudgedDesigns(eqx.Module):
         search, with the error of both."""
         fresh = self.designs["robust"].measured
         both = np.hypot(fresh.error, self.on_search.error)
-        return Estimate(fresh.value - self.on_search.value, float(both))
+        return _difference(fresh.value, self.on_search.value, float(both))
 
     def worth(self, name: str) -> Estimate:
         """By how much the statistic that was minimised is larger for another design than for the
         optimum. The error is smaller than that of either, because they have the same inputs."""
         own, other = self.designs["robust"].measured, self.designs[name].measured
         change = other.influence - own.influence
-        return Estimate(other.value - own.value, float(np.sqrt(np.sum(change**2))))
+        return _difference(other.value, own.value, float(np.sqrt(np.sum(change**2))))
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -170,6 +173,13 @@ class JudgedDesigns(eqx.Module):
         limits = [x for one in required for x in (one.low, one.high) if x is not None]
         runs = {name: design.runs for name, design in self.designs.items()}
         return designs_figure(runs, output, limits, title)
+
+
+def _difference(a: float, b: float, error: float) -> Estimate:
+    """a - b with its error, both zero where they are those of rounding."""
+    least = ROUNDING * max(abs(a), abs(b))
+    known = abs(a - b) > least
+    return Estimate(a - b if known else 0.0, error if error > least else 0.0)
 
 
 def _percent(share: Probability) -> str:

@@ -1,0 +1,32 @@
+"""Choose a payload for 99 % of all flights
+The payload of a transfer stage, with a reserve
+
+The heaviest payload that reaches the geostationary height: of the nominal
+run, and of 99 % of the runs where thrust, specific impulse and the parking
+orbit scatter. Half of the flights of the nominal one fall short (dashed)."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+
+import jaxspace
+from jaxspace.robust import judge_designs
+
+jaxspace.enable_x64()
+file = jaxspace.load(Path("examples") / "scenes" / "transfer_payload.toml")
+best = file.optimize_design()
+nominal = file.optimize_design(nominal=True)
+judged = judge_designs(best, {"nominal": nominal.x})
+print(judged)
+
+figure, axes = plt.subplots(figsize=(6.4, 3.4))
+for name, design in judged.designs.items():
+    apoapsis = design.runs.outputs["apoapsis_altitude"]
+    payload = design.x["body.mass"] - 2050.0 - 250.0
+    axes.hist(
+        apoapsis, 60, alpha=0.5, label=f"{name}: {float(payload):.0f} kg"
+    )
+axes.axvline(35786.0, color="k", ls="--", lw=0.8)
+axes.set(xlabel="apoapsis altitude, km", ylabel="runs of 4,096")
+axes.legend()
+plt.show()

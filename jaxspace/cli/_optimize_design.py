@@ -1,0 +1,58 @@
+"""`jaxspace optimize` of a file whose search is over the runs of its [dispersion]."""
+
+import os
+
+from ..io import SceneFile
+from ..robust import DesignOptimum, JudgedDesigns, judge_designs
+from ._folder import make_folder
+from ._waiting import progress
+
+
+def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
+    """Search the best free numbers over the runs of the file, judge them by fresh runs beside those
+    of the file, print the table, and keep the file of the optimum and two figures."""
+    make_folder(folder)
+    beginning = os.path.join(folder, file.path.stem)
+    store = f"{beginning}_search.npz"
+    # A new search replaces the state of an old one.
+    if not resume and os.path.exists(store):
+        os.remove(store)
+    with progress("compiling the search", unit="step") as bar:
+
+        def show(step: int, objective: float, violation: float, gradient: float) -> None:
+            del step
+            bar.set_description_str(refresh=False)
+            bar.update(1)
+            bar.set_postfix_str(
+                f"objective {objective:.4g}, violation {violation:.1e}, gradient {gradient:.1e}"
+            )
+
+        optimum = file.optimize_design(show, store=store, resume=resume)
+        bar.set_description("the nominal optimum, for comparison")
+        nominal = file.optimize_design(nominal=True)
+        bar.set_description("judging the optimum by fresh runs")
+        judged = judge_designs(optimum, {"file": optimum.start, "nominal": nominal.x})
+    print(file.title)
+    print(judged)
+    print(optimum.sentence())
+    _keep(file, beginning, optimum, judged)
+    if optimum.converged:
+        os.remove(store)
+    else:
+        print(f"store  {store}")
+    print(f"next   jaxspace disperse {beginning}_optimum.toml")
+    return 0 if optimum.converged else 1
+
+
+def _keep(file: SceneFile, beginning: str, optimum: DesignOptimum, judged: JudgedDesigns) -> None:
+    """Write the file of the optimum, and the figures of its runs and of the search."""
+    best = f"{beginning}_optimum.toml"
+    with open(best, "w", encoding="utf-8") as out:
+        out.write(file.with_design(optimum))
+    print(f"file   {best}")
+    for ending, figure in (
+        ("_designs.png", judged.plot(title=file.title)),
+        ("_search.png", optimum.minimum.plot(file.title)),
+    ):
+        figure.savefig(beginning + ending)
+        print(f"figure {beginning + ending}")
