@@ -256,15 +256,15 @@ class PartOfField(eqx.Module):
         return self.field.duration(self._within(s), ds * self.length)
 
     def projected(self, s: Scalar, y: State) -> State:
-        """As of the field."""
+        """The same of the field."""
         return self.field.projected(self._within(s), y)
 
     def split(self) -> AbstractSplit:
-        """As of the field."""
+        """The same of the field."""
         return self.field.split()
 
     def regularised(self) -> AbstractRegularised:
-        """As of the field."""
+        """The same of the field."""
         return self.field.regularised()
 
 

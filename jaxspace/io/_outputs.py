@@ -51,7 +51,7 @@ class Span(NamedTuple):
 
     @classmethod
     def of(cls, ts: Array) -> "Span":
-        """That of saved times, (times, *runs)."""
+        """The output at saved times, (times, *runs)."""
         return cls(jnp.min(ts, axis=0), jnp.max(ts, axis=0))
 
     def inside(self, t: Scalar) -> Scalar:

@@ -31,7 +31,7 @@ class Multipliers(NamedTuple):
     rho: Float[Array, ""]
 
     def of(self, c: Float[Array, " equal"], d: Float[Array, " inequal"]) -> "Multipliers":
-        """Those with which the gradient of L at c and d is the gradient of the Lagrangian."""
+        """Multipliers with which the gradient of L at c and d is that of the Lagrangian."""
         return Multipliers(
             self.y + self.rho * c, jnp.maximum(self.nu - self.rho * d, 0.0), self.rho
         )

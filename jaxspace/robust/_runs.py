@@ -52,7 +52,7 @@ class Problem(NamedTuple):
 
     @property
     def statistics(self) -> tuple[AbstractStatistic, ...]:
-        """Those of the objective and the constraints."""
+        """The statistics of the objective and the constraints."""
         return self.objective, *(c.statistic for c in self.constraints)
 
     @property

@@ -43,4 +43,5 @@ def ignited(motor: Motor, t0: Scalar) -> Motor:
     motor_delay = motor.delay  # type: ignore[attr-defined]
     if motor_delay is None:
         return motor
-    return dataclasses.replace(motor, ignition=t0 + motor_delay, delay=None)  # type: ignore[type-var]
+    lit = {"ignition": t0 + motor_delay, "delay": None}
+    return dataclasses.replace(motor, **lit)  # type: ignore[type-var]

@@ -56,8 +56,8 @@ class Instant(NamedTuple):
         at: tuple[Scalar, State],
         run_axes: int,
     ) -> "Instant":
-        """That of the events that were `found` by runs from their `start` on, time and state; where
-        some are waiting, or none was found, this one."""
+        """The instant of the events that were `found` by runs from their `start` on, time and
+        state; where some are waiting, or none was found, this one."""
         known = self.start_known()
         new = simultaneous_events(system, events, found, start, at, run_axes, known)
         yes = jnp.ones(new.happened.shape, bool)
