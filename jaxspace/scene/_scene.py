@@ -292,7 +292,8 @@ class Scene(AbstractScene):
         return jnp.concatenate([jnp.broadcast_to(x, (x.shape[0], *runs)) for x in times])
 
     def started_at(self, t0: Scalar) -> "Scene":
-        effects = tuple(effect.started_at(t0) for effect in self.effects)
+        # By their classes, because a bound method of a module is a module, built at each access.
+        effects = tuple(type(effect).started_at(effect, t0) for effect in self.effects)
         if all(new is old for new, old in zip(effects, self.effects, strict=True)):
             return self
         # Without the check of a construction: what the effects read and add stays.
