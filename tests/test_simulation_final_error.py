@@ -1,16 +1,19 @@
 """The error at the end that is asked for: it is met, or said not to be, against closed forms."""
 
 import functools
+from typing import final
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 from systems import Integrated
 from unchecked import unchecked
 
 from jaxspace import BodyState, FinalError, simulate, simulate_batch, simulate_mission
-from jaxspace.core import InputError
+from jaxspace.core import AbstractSystem, InputError
 from jaxspace.integration.accuracy import as_accuracy
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import (
@@ -195,6 +198,41 @@ def test_single_precision_meets_what_it_resolves():
     )
     assert int(run.status) == Status.COMPLETED
     assert apart(run.final.position, truth(1.0).position) < 0.1
+
+
+class Place(eqx.Module):
+    x: Array
+
+
+@final
+class Edge(AbstractSystem):
+    """x' = 1 below x = 1/3 and 2 above, an edge whose time no one declares."""
+
+    def vector_field(self, t, y):
+        return Place(jnp.where(y.x < 1.0 / 3.0, 1.0, 2.0).astype(y.x.dtype))
+
+    def invariants(self, t, y):
+        return {}
+
+
+@pytest.mark.parametrize(
+    ("precision", "some"),
+    [("float64", (1e-3, 1e-6, 1e-8, 1e-11, 1e-16)), ("float32", (1e-2, 1e-8))],
+)
+def test_an_edge_without_a_break_is_met_or_said_not_to_be(precision, some):
+    """From x = 0 it is 5/3 at t = 1. Steps pass the edge as far as their shortest length allows;
+    the last of what is asked is less than a rounding. What is not met has the best that is."""
+    y0, ts = Place(jnp.zeros((), precision)), jnp.array([0.0, 1.0], precision)
+    runs = [simulate(Edge(), y0, ts, accuracy=FinalError(x=x), throw=False) for x in some]
+    met = [int(run.status) == Status.COMPLETED for run in runs]
+    errors = [abs(float(run.final.x) - 5.0 / 3.0) for run in runs]
+    assert met[0] and not met[-1]
+    for x, run, ok, error in zip(some, runs, met, errors, strict=True):
+        assert error <= x if ok else int(run.status) == Status.FINAL_ERROR_MISSED
+        assert (float(run.stats["final_error"]) <= 1.0) == ok
+    assert errors[-1] <= (1e-6 if precision == "float64" else 1e-4)
+    with pytest.raises(SimulationError, match="not with the error .* times what is asked"):
+        simulate(Edge(), y0, ts, accuracy=FinalError(x=some[-1]))
 
 
 @pytest.mark.parametrize(

@@ -7,9 +7,11 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from systems import Integrated
+from test_simulation_final_error import kicked, mission, truth
+from test_simulation_final_error import start as others
 from unchecked import unchecked
 
-from jaxspace import Accuracy, BodyState, Event, simulate
+from jaxspace import Accuracy, BodyState, Event, simulate, simulate_batch, simulate_mission
 from jaxspace.core import InputError
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import SimulationError, gradient_error, gradient_within
@@ -23,7 +25,8 @@ SPEED = 1.1
 
 
 def start(speed):
-    return BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.stack([0.0 * speed, speed, 0.2 + 0.0 * speed]))
+    zero = 0.0 * speed
+    return BodyState(jnp.stack([1.0 + zero, zero, zero]), jnp.stack([zero, speed, 0.2 + zero]))
 
 
 def place(speed, accuracy):
@@ -65,6 +68,52 @@ def test_the_time_of_an_event():
     slope = 6.0 * np.pi * SPEED * (2.0 - SPEED**2 - 0.2**2) ** -2.5
     found = gradient_within(period, SPEED, 1e-6, accuracy=METHOD, forward=True)
     assert abs(float(found.gradient) - slope) <= 1e-6 and float(found.error) <= 1e-6
+
+
+def after_a_kick(speed, accuracy):
+    return simulate_mission(mission(), start(speed), accuracy=accuracy).final.position
+
+
+def of_two(speeds, accuracy):
+    return simulate_batch(ORBIT, others(speeds), TS, accuracy=accuracy).final.position
+
+
+@pytest.mark.parametrize(
+    ("function", "closed_form", "x"),
+    [
+        (after_a_kick, lambda speed: kicked(speed).position, 0.9),
+        (of_two, lambda speeds: truth(speeds).position, np.array([0.9, 1.1])),
+    ],
+    ids=["mission", "batch"],
+)
+def test_missions_and_batches(function, closed_form, x):
+    """Through the jump between two phases; and of two runs, neither by the speed of the other."""
+    exact = jax.jit(jax.jacfwd(closed_form))(x)
+    found = gradient_within(function, x, 1e-4, accuracy=METHOD, forward=True)
+    assert float(jnp.linalg.norm(found.gradient - exact)) <= 1e-4
+    assert float(found.error) <= 1e-4 and found.runs <= 4
+    # By the program of the search.
+    looser = gradient_error(function, x, Accuracy(1e-7, method=DOP853()), forward=True)
+    errors = np.abs(np.asarray(looser.gradient) - exact)
+    np.testing.assert_allclose(looser.error, errors, rtol=0.1, atol=0.1 * np.max(errors))
+
+
+def test_single_precision_says_what_it_resolves():
+    """A derivative of some ten is rounded by some millionths of it, and more along the way."""
+    orbit = jax.tree.map(lambda x: jnp.asarray(x, jnp.float32), ORBIT)
+
+    def low(speed, accuracy):
+        ts = jnp.array([0.0, 8.0], jnp.float32)
+        return simulate(orbit, start(speed), ts, accuracy=accuracy).final.position
+
+    speed = jnp.float32(SPEED)
+    flow = TwoBody(1.0).closed_form().flow
+    exact = jax.jacfwd(lambda v: flow(8.0, start(v)).position)(SPEED)
+    found = gradient_within(low, speed, 0.1, accuracy=METHOD, forward=True)
+    assert found.gradient.dtype == jnp.float32
+    assert float(np.linalg.norm(np.asarray(found.gradient) - exact)) <= 0.1
+    with pytest.raises(SimulationError, match="That of the derivative is .* times what is asked"):
+        gradient_within(low, speed, 1e-7, accuracy=METHOD, forward=True)
 
 
 def test_what_cannot_be_met_is_said():

@@ -23,6 +23,7 @@ def main() -> None:
         sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {allowed}.")
     if "asked" in names:
         asked.keep(asked.measure())
+        asked.keep_drawn(asked.measure_drawn())
     if {"asked", "page"} & set(names):
         asked.write()
     unexplained = []

@@ -28,7 +28,7 @@ from jaxspace.orbits.elements import state_from_elements
 from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853
 
-from . import _gauss, at_the_end
+from . import _gauss, at_the_end, drawn
 from .nesc import J2
 from .page import HERE, RESULTS
 
@@ -134,13 +134,18 @@ def measured(motion: Motion) -> Measured:
         precision: [error(motion, precision, rtol, exact) for rtol in asked]
         for precision, asked in ASKED.items()
     }
-    at_end = {
+    far, grown = exact.apart(again.state), growth(motion, ends, again)
+    return Measured(errors, far, grown, ends_of(motion, exact))
+
+
+def ends_of(motion: Motion, exact: _gauss.End) -> dict[str, list[at_the_end.AtTheEnd]]:
+    """What comes of errors at the end that are asked for, by precision."""
+    return {
         precision: at_the_end.measured(
             in_precision(motion, precision).run, exact.apart, precision, MAX_STEPS
         )
         for precision in at_the_end.WITHIN
     }
-    return Measured(errors, exact.apart(again.state), growth(motion, ends, again), at_end)
 
 
 def error(motion: Motion, precision: str, rtol: float, exact: _gauss.End) -> float:
@@ -173,6 +178,10 @@ hide: [navigation, toc]
 ---
 
 # Asked for and met
+
+{ends}
+
+## The tolerance and the error
 
 A tolerance is the error that one step may make. What users mean by it is the error at the end.
 `make validation` measures both in twelve everyday scenes, each run as a user runs it: by the method
@@ -236,12 +245,21 @@ def stored() -> dict[str, Measured]:
             {p: [math.nan if e is None else e for e in es] for p, es in row["errors"].items()},
             row["reference"],
             row["growth"],
-            {
-                p: [at_the_end.AtTheEnd(e[0], e[1], e[2] or math.nan) for e in es]
-                for p, es in row["ends"].items()
-            },
+            {p: [_restored(e) for e in es] for p, es in row["ends"].items()},
         )
         for name, row in rows.items()
+    }
+
+
+def _restored(row: list[Any]) -> at_the_end.AtTheEnd:
+    return at_the_end.AtTheEnd(*(math.nan if x is None else x for x in row))
+
+
+def stored_drawn() -> dict[str, dict[str, list[at_the_end.AtTheEnd]]]:
+    """What was measured last of the scenes that are drawn."""
+    rows = json.loads((RESULTS / "drawn.json").read_text())
+    return {
+        name: {p: list(map(_restored, es)) for p, es in row.items()} for name, row in rows.items()
     }
 
 
@@ -250,11 +268,19 @@ def keep(found: dict[str, Measured]) -> None:
     rows = {}
     for name, one in found.items():
         errors = {p: [None if math.isnan(e) else e for e in es] for p, es in one.errors.items()}
-        ends = {
-            p: [[None if math.isnan(x) else x for x in e] for e in es] for p, es in one.ends.items()
-        }
-        rows[name] = one._replace(errors=errors, ends=ends)._asdict()
+        rows[name] = one._replace(errors=errors, ends=_plain(one.ends))._asdict()
     (RESULTS / "asked.json").write_text(json.dumps(rows, indent=1) + "\n")
+
+
+def keep_drawn(found: dict[str, dict[str, list[at_the_end.AtTheEnd]]]) -> None:
+    """Put what was measured of the scenes that are drawn into the record."""
+    rows = {name: _plain(ends) for name, ends in found.items()}
+    (RESULTS / "drawn.json").write_text(json.dumps(rows, indent=1) + "\n")
+
+
+def _plain(ends: dict[str, list[at_the_end.AtTheEnd]]) -> dict[str, list[list[float | None]]]:
+    """As JSON has it, which has no NaN."""
+    return {p: [[x if math.isfinite(x) else None for x in e] for e in es] for p, es in ends.items()}
 
 
 def missed(one: Measured) -> list[tuple[str, float, float]]:
@@ -267,8 +293,10 @@ def missed(one: Measured) -> list[tuple[str, float, float]]:
     ]
 
 
-def text(found: dict[str, Measured]) -> str:
-    """The page of what was measured."""
+def text(
+    found: dict[str, Measured], others: dict[str, dict[str, list[at_the_end.AtTheEnd]]]
+) -> str:
+    """The page of what was measured, of these scenes and of `others` that are drawn."""
     settings = [(p, rtol) for p, asked in ASKED.items() for rtol in asked]
     columns = [f"{rtol:.0e}" + (" float32" if p == "float32" else "") for p, rtol in settings]
     misses = {name: missed(one) for name, one in found.items()}
@@ -280,14 +308,18 @@ def text(found: dict[str, Measured]) -> str:
         f"Of the {late} others {_by_growth(found)} are within ten times the tolerance times the "
         "*growth* of their motion."
     )
-    head = HEAD.format(summary=summary, asked=" | ".join(columns), rules="--:|" * len(columns))
+    ends = {name: one.ends for name, one in found.items()} | others
+    head = HEAD.format(
+        ends=at_the_end.summary(ends),
+        summary=summary,
+        asked=" | ".join(columns),
+        rules="--:|" * len(columns),
+    )
     lines = [head, *(_line(name, one) for name, one in found.items()), ""]
     if late:
         lines.append(LATE)
         lines += [f"**{name}**: {NOTES[name]}\n" for name, some in misses.items() if some]
-    page = "\n".join(lines).rstrip() + "\n"
-    ends = {name: one.ends for name, one in found.items() if one.ends}
-    return page + (at_the_end.text(ends) if ends else "")
+    return "\n".join(lines).rstrip() + "\n" + at_the_end.text(ends)
 
 
 def _by_growth(found: dict[str, Measured]) -> int:
@@ -353,8 +385,20 @@ def measure() -> dict[str, Measured]:
     return found
 
 
+def measure_drawn() -> dict[str, dict[str, list[at_the_end.AtTheEnd]]]:
+    """What comes of errors at the end that are asked for in the scenes that are drawn."""
+    found = {}
+    for name, made in drawn.scenes().items():
+        motion = Motion(*made())
+        exact = _gauss.end_of(*motion, [])
+        found[name] = ends_of(motion, exact)
+        late = sum(one.met and one.error > 1.0 for runs in found[name].values() for one in runs)
+        print(f"{name}: {late} runs say met and are not", flush=True)
+    return found
+
+
 def write() -> None:
     """Write the figure and the page from the record."""
     found = stored()
     draw(found)
-    PAGE.write_text(text(found))
+    PAGE.write_text(text(found, stored_drawn()))

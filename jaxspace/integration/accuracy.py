@@ -84,6 +84,8 @@ class Accuracy(AbstractParameters):
       resolve them: at rest, or where a parameter that is zero leaves nothing to resolve. Without it
       a gradient takes a little less time. Derivatives by `AdaptiveRegularised`, by methods of fixed
       steps and by the adjoints of diffrax have the steps of the motion alone.
+    - `chosen_at`: the largest tolerance for which "auto" chooses the method; by default `rtol`, and
+      above 1e-5 it is another one. With it runs at several tolerances are one program.
 
     The tolerances and `max_step` are traced: changing them causes no new compilation.
 
@@ -112,9 +114,11 @@ class Accuracy(AbstractParameters):
     )
     decoupled: bool | None = eqx.field(static=True, default=None)
     derivative_control: bool = eqx.field(static=True, default=True)
+    chosen_at: float | None = eqx.field(static=True, default=None)
 
     def __check_init__(self):
         check_positive("Accuracy.max_steps", self.max_steps)
+        check_positive("Accuracy.chosen_at", 1.0 if self.chosen_at is None else self.chosen_at)
         for name in ("rtol", "atol", "max_step"):
             check_number(f"Accuracy.{name}", getattr(self, name))
         if is_concrete(self.rtol):

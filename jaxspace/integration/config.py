@@ -125,6 +125,8 @@ def resolve(
     if is_concrete(rtol):
         known = np.asarray(rtol)
         known_rtol = float(known.max())
+        if accuracy.chosen_at is not None:
+            known_rtol = min(known_rtol, accuracy.chosen_at)
         check_tolerance(float(known.min()), dtype)
     check_countable(accuracy.max_steps)
     method = accuracy.method

@@ -26,11 +26,13 @@ from .trajectory import Trajectory
 
 class Measured(NamedTuple):
     """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,),
-    whether the run is `good`, (*runs,), and its `evaluations` of the vector field."""
+    whether the run is `good`, or steps `missed` its tolerance, (*runs,), and its `evaluations` of
+    the vector field."""
 
     values: tuple[Array, ...]
     allowed: tuple[Array, ...]
     good: Bool[Array, "*runs"]
+    missed: Bool[Array, "*runs"]
     evaluations: Array
 
 
@@ -103,7 +105,9 @@ class FinalError(eqx.Module):
         axes = last.run_axes
         alone = isinstance(result, Trajectory)
         spent = result.stats["evaluations"] if alone else result.evaluations
-        counts = result.status <= Status.EVENT, jnp.asarray(spent)
+        status = result.status
+        ended = status <= Status.EVENT, status == Status.TOLERANCE_MISSED
+        counts = *ended, jnp.asarray(spent)
         if self.output is not None:
             values, form = jax.tree.flatten(self.output(result))
             within = jax.tree.leaves(self.within)
@@ -195,11 +199,13 @@ def _of_one_precision(
     values: Iterable[Any],
     allowed: Iterable[Any],
     good: Bool[Array, "*runs"],
+    missed: Bool[Array, "*runs"],
     evaluations: Array,
 ) -> Measured:
     arrays = tuple(map(jnp.asarray, values))
     pairs = zip(allowed, arrays, strict=True)
-    return Measured(arrays, tuple(jnp.asarray(a, x.dtype) for a, x in pairs), good, evaluations)
+    limits = tuple(jnp.asarray(a, x.dtype) for a, x in pairs)
+    return Measured(arrays, limits, good, missed, evaluations)
 
 
 def _named(state: PyTree) -> dict[str, Array]:

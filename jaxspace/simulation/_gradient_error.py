@@ -191,7 +191,5 @@ def _measured(gradient: PyTree, within: PyTree[Float[ArrayLike, ""]]) -> Measure
             f"derivative, {form}."
         )
     good = jnp.asarray(all(bool(np.all(np.isfinite(x))) for x in values))
-    pairs = zip(allowed, values, strict=True)
-    return Measured(
-        tuple(values), tuple(jnp.asarray(a, x.dtype) for a, x in pairs), good, jnp.asarray(0)
-    )
+    limits = tuple(jnp.asarray(a, x.dtype) for a, x in zip(allowed, values, strict=True))
+    return Measured(tuple(values), limits, good, jnp.asarray(False), jnp.asarray(0))

@@ -37,30 +37,32 @@ Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 # Tolerances: one for each run of a batch, or of a run alone.
 Rtol: TypeAlias = Float[Array | np.ndarray, "*runs"]
 
-# The first two tolerances lie so far apart: the first run takes half the steps of the second.
-APART = 300.0
+# The first two tolerances lie so far apart. A looser first run would cost less, and the error of
+# the second would be guessed across a gap in which that of edges of forces follows no power.
+APART = 10.0
 # In units of the error that a motion without growth would have.
-SECOND = 0.1
+SECOND = 0.5
 # Below the tolerance from which "auto" takes another method: all runs are one program.
-LOOSEST = 9e-6
-# The largest of all, in single precision.
-MOST = 1e-4
+CHOSEN_AT = 9e-6
+# The largest of all.
+MOST = 3e-5
 # The error of one step falls with the tolerance, and that of all with the steps of a method of
 # order 8 by a ninth less; the power is measured from the third run on, and not believed beyond.
 POWER, FLATTEST, STEEPEST = 0.85, 0.5, 1.1
-SAFETY = 4.0
+SAFETY = 3.0
 # What the roundings of the steps add to a tolerance, in units in the last place: below it errors
 # fall no more.
 ROUNDED = 64.0
 # A following run aims below what is asked, and its tolerance is at most so many times smaller.
-AIM, LONGEST, SHORTEST = 0.7, 1e-4, 0.3
+AIM, LONGEST, SHORTEST = 0.7, 1e-3, 0.3
 MOST_RUNS = 8
 
 
 class Search(NamedTuple):
     """The search after a run, or after a batch of runs that each search for themselves.
 
-    - `rtol`: the tolerance of the next run; `made`: those of the last two, the later one last.
+    - `rtol`: the tolerance of the next run, or of the result; `made`: those of the last two, the
+      later one last.
     - `last`: what was measured of the last run; `apart`: how far it is from the one before.
     - `estimate`: its error, in units of what is asked.
     - `loose`: the tolerance of the first run, whether it is good, and its evaluations.
@@ -103,16 +105,15 @@ def to_final_error(
 
     def simulated(parts: tuple, rtol: Rtol) -> Result:
         run, options = parts
-        accuracy = dataclasses.replace(asked.accuracy, rtol=rtol)
+        accuracy = dataclasses.replace(asked.accuracy, rtol=rtol, chosen_at=CHOSEN_AT)
         return verb(*run, accuracy=accuracy, throw=False, **options)
 
     # The numbers that functions capture have derivatives, too, which a search has not.
     parts = captured_as_leaves(((run[0], y0, run[2]), options))
 
     least = 2.0 * least_tolerance(dtype)
-    # In single precision the first run may be one of another method: little room is left.
-    second = jnp.clip(SECOND * asked.usual_tolerance(y0), least, max(least, LOOSEST / APART))
-    first = jnp.broadcast_to(jnp.minimum(APART * second, MOST).astype(dtype), runs)
+    second = jnp.clip(SECOND * asked.usual_tolerance(y0), least, MOST / APART)
+    first = jnp.broadcast_to((APART * second).astype(dtype), runs)
     if is_traced((parts, asked)):
         result, search = _traced(simulated, parts, asked, first, least)
     else:
@@ -141,7 +142,8 @@ def _known(
             return result, _exact(now, rtol)
         search = begun(now, rtol, least) if search is None else advance(search, now, least)
         if np.all(search.over):
-            return result, search
+            again = np.any(search.rtol != rtol)
+            return simulated(parts, np.asarray(search.rtol)) if again else result, search
         rtol = np.asarray(search.rtol)
 
 
@@ -172,7 +174,7 @@ def _traced(
         return jax.tree.map(lambda a, b: jnp.where(search.runs == 0, a, b), first, after)
 
     search = jax.lax.while_loop(lambda search: ~jnp.all(search.over), step, start)
-    return simulated(parts, search.made[1]), search
+    return simulated(parts, search.rtol), search
 
 
 def _without_derivatives(tree: PyTree) -> PyTree:
@@ -222,6 +224,9 @@ def advance(s: Search, now: Measured, least: Scalar) -> Search:
     over = ~now.good | (estimate <= 1.0) | (rtol <= 1.01 * least) | (runs >= MOST_RUNS)
     price = _price(s.loose, rtol, now, power)
     following = jnp.where(over, rtol, jnp.maximum(rtol * smaller, least))
+    # An edge that steps cannot pass within their tolerance: the run before it is the best one.
+    back = now.missed & s.last.good
+    following, estimate = jnp.where(back, before, following), jnp.where(back, s.estimate, estimate)
     made = jnp.stack([before, rtol])
     # One that was over before is the same run again.
     own = jax.tree.map(
@@ -288,6 +293,6 @@ def _best(search: Search) -> str:
     if estimate.ndim > 0 or not np.isfinite(estimate):
         return ""
     return (
-        f"With a tolerance of {float(search.made[1]):.2g} the estimate is "
+        f"With a tolerance of {float(search.rtol):.2g} the estimate is "
         f"{float(estimate):.3g} times what is asked."
     )
