@@ -13,8 +13,10 @@ from systems import J2, MU, RADIUS, Integrated, orbit, rocket_scene, rocket_stat
 from jaxspace import Scene, simulate, simulate_batch
 from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState, Load, RigidBody
+from jaxspace.core import InputError
 from jaxspace.integration import select_method
 from jaxspace.integration._selection import RULES
+from jaxspace.integration.config import resolve
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy
@@ -66,6 +68,19 @@ def test_a_tolerance_written_under_jit_is_known_to_the_rules():
 
     jax.eval_shape(run, BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0])))
     assert methods == [Tsit5()]
+
+
+def test_a_loose_run_takes_the_method_of_tighter_ones():
+    """So that runs at several tolerances are one program."""
+
+    def method(accuracy):
+        return type(resolve(Scene(GRAVITY), orbit(), accuracy).method)
+
+    assert method(Accuracy(1e-4)) is Tsit5
+    tight = method(Accuracy(1e-9))
+    assert tight is method(Accuracy(1e-4, chosen_at=9e-6)) is method(Accuracy(1e-9, chosen_at=1e-4))
+    with pytest.raises(InputError, match="Accuracy.chosen_at is -1: it must be positive"):
+        Accuracy(chosen_at=-1)
 
 
 def test_a_closed_form_stands_before_every_method():
