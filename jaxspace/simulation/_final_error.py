@@ -164,8 +164,9 @@ class FinalError(eqx.Module):
 
 # A block close to zero, in its unit: as for the steps.
 SMALL = 1e-3
-# As the default tolerance of double precision leaves it.
-USUAL = 1e-8
+# Of what nothing is known before the first run. A tighter one would cost loose errors more than it
+# saves tight ones.
+USUAL = 1e-7
 
 
 def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
