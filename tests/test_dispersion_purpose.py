@@ -13,6 +13,7 @@ from jaxspace.cli import main
 from jaxspace.core import InputError
 from jaxspace.dispersion import Campaign, Normal, Uniform, disperse, open_store
 from jaxspace.dispersion._by_purpose import RUNGS, tolerance_by_purpose
+from jaxspace.dispersion._engine import MEASURED
 from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion.purpose import ByPurpose
 from jaxspace.io import SceneError, load
@@ -63,13 +64,15 @@ def test_the_loosest_tolerance_that_serves(found):
         np.testing.assert_allclose(row.numerical_error, errors[row.name], rtol=0.1)
         share = 100.0 * row.numerical_error / row.std
         assert row.numerical_words == f"{share:.1g} % of std" and row.numerical_words in repr(found)
-    looser = disperse(CAMPAIGN, RUNS, seed=3, accuracy=RUNGS[RUNGS.index(rtol) - 1])
+    # Of so many runs the errors at a given tolerance are measured.
+    looser = disperse(CAMPAIGN, MEASURED, seed=3, accuracy=RUNGS[RUNGS.index(rtol) - 1])
     errors = true_errors(looser)
     assert any(errors[n] > limits[n] for n in errors)
     # A tolerance that is given stays what it is, and shows its errors.
     assert looser.purpose is None
     for row in looser.table():
-        np.testing.assert_allclose(row.numerical_error, errors[row.name], rtol=0.1)
+        # To a tenth by the runs at a tenth of the tolerance, and to another by their number.
+        np.testing.assert_allclose(row.numerical_error, errors[row.name], rtol=0.2)
     default = disperse(CAMPAIGN, RUNS, seed=3, accuracy=1e-9)
     share = np.sum(found.evaluations) / np.sum(default.evaluations)
     np.testing.assert_allclose(found.purpose.evaluations, share, rtol=0.05)

@@ -29,8 +29,9 @@ RUNGS = tuple(float(f"{digit}e-{k}") for k in range(4, 12) for digit in (3, 1))[
 # How much tighter than the default those runs are with which others are compared: the first of them
 # that can be run; and how much looser those others are at least.
 REFERENCES, APART = (1e-3, 1e-2, 1e-1, 1.0), 10.0
-# As of the runs with a given tolerance, where no reference exists.
-FINER = 0.01
+# As of the runs with a given tolerance, which shows their errors to a tenth; and the least that
+# shows any.
+FINER, RESOLVED_BY = 0.1, 0.2
 # An output scatters if its deviation is above this power of the rounding of its values.
 RESOLVED = 2.0 / 3.0
 
@@ -119,10 +120,10 @@ def _reference(at: Simulated, default: float, least: float) -> tuple[float, RunR
 
 def errors_at(rtol: float, here: RunResults, simulated: Simulated) -> dict[str, float]:
     """The numerical errors of the outputs that scatter, by name, from the runs `here` with a
-    tolerance `rtol` and those with a hundredth of it. Empty where the precision does not resolve a
+    tolerance `rtol` and those with a tenth of it. Empty where the precision does not resolve a
     tenth, or where the runs cannot be made."""
     finer = max(FINER * rtol, 2.0 * least_tolerance(jnp.result_type(float)))
-    if finer * APART > rtol:
+    if finer > RESOLVED_BY * rtol:
         return {}
     try:
         reference = simulated(finer)
