@@ -22,7 +22,7 @@ NAMES = (
     *("hybrid_training", "first_call", "first_answers", "kick_stage", "elements", "porkchop"),
     *("effects", "crossings", "model_rocket", "campaign", "closed_loops"),
     *("environment_steps", "instruments", "dispersion_methods", "rocket_campaign", "of_others"),
-    *("optimisers", "chapter_8", "which_method"),
+    *("optimisers", "chapter_8", "which_method", "design"),
 )
 RESULTS = Path(__file__).parent / "results"
 

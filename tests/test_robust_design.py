@@ -1,6 +1,7 @@
 """The best design under dispersion, where statistics, their derivatives and the optimum are known
 in closed form or by quadrature."""
 
+import dataclasses
 from typing import final
 
 import equinox as eqx
@@ -297,6 +298,22 @@ def test_failed_runs_are_left_out_and_harm_no_other():
     slopes = jax.jit(lambda x: [d(lambda x: problem(x).objective)(x) for d in MODES])(x)
     # Of each run 1/(1 - w x)^2.
     np.testing.assert_allclose(slopes, np.mean((1.0 - w * x) ** -2.0), rtol=1e-3)
+
+
+def test_a_search_turns_back_where_runs_fail():
+    """The larger x, the better, until runs become singular: w x < 1 for w up to 0.8."""
+
+    def held(x):
+        inputs = {"w": Uniform(0.0, 0.8)}
+        made = dataclasses.replace(blown(x), inputs=inputs)
+        outputs = lambda result, samples: {"y": -result.final.y}  # noqa: E731
+        return dataclasses.replace(made, outputs=outputs)
+
+    found = optimise_design(held, jnp.asarray(0.9), minimise=Mean("y"), runs=64, max_steps=12)
+    # One of 64 Sobol points lies in the last 64th of the range.
+    assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.value)
+    assert int(found.minimum.left_out) > 0
+    assert "at their designs more than a share of 0 of the runs fail" in repr(found)
 
 
 def test_too_many_failed_runs_at_the_start_are_said():

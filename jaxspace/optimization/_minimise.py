@@ -26,7 +26,7 @@ from ._entry import as_point, check_scale, check_steps
 from ._gradient_check import refuse
 from ._optimiser import SQP, Optimiser, check_optimiser
 from ._scaling import scaled_problem
-from ._search import search
+from ._search import FORWARD_RATIO, search
 from .search_store import SearchStore, as_store
 
 
@@ -45,6 +45,7 @@ def minimise(
     progress: Progress | None = None,
     store: SearchStore | str | os.PathLike[str] | None = None,
     resume: bool = False,
+    forward_ratio: float = FORWARD_RATIO,
 ) -> Minimum:
     """A local minimum of `problem(x).objective` under its constraints.
 
@@ -74,6 +75,8 @@ def minimise(
     - `store`: the path of a file in which the search keeps its state; not under `jit`.
     - `resume`: whether it goes on from that file, where there is one, after its process was ended:
       with the same steps, bit for bit, that it would have taken.
+    - `forward_ratio`: number of unknowns for each objective and constraint up to which derivatives
+      are taken by forward mode, and beyond it by reverse mode; 0 for reverse mode.
 
     **Returns** the `Minimum`, which reports in `converged` whether the tolerance was met and in
     `sentence()` why it ended. It is not differentiable in what `problem` closes over. The problem
@@ -99,7 +102,16 @@ def minimise(
     check = check_gradient and before is None
     scaled = scaled_problem(problem, x, limits, scale, before, bounds is not None)
     minimum = search(
-        scaled, optimiser, tolerance, max_steps, exact_hessian, check, progress, before, kept
+        scaled,
+        optimiser,
+        tolerance,
+        max_steps,
+        exact_hessian,
+        check,
+        progress,
+        before,
+        kept,
+        forward_ratio,
     )
     if check_gradient and not is_traced(minimum.gradient_error):
         refuse(float(minimum.gradient_error), worst_number(minimum))

@@ -28,6 +28,10 @@ from .search_store import SearchStore
 # the objective falls without bound.
 FARTHEST_BY_OPTAX = 1e7
 
+# How many unknowns there may be for each number that is differentiated, up to which forward mode
+# compiles and runs sooner.
+FORWARD_RATIO = 16.0
+
 
 class Method(NamedTuple):
     """What `drive` needs of a search; `end`: the place of its result, from its last state."""
@@ -49,19 +53,20 @@ def search(
     progress: Progress | None,
     before: Minimum | None,
     store: SearchStore | None = None,
+    ratio: float = FORWARD_RATIO,
 ) -> Minimum:
     """The minimum of a scaled problem; the arguments are those of `minimise`, `check` says whether
     the gradient at the start is compared with differences, `before` is the search to
-    continue, and `store` keeps its state."""
+    continue, `store` keeps its state, and `ratio` decides the mode of differentiation."""
     z0 = scaled.start
     least = jnp.asarray(tolerance, z0.dtype)
     by_programmes = optimiser == SQP
     most = farthest(z0) if by_programmes else farthest(z0, FARTHEST_BY_OPTAX)
     limits = sqp_state.Limits(scaled.low, scaled.high, least, most)
     if by_programmes:
-        method = _by_programmes(scaled, limits, max_steps, exact_hessian, check)
+        method = _by_programmes(scaled, limits, max_steps, exact_hessian, check, ratio)
     else:
-        method = _by_optax(scaled, limits, optimiser, max_steps, check)
+        method = _by_optax(scaled, limits, optimiser, max_steps, check, ratio)
     state = method.state if before is None else _resumed(before, method.state)
     if store is not None:
         if is_traced(state):
@@ -81,8 +86,9 @@ def search(
     return eqx.tree_at(places, minimum, (x, held, history))
 
 
-def _derivatives(scaled: ScaledProblem) -> Callable[[Array], Any]:
-    """The Jacobian of the stacked numbers in z, and beside it the numbers and the criterion."""
+def _derivatives(scaled: ScaledProblem, ratio: float) -> Callable[[Array], Any]:
+    """The Jacobian of the stacked numbers in z, and beside it the numbers and the criterion: by
+    forward mode for up to `ratio` unknowns for each number."""
 
     def numbers(z: Array) -> tuple[Array, tuple[Array, Criterion]]:
         stacked, criterion = scaled.numbers(z)
@@ -90,7 +96,8 @@ def _derivatives(scaled: ScaledProblem) -> Callable[[Array], Any]:
 
     # Forward mode costs a run for each unknown; reverse mode costs several runs for each number,
     # and compiles for longer.
-    mode = jax.jacfwd if scaled.start.size <= 16 * (1 + scaled.me + scaled.mi) else jax.jacrev
+    forward = scaled.start.size <= ratio * (1 + scaled.me + scaled.mi)
+    mode = jax.jacfwd if forward else jax.jacrev
     return mode(numbers, has_aux=True)
 
 
@@ -100,8 +107,9 @@ def _by_programmes(
     max_steps: int,
     exact_hessian: bool,
     check: bool,
+    ratio: float,
 ) -> Method:
-    derivatives = _derivatives(scaled)
+    derivatives = _derivatives(scaled, ratio)
 
     def evaluate(s: sqp_state.SqpState) -> sqp_state.Evaluation:
         jacobian, (values, criterion) = derivatives(s.trial)
@@ -135,8 +143,9 @@ def _by_optax(
     optimiser: Any,
     max_steps: int,
     check: bool,
+    ratio: float,
 ) -> Method:
-    derivatives = _derivatives(scaled)
+    derivatives = _derivatives(scaled, ratio)
 
     # A line search differentiates the values once more: by the same mode as the search.
     @jax.custom_jvp

@@ -35,6 +35,8 @@ from .search_store import SearchStore
 
 # Steps after which the multipliers follow the mean of the constraints.
 ROUND = 20
+# As many unknowns for each number of a batch as forward mode is taken for.
+FORWARD_RATIO = 8.0
 # Batches in sequence without finite numbers, after which a search ends.
 MOST_LEFT_OUT = 10
 
@@ -225,8 +227,8 @@ def _advance(s: BatchState, scaled: ScaledProblem, stepper: Stepper, average: fl
         stacked, _ = scaled.numbers(z)
         return stacked, stacked
 
-    # As in `minimise`: a run for each unknown, or several for each number.
-    mode = jax.jacfwd if s.z.size <= 16 * s.weight.size else jax.jacrev
+    # Forward mode costs a run for each unknown, reverse mode several for each number.
+    mode = jax.jacfwd if s.z.size <= FORWARD_RATIO * s.weight.size else jax.jacrev
     jacobian, values = mode(numbers, has_aux=True)(s.z)
     sound = jnp.all(jnp.isfinite(jacobian)) & jnp.all(jnp.isfinite(values))
     first = weights(values[0], jnp.max(jnp.abs(jacobian), axis=1))

@@ -68,8 +68,14 @@ class DesignOptimum(eqx.Module):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Runs that failed and unknowns without influence, a sentence each."""
+        """Runs that failed, steps that were left out, and unknowns without influence, a sentence
+        each."""
         sentences = [failures(self.runs)]
+        if int(self.minimum.left_out):
+            sentences.append(
+                f"{int(self.minimum.left_out)} steps were left out: at their designs more than a "
+                f"share of {self.problem.may_fail:g} of the runs fail, or numbers are not finite."
+            )
         if self.without_influence:
             names = ", ".join(self.without_influence)
             sentences.append(

@@ -25,6 +25,7 @@ from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
 from ..optimization import Progress
 from ..optimization import minimise as search_minimum
+from ..optimization.batch_descent import FORWARD_RATIO
 from ..optimization.search_store import SearchStore, as_store
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
@@ -155,6 +156,7 @@ def _searched(
         max_steps=max_steps,
         progress=progress,
         store=store,
+        forward_ratio=FORWARD_RATIO,
     )
     optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
     if not math.isfinite(optimum.value) and int(minimum.steps) == 0:
