@@ -57,7 +57,7 @@ ALLOWED = {
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
         *("scene", "solvers", "simulation", "dispersion", "optimization", "vehicles"),
-        *("control", "robust"),
+        *("control", "robust", "integration"),
     },
     "plots": {"core", "rotations"},
     # Hard cases of every package.
