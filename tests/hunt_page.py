@@ -67,6 +67,11 @@ NOTES: dict[str, str] = {
     "gyro_rates": "the outer rate is left of a momentum of which the spin has nearly all",
     "kepler": "a flyby from afar, whose derivatives by the velocity lose up to two digits",
     "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
+    "burning_stage": "the points of the thrust profile do not ascend there, which is refused in a "
+    "sentence where it is seen",
+    "rolling_disk": "the disk lies flat, where it has no point of contact",
+    "turning_circles": "of a fast top, two digits of the derivatives by N; not yet explained",
+    "between_turns": "where both turning points meet, two digits of the derivatives",
 }
 
 

@@ -330,6 +330,21 @@ def test_second_harmonic_of_the_gimbal_walk():
         assert_allclose(slope, scaled, rtol=1e-13)
 
 
+def test_balance_of_any_spring():
+    """(k - 3/4 b a^2) a = F of either sign and any size: the root near the linear one, and the only
+    one beyond the jump, where Newton's steps from the linear one wander for ever."""
+    key = np.random.default_rng(0)
+    k, b, force = key.normal(size=(3, 20_000)) * 10.0 ** key.uniform(-3.0, 3.0, (3, 20_000))
+    a = np.asarray(DuffingOscillator(1.0, k, b, force).harmonic_balance())
+    terms = k * a, -0.75 * b * a**3, -force
+    # A rounding of each term.
+    assert_allclose(sum(terms) / sum(map(np.abs, terms)), 0.0, atol=1e-15)
+    # Up to the jump it is within 1.5 of the linear one, and on its side.
+    near = (k * b < 0.0) | (81.0 * np.abs(b) * force**2 < 16.0 * np.abs(k) ** 3)
+    assert np.all((a * k / force)[near] > 0.0) and np.all((a * k / force)[near] < 1.5)
+    assert np.all((a * k / force)[~near] < 0.0)
+
+
 def test_resonance_curve_of_a_softening_spring():
     """6.3-P3, P4: by the amplitude, the frequencies that the harmonic balance has; without damping
     p^2 = (k - 3/4 b a^2)/m -+ F/(a m)."""

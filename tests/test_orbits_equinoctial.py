@@ -110,6 +110,29 @@ def test_orbits_near_the_parabola():
         np.testing.assert_allclose(forward, np.eye(6), atol=1e-14)
 
 
+@pytest.mark.parametrize("retrograde", [False, True])
+def test_close_to_the_inclination_where_they_are_infinite(retrograde):
+    """At d from there h is 1/tan(d/2): no digit is lost, nor in both modes of its derivative by the
+    velocity across, -(1 + h^2)/2 cos(d)."""
+    # Where also the square of the derivative is a number of the machine.
+    d = 10.0 ** np.arange(-70.0, 1.0, 10.0)
+    sense = 1.0 if retrograde else -1.0
+    r = jnp.stack([jnp.ones(d.size), *jnp.zeros((2, d.size))])
+    along = sense * jnp.cos(d)
+
+    def h(across):
+        v = jnp.stack([jnp.zeros(d.size), along, across])
+        return ModifiedEquinoctialElements.of_state(r, v, 1.0, retrograde=retrograde).h
+
+    expected = 1.0 / np.tan(0.5 * d)
+    value, forward, reverse = both_modes(lambda x: jnp.stack([h(x)]))(jnp.sin(d))
+    # Some ten operations, each with a rounding.
+    np.testing.assert_allclose(value[0], expected, rtol=2e-15)
+    for slopes in (forward, reverse):
+        slope = -0.5 * (1.0 + expected**2) * np.cos(d)
+        np.testing.assert_allclose(np.diagonal(slopes[0]), slope, rtol=1e-14)
+
+
 def test_single_precision_and_batches():
     y = jnp.asarray(np.random.default_rng(0).normal(size=(6, 50)), jnp.float32)
     for kind in KINDS:

@@ -23,7 +23,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.printing import printed
-from ..core.safe import end_sqrt
+from ..core.safe import end_sqrt, safe_sqrt
 from ..core.types import as_float
 
 # The number of Newton's steps, each of which doubles the digits.
@@ -96,7 +96,8 @@ class DuffingOscillator(AbstractSystem):
 
         **Arguments**
 
-        - `guess`: near one of the up to three roots, m; by default near the linear one.
+        - `guess`: near one of the up to three roots, m; by default near the linear one, and beyond
+          the jump, where that has met its neighbour, near the one that is left.
 
         **Returns** the root; its derivatives are not finite where two roots meet (the jump)."""
         stiffness = self.stiffness - self.mass * self.frequency**2
@@ -107,9 +108,23 @@ class DuffingOscillator(AbstractSystem):
 
         given = (stiffness, self.softening, self.force)
         fixed = jax.lax.stop_gradient(given)
-        start = fixed[2] / fixed[0] if guess is None else jnp.asarray(guess)
+        start = _beside_the_root(*fixed) if guess is None else jnp.asarray(guess)
         shape = jnp.broadcast_shapes(*(jnp.shape(x) for x in (start, *fixed)))
         start = jnp.broadcast_to(start, shape)
         root = jax.lax.fori_loop(0, STEPS, lambda _, a: newton(a, *fixed), start)
         # A step more carries the first derivatives of the root, two the second ones.
         return newton(newton(jax.lax.stop_gradient(root), *given), *given)
+
+
+def _beside_the_root(stiffness: Scalar, softening: Scalar, force: Scalar) -> Array:
+    """An amplitude from which Newton's steps go to a root of s a - 3/4 b a^3 = F without turning.
+
+    That of the linear motion, F/s, while there is a root on its side; beyond the jump, where s and
+    b have one sign and 81 |b| F^2 > 16 |s|^3, one further out than the only root."""
+    s, b, force = jnp.broadcast_arrays(stiffness, softening, force)
+    s3 = jnp.abs(s) ** 3
+    alone = (s * b >= 0.0) & (81.0 * jnp.abs(b) * force**2 > 16.0 * s3)
+    cube = jnp.where(b == 0.0, 1.0, 0.75 * jnp.abs(b))
+    out = jnp.cbrt(jnp.abs(force) / cube) + safe_sqrt(jnp.abs(s) / cube)
+    linear = force / jnp.where(alone, 1.0, s)
+    return jnp.where(alone, -jnp.sign(b) * jnp.sign(force) * out, linear)

@@ -127,13 +127,15 @@ def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
     """h and k from the angular momentum."""
     w = unit(momentum)
     sense = -1.0 if retrograde else 1.0
-    if is_concrete(w[2]) and np.any(np.asarray(w[2]) == -sense):
+    behind, aside = sense * w[2] < 0.0, w[0] * w[0] + w[1] * w[1]
+    if is_concrete(w[2]) and np.any(np.asarray(behind & (aside == 0.0))):
         raise InputError(
             f"The inclination is {180 * (not retrograde)} deg, where these elements are infinite: "
             f"take those with retrograde={not retrograde}."
         )
-    # The sum is small only close to the inclination at which the elements are singular.
-    per = 1.0 / (1.0 + sense * w[2])
+    # 1/(1 + w_z), close to the inclination at which the elements are singular without the sum.
+    per = (1.0 - sense * w[2]) / jnp.where(behind, aside, 1.0)
+    per = jnp.where(behind, per, 1.0 / (1.0 + jnp.where(behind, 0.0, sense * w[2])))
     return -w[1] * per, w[0] * per
 
 
