@@ -52,7 +52,7 @@ ALLOWED = {
     "dispersion": {"core", "integration", "simulation"},
     "optimization": {"core", "orbits", "rockets", "integration", "simulation"},
     "robust": {"core", "integration", "simulation", "dispersion", "optimization"},
-    "estimation": {"core", "simulation", "studies"},
+    "estimation": {"core", "integration", "simulation", "studies"},
     # The packages of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),

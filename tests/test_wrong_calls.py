@@ -19,6 +19,8 @@ from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import Load, RigidBody
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Normal, disperse
+from jaxspace.estimation import fit
+from jaxspace.optimization import Criterion, minimise
 from jaxspace.orbits import ClassicalElements, PointGravity, TwoBody
 from jaxspace.orbits.initial import orbit_from_altitude, orbit_from_radius
 from jaxspace.rotations import Quaternion
@@ -320,6 +322,26 @@ def test_the_derivative_of_a_failed_run_is_refused_in_one_sentence(derivative):
 
     with pytest.raises(SimulationError, match="^The steps ran out: raise max_steps"):
         derivative(end)(1.0)
+
+
+def ended(mu):
+    """A run that no search can finish."""
+    accuracy = Accuracy(method=Tsit5(), max_steps=4)
+    return simulate(Integrated(TwoBody(mu)), Y, FAR, accuracy=accuracy).final.position
+
+
+@pytest.mark.parametrize(
+    "search",
+    [
+        lambda: minimise(lambda mu: Criterion(ended(mu)[0]), jnp.array(1.0)),
+        lambda: fit(ended, jnp.zeros(3), jnp.array(1.0)),
+    ],
+    ids=["minimise", "fit"],
+)
+def test_a_run_that_fails_in_a_search_raises_its_sentence_alone(search):
+    """And not the error of JAX, which holds the traceback of the call before it."""
+    with pytest.raises(SimulationError, match="^The steps ran out: raise max_steps"):
+        search()
 
 
 MANY_ARRAYS = jnp.ones((3, 5))

@@ -31,6 +31,7 @@ from jaxtyping import Array, PyTree
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
 from ..core.square_roots import sqrt
+from ..integration.status import sentence_alone
 from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests
@@ -87,7 +88,8 @@ def fit(
     **Returns** a `Fit`; with `batch` its arrays carry the data sets on the last axis.
 
     **Raises** `InputError` for another method, for noise that is not positive, for predictions of
-    another structure than the data, and for fewer readings than parameters."""
+    another structure than the data, and for fewer readings than parameters; `SimulationError`
+    for a run of the model that fails."""
     if method not in METHODS:
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     parameters = jax.tree.map(jnp.asarray, parameters)
@@ -101,9 +103,10 @@ def fit(
     def one(data: PyTree, parameters: PyTree) -> Fit:
         return _search(model, data, parameters, known, method, max_steps, stated)
 
-    if not batch:
-        return one(data, parameters)
-    return eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))(data, parameters)
+    every = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1)) if batch else one
+    # A run of the model may fail, which shows when its numbers are there.
+    with sentence_alone():
+        return jax.block_until_ready(every(data, parameters))
 
 
 def _check_noise(noise: PyTree) -> None:

@@ -1,8 +1,10 @@
 """Status of a run: a number, one for each run of a batch, and a sentence that says what to do."""
 
+import contextlib
 import enum
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int
@@ -107,6 +109,22 @@ _SENTENCES = {
 
 class SimulationError(RuntimeError):
     """A run failed; the message carries the sentence of its `Status`."""
+
+
+@contextlib.contextmanager
+def sentence_alone() -> Iterator[None]:
+    """In this context, turn the error of a program with a failed run into a `SimulationError`.
+
+    JAX raises an error of its own with the traceback of the call. It is caught where the library
+    calls a program; what a user compiles raises it at the user's call."""
+    try:
+        yield
+    # Which of the two is raised depends on how JAX calls the program.
+    except (jax.errors.JaxRuntimeError, ValueError) as error:
+        _, name, sentence = str(error).rpartition(f"{SimulationError.__name__}: ")
+        if not name:
+            raise
+        raise SimulationError(sentence.strip()) from None
 
 
 def combine_status(first: Int[Array, "..."], second: Int[Array, "..."]) -> Int[Array, "..."]:

@@ -19,6 +19,7 @@ from jaxtyping import PyTree
 from ..core import InputError, Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.tracing import is_traced
+from ..integration.status import sentence_alone
 from ._bounds import as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress
@@ -85,7 +86,7 @@ def minimise(
     **Raises** `InputError` for bounds or a scale that do not fit, unknowns that are not floats, a
     problem that returns no `Criterion` of arrays, a `Minimum` of another problem or optimiser, what
     is no optimiser, a gradient that is not the slope, or a store that exists, or is that of another
-    search.
+    search; `SimulationError` for a run of the problem that fails.
     """
     kept = as_store(store, resume)
     before = start if isinstance(start, Minimum) else None
@@ -100,19 +101,21 @@ def minimise(
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     check = check_gradient and before is None
-    scaled = scaled_problem(problem, x, limits, scale, before, bounds is not None)
-    minimum = search(
-        scaled,
-        optimiser,
-        tolerance,
-        max_steps,
-        exact_hessian,
-        check,
-        progress,
-        before,
-        kept,
-        forward_ratio,
-    )
+    # A run of the problem may fail.
+    with sentence_alone():
+        scaled = scaled_problem(problem, x, limits, scale, before, bounds is not None)
+        minimum = search(
+            scaled,
+            optimiser,
+            tolerance,
+            max_steps,
+            exact_hessian,
+            check,
+            progress,
+            before,
+            kept,
+            forward_ratio,
+        )
     if check_gradient and not is_traced(minimum.gradient_error):
         refuse(float(minimum.gradient_error), worst_number(minimum))
     return minimum
@@ -142,7 +145,7 @@ def minimise_from(
     **Returns** the best one, which is that of the least objective among those that converged, or of
     the least violation where none did; and all of them, with the starts on the last axis.
 
-    **Raises** `InputError` as `minimise` does, for a wrong gradient at any of the starts.
+    **Raises** as `minimise` does; `InputError` for a wrong gradient at any of the starts.
     """
     one = functools.partial(
         minimise,
@@ -156,7 +159,8 @@ def minimise_from(
         scale=scale,
     )
     in_one_batch = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))
-    every = in_one_batch(as_point(starts, "starts"))
+    with sentence_alone():
+        every = jax.block_until_ready(in_one_batch(as_point(starts, "starts")))
     if check_gradient and not is_traced(every.gradient_error):
         # As for one start, but at the end, because a search in a batch cannot be refused before.
         worst = jnp.argmax(every.gradient_error)

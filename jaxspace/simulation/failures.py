@@ -5,10 +5,8 @@ this function twice: in its log, with a traceback, and as an error whose message
 of the call and ends with the exception. Here the log is shortened to the sentence of the failure.
 """
 
-import contextlib
 import dataclasses
 import logging
-from collections.abc import Iterator
 from typing import Any, TypeVar
 
 import equinox as eqx
@@ -19,7 +17,7 @@ from jax.custom_batching import custom_vmap
 from jaxtyping import Array, Int, PyTree
 
 from ..integration.result import DenseOutput
-from ..integration.status import SimulationError, Status
+from ..integration.status import SimulationError, Status, sentence_alone
 from .mission_result import MissionTrajectory
 from .reached import nan_unless, reached, scaled
 
@@ -58,7 +56,7 @@ def loud(result: T) -> T:
     factor = nan_unless(~failed)
     integers, floats = eqx.partition(numbers, lambda x: not eqx.is_inexact_array(x))
     # Mapped outside of `jit`, this is a separate program, which has ended when the call returns.
-    with _sentence_alone():
+    with sentence_alone():
         factor, integers = _raise_where_failed((factor, integers), worst)
 
     def leaf(x: Array) -> Array:
@@ -184,19 +182,6 @@ def _largest(status: Int[Array, "..."]) -> Int[Array, "..."]:
 def _largest_of_mapped(axis_size: int, in_batched: Any, status: Array) -> tuple[Array, bool]:
     del axis_size, in_batched
     return _largest(jnp.max(status, axis=0)), False
-
-
-@contextlib.contextmanager
-def _sentence_alone() -> Iterator[None]:
-    """In this context, turn the error of a program with a failed run into a `SimulationError`."""
-    try:
-        yield
-    # Which of the two is raised depends on how JAX calls the program.
-    except (jax.errors.JaxRuntimeError, ValueError) as error:
-        _, name, sentence = str(error).rpartition(f"{SimulationError.__name__}: ")
-        if not name:
-            raise
-        raise SimulationError(sentence.strip()) from None
 
 
 def _fail(worst: Array) -> None:
