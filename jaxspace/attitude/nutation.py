@@ -32,6 +32,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, Vector
 from ..core.elliptic import complete_first, complete_third
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..rotations import Quaternion
@@ -78,6 +79,7 @@ class Nutation(eqx.Module):
         return self._sign() * self.beta + self._roots().d
 
     @property
+    @no_method
     def turning_points(self) -> tuple[Scalar, Scalar]:
         """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward
         vertical.
@@ -123,6 +125,7 @@ class Nutation(eqx.Module):
         return jnp.where(ever, 0.5 * self._sign() * self.N, rate)
 
     @property
+    @no_method
     def circle_rates(self) -> tuple[Scalar, Scalar]:
         """psi', rad/s, at the upper and at the lower turning circle (Thomson 5.13-17).
 

@@ -36,6 +36,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import Scalar, Vector, check
 from ..core.checks import is_concrete
 from ..core.elliptic import complete_elliptic
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.vectors import cross, dot, norm
@@ -110,6 +111,7 @@ class Polhode(eqx.Module):
         return jnp.where(endless, jnp.inf, 4.0 * complete_elliptic(complement) / rate)
 
     @property
+    @no_method
     def herpolhode_radii(self) -> tuple[Scalar, Scalar]:
         """Distance, rad/s, of the two vertices from the foot of the invariable plane's normal
         (Thomson 5.10-19)."""

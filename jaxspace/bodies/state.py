@@ -11,6 +11,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError, State, quantity
 from ..core.checks import check_positive
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.types import as_float
@@ -90,6 +91,7 @@ class BodyState(eqx.Module):
         return self.parts[name]
 
     @property
+    @no_method
     def present(self) -> tuple[str, ...]:
         """The names of the parts that this state holds."""
         return tuple(name for name in PARTS if getattr(self, name) is not None)

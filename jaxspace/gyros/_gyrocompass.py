@@ -39,6 +39,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ..core.types import as_float
@@ -145,6 +146,7 @@ class Gyrocompass(AbstractSystem):
         return GyrocompassState(*jnp.broadcast_arrays(*given))
 
     @property
+    @no_method
     def frame_rate(self) -> tuple[Scalar, Scalar, Scalar]:
         """W, rad/s, of the local east, north and up."""
         north, east = self.speed * jnp.cos(self.course), self.speed * jnp.sin(self.course)
@@ -172,6 +174,7 @@ class Gyrocompass(AbstractSystem):
         return jnp.arctan2(-east, north)
 
     @property
+    @no_method
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the slow oscillation about the meridian and of the
         nutation, both without damping (Thomson 6.5-11)."""

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_sqrt
 from ..core.types import as_float
@@ -62,6 +63,7 @@ class DuffingOscillator(AbstractSystem):
         return {}
 
     @property
+    @no_method
     def first_order(self) -> tuple[Scalar, Scalar]:
         """Amplitudes, m, of sin(p t) and of sin(3 p t) without damping, to first order in b."""
         p2 = self.frequency**2

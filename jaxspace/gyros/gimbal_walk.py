@@ -42,6 +42,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt
@@ -101,6 +102,7 @@ class GimbalWalk(eqx.Module):
         return -0.75 * (self.theta_rate / self.frequency) ** 2 * bend
 
     @property
+    @no_method
     def second_harmonic(self) -> tuple[Scalar, Scalar]:
         """Amplitudes of cos(2 w t) in psi', rad/s, and in theta, rad, to second order in the rate
         of theta (Thomson 6.3, problem 1).

@@ -27,6 +27,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
@@ -99,6 +100,7 @@ class Gyropendulum(AbstractSystem):
         return LinearFlow(*self._matrices())
 
     @property
+    @no_method
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the precession and of the nutation, without erection:
         (sqrt(H^2 + 4 A Wl) -+ H) / (2 A)."""

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import InputError
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..optimization import Minimum, StopReason
 from ..simulation import MissionTrajectory
@@ -109,6 +110,7 @@ class Optimum:
         return (self.objective, *self.constraints)
 
     @property
+    @no_method
     def target_derivatives(self) -> tuple[float, ...]:
         """For each constraint the derivative of the objective by its target, SI: from the
         multipliers, zero where the constraint does not bind; NaN for an infeasible problem."""

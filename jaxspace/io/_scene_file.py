@@ -16,7 +16,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..core.listed import Listed
+from ..core.listed import Listed, no_method
 from ..dispersion import Campaign, StopRule
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
@@ -122,6 +122,7 @@ class SceneFile:
         return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
 
     @property
+    @no_method
     def compare(self) -> tuple[str, ...]:
         """The cheaper methods with which the file compares its runs."""
         return tuple(self._dispersion()["compare"])

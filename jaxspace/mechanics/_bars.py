@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core.listed import no_method
 from ..core.square_roots import inverse_sqrt
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
@@ -79,6 +80,7 @@ class BarOnString(AbstractLagrangian):
         return state_of_pairs((phi, phi_rate), (theta, theta_rate))
 
     @property
+    @no_method
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of the slow and of the fast small swing."""
         return _swings(self.string_length, self.bar_length, self.gravity)
@@ -130,6 +132,7 @@ class BarOnSpring(AbstractLagrangian):
         return self.free_length + self.mass * self.gravity / self.stiffness
 
     @property
+    @no_method
     def frequencies(self) -> tuple[Scalar, Scalar, Scalar]:
         """Angular frequencies, rad/s, of the small bounce, and of the slow and the fast small
         swing."""

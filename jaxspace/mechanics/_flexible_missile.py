@@ -32,6 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -187,6 +188,7 @@ class FlexibleMissile(AbstractSystem):
         return beam_roots("free-free", self.modes).tolist()
 
     @property
+    @no_method
     def hinge(self) -> tuple[Array, Array, Array]:
         """phi_i and phi_i', 1/m, at the hinge, and S_i, kg m: each (modes, *runs)."""
         # With the same runs, so that none of their axes is taken for that of the modes.
@@ -203,6 +205,7 @@ class FlexibleMissile(AbstractSystem):
         return shapes, slopes / length, moments * mass * length
 
     @property
+    @no_method
     def matrices(self) -> tuple[Float[Array, "n n *#runs"], Float[Array, "n n *#runs"]]:
         """Masses and stiffnesses of engine and bending, without dampers: of M x'' + K x = 0."""
         shapes, slopes, s = self.hinge

@@ -37,6 +37,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError, NumberField, Scalar, quantity
+from ..core.listed import no_method
 from ..core.types import as_float
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import mass_matrix, momenta
@@ -93,6 +94,7 @@ class AbstractLagrangian(AbstractDescription):
         return GeneralisedState(*consistent(self, t, y.coordinates, y.rates))
 
     @property
+    @no_method
     def cyclic(self) -> tuple[str, ...]:
         """The names of the coordinates whose momenta are constant."""
         cyclic = symmetries(self).cyclic

@@ -18,6 +18,7 @@ from jaxtyping import Array
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
+from ..core.listed import no_method
 from ..core.types import as_float
 from ._description import GeneralisedState
 from ._lagrangian import AbstractLagrangian
@@ -124,6 +125,7 @@ class ElasticPendulum(AbstractLagrangian):
         return state_of_pairs((r, r_rate), (theta, theta_rate))
 
     @property
+    @no_method
     def frequencies(self) -> tuple[Scalar, Scalar]:
         """Angular frequencies, rad/s, of small bounces and of small swings; at a ratio of two they
         exchange their energy."""

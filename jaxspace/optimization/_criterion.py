@@ -13,6 +13,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..core.listed import no_method
 from ..core.printing import printed
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
@@ -246,6 +247,7 @@ class Minimum(eqx.Module):
         return ravel_pytree(self.x)[1](jnp.max(rows, axis=0))
 
     @property
+    @no_method
     def unmet(self) -> tuple[Bool[np.ndarray, " equal"], Bool[np.ndarray, " inequal"]]:
         """Which equalities and which inequalities are not met, flat, for a known result of one run.
 

@@ -29,6 +29,7 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, output, quantity
+from ..core.listed import no_method
 from ..core.vectors import norm
 from .airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
@@ -80,6 +81,7 @@ class Aerodynamics(AbstractEffect):
     burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
 
     @property
+    @no_method
     def surfaces(self) -> tuple[AbstractSurface, ...]:
         """The parts that give a normal force."""
         return tuple(s for s in (self.nose, self.fins, self.tail) if s is not None)

@@ -36,6 +36,7 @@ from ..core import (
     quantity,
 )
 from ..core.formula import POSITIVE, formula
+from ..core.listed import no_method
 from ..core.shapes import with_rank
 from ..core.types import as_float
 from ..core.vectors import norm
@@ -99,6 +100,7 @@ class LaunchSite(AbstractParameters):
         return east, north
 
     @property
+    @no_method
     def environment(self) -> tuple[AbstractEffect, ...]:
         """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
         known."""

@@ -9,6 +9,7 @@ from typing import final
 
 import jax
 
+from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.text import aligned
 from ._case import Case
@@ -64,6 +65,7 @@ class Verification:
         return not self.failed
 
     @property
+    @no_method
     def failed(self) -> tuple[CaseResult, ...]:
         """The rows that fail."""
         return tuple(row for row in self.rows if row.verdict == "fails")
