@@ -239,7 +239,8 @@ def test_explain_prints_the_table_of_every_scene(tmp_path, capsys):
     printed = capsys.readouterr().out
     assert (
         "coast\n" in printed
-        and "PointGravity" in printed
+        # As the file names it.
+        and "\npoint_gravity " in printed
         and "state: position, velocity" in printed
     )
 

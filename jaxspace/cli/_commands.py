@@ -18,6 +18,7 @@ from ..io import Optimum, SceneFile, listing, load, schema
 from ..io.by_numpy import by_numpy
 from ..io.report import mission_report, optimum_report, run_report, sensitivity_report
 from ..io.units import read_option
+from ..scene import Scene
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..studies.budget_table import effect_names
@@ -151,7 +152,7 @@ def explain(path: str, modules: Sequence[str] = ()) -> int:
     if not scenes:
         print(f"{type(file.system).__name__} is a system of its own: it has no effects.")
     for name, scene in scenes.items():
-        print(f"\n{name}\n{scene.explain()}")
+        print(f"\n{name}\n{scene.explain(_names_in(file, name, scene))}")
     return 0
 
 
@@ -253,15 +254,19 @@ def _effects_by_class(file: SceneFile) -> dict[str, str]:
     """The names that the file gives its effects, by those of their classes in a budget: several
     where the phases have different ones of a class."""
     found: dict[str, list[str]] = {}
-    for leg in file.parsed.legs:
-        names = list(leg.phase["effects"])
-        scene = file.scenes().get(leg.name)
-        if scene is None or len(names) != len(scene.effects):
-            continue
-        for label, name in zip(effect_names(scene), names, strict=True):
+    for phase, scene in file.scenes().items():
+        names = _names_in(file, phase, scene)
+        for label, name in zip(effect_names(scene), names, strict=False):
             found.setdefault(label, []).append(name)
     # Each once, in the order of the file.
     return {label: ", ".join(dict.fromkeys(names)) for label, names in found.items()}
+
+
+def _names_in(file: SceneFile, phase: str, scene: Scene) -> list[str]:
+    """The names that the file gives the effects of a phase; empty where it does not name each."""
+    legs = [leg for leg in file.parsed.legs if leg.name == phase]
+    names = list(legs[0].phase["effects"]) if legs else []
+    return names if len(names) == len(scene.effects) else []
 
 
 def show_list(word: str = "", modules: Sequence[str] = ()) -> int:

@@ -1,5 +1,6 @@
 """The effects of a scene, and the share of each in the arithmetic of an evaluation."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -98,10 +99,18 @@ def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) ->
     return [*rows, EffectRow("equations of motion", scene.parts, (), own, own / divisor)]
 
 
-def explain(scene: AbstractScene) -> str:
+def explain(scene: AbstractScene, names: Sequence[str] = ()) -> str:
     """A table of the effects: what each reads and adds, and its share of the arithmetic of one
-    evaluation."""
-    rows = budget(scene)
+    evaluation.
+
+    **Arguments**
+
+    - `scene`: the scene.
+    - `names`: of the effects, in their order; by default those of their classes."""
+    *effects, own = budget(scene)
+    if names:
+        effects = [row._replace(effect=name) for row, name in zip(effects, names, strict=True)]
+    rows = [*effects, own]
     lines = [("effect", "reads", "adds", "operations", "share")]
     lines += [
         (

@@ -276,10 +276,14 @@ class Scene(AbstractScene):
         it."""
         return conserved(self, t, y)
 
-    def explain(self) -> str:
+    def explain(self, names: Sequence[str] = ()) -> str:
         """A table of the effects: what each reads and adds, and its share of the arithmetic of one
-        evaluation."""
-        return explain(self)
+        evaluation.
+
+        **Arguments**
+
+        - `names`: of the effects, in their order; by default those of their classes."""
+        return explain(self, names)
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         """The break times of all effects, s, (times, *runs)."""
