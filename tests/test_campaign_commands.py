@@ -1,6 +1,7 @@
 """The commands of campaigns: resume, replay, failures, and the end of a campaign by a signal."""
 
 import dataclasses
+import importlib
 import os
 import re
 import shutil
@@ -146,8 +147,15 @@ def test_resume_computes_what_is_missing_or_damaged(flown, store, capsys):
     assert store.with_suffix(".png").exists()
 
 
-def test_replay_flies_one_run_again(store, tmp_path, capsys):
-    assert main(["replay", str(store), "--run", "17", "--out", str(tmp_path / "a")]) == 0
+def test_replay_flies_one_run_again(store, tmp_path, capsys, monkeypatch):
+    titles = []
+    campaigns = "jaxspace.cli._campaigns"
+    drawn = importlib.import_module(campaigns).draw
+    monkeypatch.setattr(f"{campaigns}.draw", lambda *a: titles.append(a[3]) or drawn(*a))
+    monkeypatch.setattr(f"{campaigns}.show_page", lambda *a: titles.append(a[3]))
+    assert main(["replay", str(store), "--run", "17", "--out", str(tmp_path / "a"), "--show"]) == 0
+    # Those of the picture of each phase, and of the page with all of them.
+    assert titles == ["A coast, run 17: coast", "A coast, run 17"]
     printed = capsys.readouterr().out
     kept = open_store(store)
     assert "A coast: run 17, seed 3" in printed and "reached its end" in printed
