@@ -171,7 +171,8 @@ def test_a_trajectory_knows_the_accuracy_that_was_asked_for():
     assert mission_result().accuracy is mission_result()["fall"].accuracy is GIVEN
     many = start(jnp.array([0.9, 1.0, 1.1]))
     batch = simulate_batch(TwoBody(1.0), many, ts, accuracy=GIVEN)
-    assert batch.accuracy is batch.of(1).accuracy is GIVEN
+    # Of one run it is built again, with the tolerance of that run.
+    assert batch.accuracy is GIVEN and batch.of(1).accuracy == GIVEN
 
 
 @pytest.mark.parametrize("through", [jax.jit, lambda f: jax.vmap(f, in_axes=-1)])
