@@ -111,7 +111,7 @@ def test_the_files_of_the_manual_work_together(tmp_path, capsys):
         (tmp_path / name).write_text(text)
     given = [str(tmp_path / "decay.toml"), "--with", str(tmp_path / "my_effects.py")]
     assert main(["explain", *given]) == 0
-    assert re.search(r"LinearDrag +velocity +acceleration", capsys.readouterr().out)
+    assert re.search(r"linear_drag +velocity +acceleration", capsys.readouterr().out)
     assert set(load(given[0], modules=given[2:]).campaign().units) >= {"distance"}
 
 

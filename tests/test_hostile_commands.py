@@ -227,6 +227,6 @@ def test_scenes_of_one_structure_are_compiled_once(tmp_path, capsys, monkeypatch
     scene = tmp_path / "coast.toml"
     scene.write_text(COAST.replace("[dispersion]", more + "[dispersion]", 1))
     assert main(["explain", str(scene)]) == 0
-    assert capsys.readouterr().out.count("PointGravity") == 21
+    assert capsys.readouterr().out.count("point_gravity") == 21
     # The scene, and the scene without its effect.
     assert len(compiled) <= 2
