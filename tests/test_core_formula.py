@@ -4,14 +4,23 @@ import importlib
 import inspect
 import pickle
 import re
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from jaxspace.attitude.top_relatives import crusher_force
 from jaxspace.core import InputError, Scalar, Vector
-from jaxspace.core.formula import ABOVE_ZERO, ANY, BELOW_ONE, POSITIVE, formula
+from jaxspace.core.formula import (
+    ABOVE_ZERO,
+    ANY,
+    BELOW_ONE,
+    POSITIVE,
+    _checked_value,
+    formula,
+)
 from jaxspace.core.modules import public_names
 from jaxspace.orbits.transfers import hohmann_transfer
 
@@ -117,6 +126,25 @@ def test_every_formula_refuses_numbers_out_of_the_range_of_their_argument():
                     wrong.append(complaint(function, number, given, sentence))
     assert not any(wrong), "\n".join(filter(None, wrong))
     assert tried > 2000
+
+
+def test_a_run_out_of_the_range_is_marked_and_harms_no_other():
+    """Of a negative radius the force of the wheel would be a number as any other."""
+    wheel = {"precession": 1.0, "weight": 1.0, "arm": 1.0, "transverse_inertia": 1.0}
+    force = partial(crusher_force, 0.3, axial_inertia=1.0, **wheel)
+    radii = jnp.array([-1.0, 1.0, jnp.nan, 2.0])
+    expected = [jnp.nan, force(radius=1.0), jnp.nan, force(radius=2.0)]
+    # One and the same operations on one number and on four.
+    np.testing.assert_allclose(force(radius=radii), expected, rtol=1e-15)
+    np.testing.assert_allclose(force(radius=np.asarray(radii)), expected, rtol=1e-15)
+    assert np.isnan(crusher_force(0.3, 1.0, 1.0, radii, 1.0, 1.0, 1.0)).tolist() == [1, 0, 1, 0]
+    # By the range alone, in every formula, before it computes.
+    for number in (n for numbers in formulas().values() for n in numbers if n.range is not ANY):
+        runs = np.ones([*(3 if n is None else n for n in number.shape), 2])
+        runs[..., 0] = -1.0
+        runs[..., 1] = 0.5
+        marked = np.asarray(_checked_value(number, jnp.asarray(runs)))
+        assert np.isnan(marked[..., 0]).all() and (marked[..., 1] == 0.5).all(), number.name
 
 
 # Names of arguments that mean the same size in every formula.

@@ -11,6 +11,7 @@ import typing
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeVar, cast
 
+import jax.numpy as jnp
 import numpy as np
 
 from .checks import InputError, check, is_concrete
@@ -60,9 +61,9 @@ def formula(function: Callable[..., Any] | None = None, /, **ranges: Range) -> A
 
     Raises `InputError`, by the name of the argument, for a text, a complex number or another object
     in the place of numbers, for an array with another number of components, and for a known number
-    that is NaN or out of its range. What is traced is checked by its type and shape alone, at no
-    cost in the compiled program. Numbers of several runs pass: a run out of the range is NaN, and
-    the others are what they are."""
+    that is NaN or out of its range. Of the known numbers of several runs one out of its range
+    becomes NaN, which marks its run and harms no other. What is traced is checked by its type and
+    shape alone, at no cost in the compiled program."""
     if function is None:
         return lambda function: _checked(function, ranges)
     return _checked(function, {})
@@ -76,13 +77,14 @@ def _checked(function: Function, ranges: Mapping[str, Range]) -> Function:
 
     @functools.wraps(function)
     def checked(*given: Any, **named: Any) -> Any:
+        places = list(given)
         for number in numbers:
-            if number.place < len(given):
-                _check(number, given[number.place])
+            if number.place < len(places):
+                places[number.place] = _checked_value(number, places[number.place])
         for name, value in named.items():
             if name in by_name:
-                _check(by_name[name], value)
-        return function(*given, **named)
+                named[name] = _checked_value(by_name[name], value)
+        return function(*places, **named)
 
     checked.numbers = numbers  # type: ignore[attr-defined]
     return cast(Function, checked)
@@ -106,18 +108,19 @@ def _numbers_of(function: Callable[..., Any], ranges: Mapping[str, Range]) -> li
     return result
 
 
-def _check(number: _Number, x: Any) -> None:
-    """Raise `InputError` unless `x` can stand for the number."""
+def _checked_value(number: _Number, x: Any) -> Any:
+    """`x`, with NaN for the runs that are out of the range. Raises `InputError` unless it can stand
+    for the number."""
     # The kinds of most calls first.
     if isinstance(x, float | int):
         _check_range(number, x)
-        return
+        return x
     if x is None and number.optional:
-        return
+        return x
     dtype = getattr(x, "dtype", None)
     # Lists are converted where they are used, and objects that say what array they are.
     if dtype is None and (isinstance(x, list | tuple) or hasattr(x, "__jax_array__")):
-        return
+        return x
     if dtype is None or not is_real(x):
         raise InputError(f"{number.name} is {_shown(x)}: it must be {_allowed(number)}.")
     for length, wanted in zip(np.shape(x), number.shape, strict=False):
@@ -125,10 +128,23 @@ def _check(number: _Number, x: Any) -> None:
             raise InputError(
                 f"{number.name} has the shape {np.shape(x)}: it must be {_allowed(number)}."
             )
-    # Of several runs, one that is out of the range must not stop the others. The components of a
-    # vector without a range are not read, because that would wait for the device.
-    if np.ndim(x) == len(number.shape) and (not number.shape or number.range is not ANY):
+    one_run = np.ndim(x) <= len(number.shape)
+    # The components of a vector without a range, and of runs without one, are not read, because
+    # that would wait for the device.
+    if number.range is ANY and (number.shape or not one_run):
+        return x
+    if one_run:
         _check_range(number, x)
+        return x
+    return _marked(number, x)
+
+
+def _marked(number: _Number, x: Any) -> Any:
+    """The numbers of several runs, NaN where they are known to be out of the range."""
+    if not is_concrete(x):
+        return x
+    good = number.range.contains(np.asarray(x))
+    return x if np.all(good) else jnp.where(good, x, jnp.nan)
 
 
 def _check_range(number: _Number, x: Any) -> None:
