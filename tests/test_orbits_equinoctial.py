@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from both_modes import both_modes
+from mpmath import mp
 
 from jaxspace.core import InputError
 from jaxspace.orbits import ClassicalElements, EquinoctialElements, ModifiedEquinoctialElements
@@ -108,6 +109,34 @@ def test_orbits_near_the_parabola():
         value, forward, _ = FORMS[ModifiedEquinoctialElements, False](y)
         np.testing.assert_allclose(value, y, atol=1e-15)
         np.testing.assert_allclose(forward, np.eye(6), atol=1e-14)
+
+
+def exact_mean_longitude(y):
+    """Of an ellipse, with mu = 1: the longitude of the periapsis, E and e sin E in forty digits."""
+    with mp.workdps(40):
+        x, v = ([mp.mpf(float(c)) for c in part] for part in (y[:3], y[3:]))
+        H = [x[1] * v[2] - x[2] * v[1], x[2] * v[0] - x[0] * v[2], x[0] * v[1] - x[1] * v[0]]
+        size, r = mp.sqrt(sum(c * c for c in H)), mp.sqrt(sum(c * c for c in x))
+        w = [c / size for c in H]
+        h, k = -w[1] / (1 + w[2]), w[0] / (1 + w[2])
+        F, G = (1 + h * h - k * k, 2 * h * k, -2 * k), (2 * h * k, 1 - h * h + k * k, 2 * h)
+        outward = sum(a * b for a, b in zip(x, v, strict=True))
+        squared = sum(c * c for c in v)
+        e = [(squared - 1 / r) * a - outward * b for a, b in zip(x, v, strict=True)]
+        east, north = (sum(a * b for a, b in zip(e, axis, strict=True)) for axis in (F, G))
+        alpha = 2 / r - squared
+        sine = outward * mp.sqrt(alpha)
+        return mp.atan2(north, east) + mp.atan2(sine, 1 - r * alpha) - sine
+
+
+@pytest.mark.parametrize("across", [0.3, 1e-2, 1e-3, 1e-4])
+def test_the_mean_longitude_of_a_narrow_ellipse(across):
+    """Nearly a fall, whose root sqrt(1 - e^2) is small. Nearer still its plane is not known."""
+    y = np.array([-1.5, 1.4, 0.1, -0.3 - across * 0.4, 0.28 - across * 0.3, 0.02 + across])
+    found = float(EquinoctialElements.of_state(*jnp.split(jnp.asarray(y), 2), 1.0).mean_longitude)
+    turns = (found - exact_mean_longitude(y)) / (2 * mp.pi)
+    # A few roundings of angles of a turn.
+    assert abs(float(turns - mp.nint(turns))) < 5e-16
 
 
 @pytest.mark.parametrize("retrograde", [False, True])

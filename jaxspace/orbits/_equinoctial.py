@@ -2,7 +2,7 @@
 
     mean longitude = K + g cos K - f sin K = K - r . v / sqrt(mu a)               ellipse
     mean longitude = atan2(g, f) + s - asinh(s / e),  s = r . v / sqrt(-mu a)     hyperbola
-    e cos K = 1 - r/a
+    f cos K + g sin K = 1 - r/a,  f sin K - g cos K = r . v / sqrt(mu a)          ellipse
 
     symbol  meaning                                                       unit
     a       semi-major axis, negative for a hyperbola                     m
@@ -150,6 +150,12 @@ def _mean_longitude(
     X, Y = r * alpha1 * c, r * alpha1 * s
     cosine_K = f1 + ((1.0 - f1 * f1 * b) * X - f1 * g1 * b * Y) / root
     sine_K = g1 + ((1.0 - g1 * g1 * b) * Y - f1 * g1 * b * X) / root
+    # Of a narrow ellipse the root is small and what it divides cancels; there the eccentric anomaly
+    # counts from the periapsis, which a circle lacks.
+    narrow = f1 * f1 + g1 * g1 > 0.5
+    C, S = 1.0 - r * alpha1, jnp.where(closed, sine, 0.0)
+    sine_K = jnp.where(narrow, g1 * C + f1 * S, sine_K)
+    cosine_K = jnp.where(narrow, f1 * C - g1 * S, cosine_K)
     ellipse = atan2(sine_K, cosine_K) - sine
     f2, g2 = jnp.where(closed, 1.0, f), jnp.where(closed, 0.0, g)
     anomaly = jnp.arcsinh(sine * inverse_sqrt(f2 * f2 + g2 * g2))
