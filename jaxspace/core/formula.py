@@ -52,7 +52,9 @@ def formula(function: Function, /) -> Function: ...
 
 
 @typing.overload
-def formula(**ranges: Range) -> Callable[[Function], Function]: ...  # pyright: ignore[reportInvalidTypeVarUse]
+def formula(
+    **ranges: Range,
+) -> Callable[[Function], Function]: ...  # pyright: ignore[reportInvalidTypeVarUse]
 
 
 def formula(function: Callable[..., Any] | None = None, /, **ranges: Range) -> Any:

@@ -91,7 +91,8 @@ class SearchStore:
         leaves = [np.asarray(x) for x in jax.tree.leaves(state)]
         content = io.BytesIO()
         told = json.dumps(self._told(state))
-        np.savez(content, told=np.array(told), **{f"leaf{k}": x for k, x in enumerate(leaves)})  # type: ignore[arg-type]
+        arrays = {f"leaf{k}": x for k, x in enumerate(leaves)}
+        np.savez(content, told=np.array(told), **arrays)  # type: ignore[arg-type]
         self._replace(content.getvalue())
         ended = time.perf_counter()
         self._next = ended + (ended - began) / SHARE
