@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from jaxspace.attitude.top_relatives import crusher_force
+from jaxspace.attitude.torque_free import precession_rate
 from jaxspace.core import InputError, Scalar, Vector
 from jaxspace.core.formula import (
     ABOVE_ZERO,
@@ -22,7 +23,9 @@ from jaxspace.core.formula import (
     formula,
 )
 from jaxspace.core.modules import public_names
+from jaxspace.orbits.drag import drag_acceleration
 from jaxspace.orbits.transfers import hohmann_transfer
+from jaxspace.orbits.two_masses import reduced_mass
 
 # The packages of physics. Those of `core` are the parts of formulas, and take what they are given.
 PACKAGES = (
@@ -145,6 +148,13 @@ def test_a_run_out_of_the_range_is_marked_and_harms_no_other():
         runs[..., 1] = 0.5
         marked = np.asarray(_checked_value(number, jnp.asarray(runs)))
         assert np.isnan(marked[..., 0]).all() and (marked[..., 1] == 0.5).all(), number.name
+
+
+def test_limits_with_a_meaning_are_in_the_range():
+    """A body without mass, a thin rod, and a body that the air does not slow down."""
+    assert reduced_mass(5.0, 0.0) == 0.0 and reduced_mass(0.0, 5.0) == 0.0
+    assert precession_rate(jnp.array([0.0, 2.0, 3.0]), 4.0, 0.0) == 2.0
+    assert not np.any(drag_acceleration(jnp.ones(3), 1e-9, np.inf))
 
 
 # Names of arguments that mean the same size in every formula.

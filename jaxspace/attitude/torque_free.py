@@ -49,7 +49,7 @@ from ..bodies import BodyState, FreeRotation
 from ..bodies.inertia import AbstractInertia, as_inertia, kinetic_energy
 from ..bodies.newton_euler import angular_acceleration
 from ..core import AbstractSystem, Scalar, Vector, quantity
-from ..core.formula import POSITIVE, formula
+from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import check_components
 from ..core.vectors import axis, norm
@@ -90,7 +90,7 @@ class TorqueFreeBody(AbstractSystem):
         }
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def body_precession_rate(n: Scalar, A: Scalar, C: Scalar) -> Scalar:
     """Rate lambda at which the transverse rate of a symmetric body circles in the body (Thomson
     5.8-3); phi' = -lambda.
@@ -105,7 +105,7 @@ def body_precession_rate(n: Scalar, A: Scalar, C: Scalar) -> Scalar:
     return n * (C - A) / A
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def precession_rate(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     """Rate psi' = h / A at which the axis of a symmetric body circles about h (Thomson 5.9).
 
@@ -120,7 +120,7 @@ def precession_rate(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     return norm(jnp.stack([A * omega[0], A * omega[1], C * omega[2]])) / A
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
     """Angles of the axis of symmetry with h and with omega (Thomson 5.8-15, -16).
 
@@ -135,7 +135,7 @@ def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     """Angle of omega with h, the half-angle of the space cone on which the body cone rolls (Thomson
     5.8, 5.9).
@@ -153,7 +153,7 @@ def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     return safe_atan2(across, A * square + C * omega[2] * omega[2])
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vector:
     """The angular velocity with which a symmetric body cones (Thomson 5.9-1, -4).
 
@@ -170,7 +170,7 @@ def coning_omega(theta: Scalar, precession: Scalar, A: Scalar, C: Scalar) -> Vec
     return precession * jnp.sin(theta) * axis(1, axial) + axial * axis(2, axial)
 
 
-@formula(A=POSITIVE, C=POSITIVE)
+@formula(A=POSITIVE, C=NOT_NEGATIVE)
 def symmetric_flow(duration: Scalar, y: BodyState, A: Scalar, C: Scalar) -> BodyState:
     """The exact state of a free symmetric body a given duration later (Thomson 5.8-5, 5.9).
 

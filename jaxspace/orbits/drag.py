@@ -27,11 +27,11 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractAtmosphere, AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, output, quantity
-from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.formula import ABOVE_ZERO, NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import axis, cross, norm
 
 
-@formula(density=NOT_NEGATIVE, ballistic_coefficient=POSITIVE)
+@formula(density=NOT_NEGATIVE, ballistic_coefficient=ABOVE_ZERO)
 def drag_acceleration(
     relative_velocity: Vector, density: Scalar, ballistic_coefficient: Scalar
 ) -> Vector:
@@ -48,7 +48,7 @@ def drag_acceleration(
     return factor * relative_velocity
 
 
-@formula(radius=POSITIVE, density=NOT_NEGATIVE, ballistic_coefficient=POSITIVE, mu=POSITIVE)
+@formula(radius=POSITIVE, density=NOT_NEGATIVE, ballistic_coefficient=ABOVE_ZERO, mu=POSITIVE)
 def circular_decay_rate(
     radius: Scalar, density: Scalar, ballistic_coefficient: Scalar, mu: Scalar
 ) -> Scalar:

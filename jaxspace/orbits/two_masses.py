@@ -25,7 +25,7 @@ from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import scale
 
 
-@formula(m1=POSITIVE, m2=POSITIVE)
+@formula(m1=NOT_NEGATIVE, m2=NOT_NEGATIVE)
 def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
     """m_1 m_2 / (m_1 + m_2), kg: the inertia of the relative motion (Thomson 4.6-3).
 
