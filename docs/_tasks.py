@@ -115,18 +115,27 @@ TASKS = {
         "point_tasks",
     },
     "dispersion": {
-        "Run a campaign": "disperse Campaign Dispersion statistics table StopRule",
+        "Run a campaign": "disperse Campaign Dispersion StopRule",
         "Scatter an input": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
         "Constant distributions AbstractDistribution ConeDirection Correlated MultivariateNormal "
         "AbstractJoint",
         "Choose the samples": "LatinHypercube Sobol AbstractDesign",
-        "Know what causes the scatter": "contributors sensitivity",
-        "Know how sure a number is": "limits spread rare extremes Footprint",
+        "Know what causes the scatter": "sensitivity",
+        "Know how sure a number is": "rare Footprint",
         "Take the tolerance that serves": "purpose",
         "Do without many runs": "moments covariance comparison evaluate",
         "Run one again": "run_paths RunPaths replay",
         "Keep the runs": "open_store DamagedStore StoreError",
         "Choose where they run": "ProcessPool DaskCluster MultiHost AbstractEngine",
+    },
+    "statistics": {
+        "Read the runs": "Dispersion Failure table requirements purpose",
+        "Know what causes the scatter": "contributors correlation",
+        "Know how sure a number is": "limits spread StopRule Footprint",
+        "Know the extremes along a run": "extremes",
+    },
+    "stores": {
+        "Read a store": "open_store DamagedStore StoreError",
     },
     "optimization": {
         "Minimise": "minimise minimise_from Criterion Minimum StopReason",

@@ -18,7 +18,9 @@ The packages, from the ground up:
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
     control         controllers that act at samples, sensors, environments (imported by name)
-    dispersion      campaigns of many runs: distributions, statistics
+    statistics      of many runs: limits, joint spread, contributors, requirements
+    stores          campaigns on disk (imported by name)
+    dispersion      campaigns of many runs: distributions, engines
     optimization    staging, steering
     robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)
@@ -47,6 +49,7 @@ if TYPE_CHECKING:
     from . import scene as scene
     from . import simulation as simulation
     from . import solvers as solvers
+    from . import statistics as statistics
     from . import studies as studies
     from ._jax_settings import enable_x64 as enable_x64
     from ._jax_settings import keep_programs as keep_programs
@@ -84,6 +87,7 @@ _PACKAGES = (
     "scene",
     "simulation",
     "solvers",
+    "statistics",
     "studies",
 )
 _MODULE_OF = {

@@ -72,16 +72,17 @@ BASICS = {
         "rockets": "test_singular_places.py::test_the_spin_angle_without_burning",
         "rotations": "test_rotations.py::test_euler_angles_have_no_nan",
         "simulation": "test_simulation_results.py::test_a_failed_run_is_loud_under_jit",
+        "statistics": "test_statistics.py::test_infinite_values_count_in_percentiles",
     },
     "file": {
         "attitude": "test_attitude_moving_parts.py::test_scene_files_hold_what_moves",
         "cli": "test_cli.py::test_textbook_files_run",
         "control": "test_control_missions.py::test_a_controlled_system_in_a_scene_file",
-        "dispersion": "test_campaigns.py::test_damage_is_named_left_out_and_computed_again",
         "io": "test_io.py::test_dispersed_numbers_are_built_like_nominal_ones",
         "optimization": "test_optimize_file.py::test_what_is_wrong_is_said",
         "orbits": "test_scene_files_of_orbits.py::test_explorer_7_precesses_and_decays",
         "rockets": "test_rockets_motor_files.py::test_scene_file_names_the_file_of_its_motor",
+        "stores": "test_campaigns.py::test_damage_is_named_left_out_and_computed_again",
         "vehicles": "test_vehicles.py::test_the_file_from_pad_to_orbit_holds_what_flies",
     },
 }

@@ -40,7 +40,7 @@ from test_dispersion_ending import fly as fly_ending
 from jaxspace.dispersion import Campaign, DaskCluster, ProcessPool, StoreError, open_store
 from jaxspace.dispersion._engines import InProcess
 from jaxspace.dispersion._process_pool import _come
-from jaxspace.dispersion._store_writer import StoreWriter
+from jaxspace.stores.writer import StoreWriter
 
 pytestmark = pytest.mark.sweep
 

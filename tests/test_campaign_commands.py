@@ -21,11 +21,11 @@ from jaxspace.cli import main
 from jaxspace.cli._parser import parser, with_joined_runs
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, disperse, open_store
-from jaxspace.dispersion.requirements import Requirement
 from jaxspace.io import SceneError, SceneFile, load
 from jaxspace.io.campaign_report import failures_report
 from jaxspace.io.report import dispersion_report
 from jaxspace.simulation import Status
+from jaxspace.statistics.requirements import Requirement
 
 # The command line settles JAX for its own process.
 pytestmark = pytest.mark.usefixtures("settings_stay")

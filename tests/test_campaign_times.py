@@ -15,11 +15,11 @@ import jaxspace
 from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Normal, ProcessPool, StoreError, Uniform, disperse
-from jaxspace.dispersion.extremes import greatest
 from jaxspace.orbits import Oblateness, PointGravity, TwoBody
 from jaxspace.scene import Scene
 from jaxspace.simulation import Accuracy, Event, Mission, Phase, simulate
 from jaxspace.solvers import AdaptiveRegularised, Stormer
+from jaxspace.statistics.extremes import greatest
 
 KICK_STAGE = Path(__file__).parents[1] / "examples" / "scenes" / "kick_stage.toml"
 TIMES = [0.3, 2.0, 1.0, 3.0, 5.0]

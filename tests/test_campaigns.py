@@ -35,16 +35,16 @@ from jaxspace.dispersion import (
     StoreError,
     Uniform,
     _pilots,
-    _store_writer,
     disperse,
     open_store,
 )
-from jaxspace.dispersion._columns import columns_of
-from jaxspace.dispersion._head import sealed
-from jaxspace.dispersion._lock import Lock
-from jaxspace.dispersion._run_results import RunResults
-from jaxspace.dispersion._store_writer import StoreWriter
 from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError, Status, simulate_mission
+from jaxspace.stores import writer as _store_writer
+from jaxspace.stores._head import sealed
+from jaxspace.stores._lock import Lock
+from jaxspace.stores.columns import columns_of
+from jaxspace.stores.results import RunResults
+from jaxspace.stores.writer import StoreWriter
 
 HERE = Path(__file__).parent
 RUNS, CHUNK, SEED = 2200, 512, 11  # four chunks and a shorter one
@@ -336,7 +336,7 @@ def test_an_unfinished_store_says_so(tmp_path):
 
 def test_a_flipped_bit_of_the_metadata_is_told_and_mended(tmp_path, monkeypatch):
     """Of the head, of its copy and of the metadata of an array, all along each of them."""
-    monkeypatch.setattr("jaxspace.dispersion._head.PATIENCE", 0.0)
+    monkeypatch.setattr("jaxspace.stores._head.PATIENCE", 0.0)
     place = tmp_path / "s"
     write(place)
     files = [place / name for name in ("zarr.json", ".manifest/head", "b/zarr.json")]

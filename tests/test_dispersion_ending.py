@@ -23,10 +23,10 @@ from jaxspace.dispersion import (
     open_store,
 )
 from jaxspace.dispersion._ending import Ending, checkpoints
-from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion.covariance import Moments
 from jaxspace.io import SceneError, load
 from jaxspace.io.report import status_lines
+from jaxspace.stores.results import RunResults
 
 # Some 2000 runs know that much of x.
 RULE = StopRule("x", 0.95, 0.03)
@@ -125,7 +125,7 @@ def test_a_restart_ends_with_the_same_run(ended, tmp_path):
 
 
 def test_an_end_that_was_not_written_is_written_by_resume(ended, tmp_path, monkeypatch):
-    from jaxspace.dispersion import _store_writer
+    from jaxspace.stores import writer as _store_writer
 
     store, write = tmp_path / "s.zarr", _store_writer.write_whole
 

@@ -14,10 +14,10 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import Campaign, Normal, Uniform, disperse, open_store
 from jaxspace.dispersion._by_purpose import RUNGS, tolerance_by_purpose
 from jaxspace.dispersion._engine import MEASURED
-from jaxspace.dispersion._run_results import RunResults
 from jaxspace.dispersion.purpose import ByPurpose
 from jaxspace.io import SceneError, load
 from jaxspace.simulation import Accuracy, Mission, Phase, SimulationError
+from jaxspace.stores.results import RunResults
 
 DURATION, RUNS = 10.0, 1000
 # So narrow that the loosest tolerances do not serve.

@@ -12,13 +12,13 @@ from numpy.testing import assert_allclose
 
 from jaxspace import Event, Mission, Phase, Scene
 from jaxspace.bodies import BodyState, RigidBody
-from jaxspace.dispersion.extremes import greatest, least
 from jaxspace.io import SceneError, load
 from jaxspace.io._search_task import criterion
 from jaxspace.orbits import LowThrust, PointGravity, RotatingFrame, UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.scene import scaled
 from jaxspace.simulation import simulate_compact
+from jaxspace.statistics.extremes import greatest, least
 
 SCENES = Path(__file__).resolve().parents[1] / "examples" / "scenes"
 AREA, DRAG, DENSITY, SCALE, G = 0.5, 0.6, 1.225, 8000.0, 9.81

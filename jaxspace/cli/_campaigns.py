@@ -10,14 +10,16 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 from ..core import InputError, argument
-from ..dispersion import DamagedStore, Dispersion, StopRule, StoreError, moments, open_store
 from ..dispersion import disperse as disperse_campaign
+from ..dispersion import moments
 from ..dispersion.comparison import compare_methods
 from ..dispersion.covariance import METHODS, MONTE_CARLO
 from ..io import SceneFile, load, stored_scene
 from ..io.campaign_report import comparison_table, failures_report, moments_report, replay_report
 from ..io.report import dispersion_report
 from ..io.units import read_option
+from ..statistics import Dispersion, StopRule
+from ..stores import DamagedStore, StoreError, open_store
 from ._commands import draw, path_of, print_next, show_page
 from ._folder import make_folder
 from ._report import accuracy_of, keep_pictures, nominal_outputs

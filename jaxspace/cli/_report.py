@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from ..core import InputError
-from ..dispersion import Dispersion, RunPaths, open_store, run_paths
+from ..dispersion import RunPaths, run_paths
 from ..io import SceneError, SceneFile, stored_scene
 from ..io.report import dispersion_report
 from ..simulation import Accuracy, MissionTrajectory
+from ..statistics import Dispersion
+from ..stores import open_store
 from ..vehicles import LaunchSite
 from ._commands import print_next
 from ._folder import make_folder

@@ -5,7 +5,7 @@ import warnings
 from collections.abc import Callable
 from typing import Any
 
-from ..dispersion import DamagedStore
+from ..stores import DamagedStore
 
 UNFINISHED = ".* planned runs are in the store"
 """How a warning of an unfinished store reads, which every report says in its own place."""

@@ -16,7 +16,6 @@ longer to compile, and flies faster, pays (`is_small`).
 
 import dataclasses
 import hashlib
-import os
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
@@ -27,18 +26,20 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
+from ..core.processors import cores
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status
 from ..simulation.blocks import Blocks
+from ..stores.results import RunResults
 from ._along import Kept
 from ._campaign import Campaign
 from ._chosen_times import warn_of_unreached
 from ._isolation import isolate
 from ._outputs import check_apart, outputs_to_check
 from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
+from ._planned import PlannedCampaign
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, drawn_by, program
-from ._run_results import PlannedCampaign, RunResults
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
 CALL = 512
@@ -272,12 +273,6 @@ class BatchRunner:
         planned = self.planned
         given = planned.campaign, planned.accuracy, drawn, plans, blocks
         return *given, planned.samples, planned.small
-
-
-def cores() -> int:
-    """Number of cores that this process may use."""
-    # Containers and clusters often give a process fewer cores than the machine has.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def call_size(devices: Sequence[jax.Device]) -> int:

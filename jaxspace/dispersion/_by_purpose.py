@@ -20,8 +20,8 @@ import numpy as np
 
 from ..integration.accuracy import DEFAULT_RTOL, least_tolerance
 from ..integration.status import SimulationError, Status
-from ._run_results import RunResults
-from .purpose import Purpose
+from ..statistics.purpose import Purpose
+from ..stores.results import RunResults
 
 SHARE = 0.05
 # Two for each power of ten. At looser ones a step is as long as the motion itself.

@@ -17,13 +17,13 @@ from ..core.types import as_float
 from ..integration.accuracy import Accuracy
 from ..simulation import Mission
 from ..simulation.mission_result import MissionTrajectory
+from ..statistics.requirements import Requirement, requirement_of
 from ._exact_parts import with_exact_parts
 from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
 from .names import check_names
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
 from .replay import Replay, replay
-from .requirements import Requirement, requirement_of
 
 # A pair of limits, or a `Requirement`.
 Limits: TypeAlias = tuple[float | None, float | None] | Requirement

@@ -8,17 +8,17 @@ import warnings
 from collections.abc import Callable, Generator
 from typing import Any, TypeAlias
 
+from ..statistics import Dispersion
+from ..statistics.spread import StopRule
+from ..stores.columns import columns_of
+from ..stores.results import RunResults
+from ..stores.store import ENOUGH, DamagedStore, Store
+from ..stores.stored_runs import as_dispersion
+from ..stores.writer import StoreWriter
 from ._batch_runner import BatchRunner
 from ._campaign import Campaign, in_order
-from ._columns import columns_of
 from ._ending import Ending
-from ._run_results import RunResults
-from ._store import ENOUGH, DamagedStore, Store
-from ._store_writer import StoreWriter
-from ._stored import as_dispersion
 from ._work import AbstractEngine, Extent
-from .spread import StopRule
-from .statistics import Dispersion
 
 Progress: TypeAlias = Callable[[int, int], None] | None
 Computed: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]

@@ -7,8 +7,9 @@ from typing import Any, final
 
 from ..core import InputError
 from ..core.extras import extra
-from ._batch_runner import BatchRunner, cores
-from ._lock import StoreError
+from ..core.processors import cores
+from ..stores import StoreError
+from ._batch_runner import BatchRunner
 from ._work import (
     RETRIES,
     AbstractEngine,

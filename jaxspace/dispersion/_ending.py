@@ -10,9 +10,9 @@ from collections.abc import Iterable
 import numpy as np
 
 from ..core import InputError
-from ._run_results import RunResults
-from ._store import Store
-from .spread import StopRule
+from ..statistics.spread import StopRule
+from ..stores.results import RunResults
+from ..stores.store import Store
 
 EACH, GROWTH = 8, 8
 

@@ -15,6 +15,11 @@ import numpy as np
 from ..core import InputError
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy
 from ..integration.config import check_tolerance
+from ..statistics import Dispersion
+from ..statistics.spread import StopRule
+from ..stores.results import RunResults
+from ..stores.store import ENOUGH, DamagedStore
+from ..stores.writer import StoreWriter
 from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose
@@ -24,15 +29,10 @@ from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
 from ._record import record
-from ._run_results import RunResults
-from ._store import ENOUGH, DamagedStore
-from ._store_writer import StoreWriter
 from ._whole import check_whole
 from ._work import AbstractEngine
 from .covariance import MONTE_CARLO, Moments, moments
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
-from .spread import StopRule
-from .statistics import Dispersion
 
 RUNS = 1000
 """How many runs there are by default: enough for a mean and a deviation to a few percent."""

@@ -8,8 +8,9 @@ from concurrent.futures.process import BrokenProcessPool
 from typing import final
 
 from ..core import InputError
-from ._batch_runner import BatchRunner, cores
-from ._lock import StoreError
+from ..core.processors import cores
+from ..stores import StoreError
+from ._batch_runner import BatchRunner
 from ._work import (
     RETRIES,
     AbstractEngine,

@@ -23,11 +23,11 @@ from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ..simulation.trajectory import Trajectory
+from ..stores.results import RunResults
 from ._along import Kept, for_outputs, for_store, saved_of
 from ._campaign import Campaign
 from ._outputs import outputs_of
 from ._plans import Plans
-from ._run_results import RunResults
 
 
 class Drawn(NamedTuple):

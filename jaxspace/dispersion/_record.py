@@ -8,10 +8,10 @@ import jax
 import numpy as np
 
 from ..core.own_code import text_hash
+from ..core.processors import cores
 from ..integration.accuracy import Accuracy
-from ._batch_runner import cores
+from ..statistics.requirements import requirement_of
 from ._campaign import Campaign
-from .requirements import requirement_of
 
 LIBRARIES = ("jaxspace", "jax", "jaxlib", "equinox", "diffrax", "numpy", "xarray", "zarr")
 

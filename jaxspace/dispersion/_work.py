@@ -15,8 +15,9 @@ import jax
 
 from ..core import InputError
 from ..core.own_code import run_module
+from ..stores.results import RunResults
 from ._batch_runner import BatchRunner
-from ._run_results import PlannedCampaign, RunResults
+from ._planned import PlannedCampaign
 
 RETRIES = 3
 # Settings of jax that change a program or its results, or say where compiled programs are stored.

@@ -8,10 +8,10 @@ from typing import NamedTuple
 from ..core import Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
+from ..statistics import Dispersion
+from ..statistics.sample_check import standard_errors, warning_of
 from ._campaign import Campaign
-from ._sample_check import standard_errors, warning_of
 from .covariance import METHODS, MONTE_CARLO, moments
-from .statistics import Dispersion
 
 
 @printed(seconds="s")

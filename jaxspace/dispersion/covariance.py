@@ -40,9 +40,9 @@ from ..core import InputError, Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.status import SimulationError, Status
+from ..statistics.sample_check import warning_of
 from ._campaign import Campaign, in_order
 from ._joint import Component
-from ._sample_check import warning_of
 from ._sampling import map_normals, normal_columns
 from ._whole import check_whole
 from .distributions import AbstractDistribution

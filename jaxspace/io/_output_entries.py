@@ -7,7 +7,7 @@ from typing import NamedTuple
 from ..bodies import BodyState
 from ..core.quantities import Quantity, quantities
 from ..dispersion.names import check_names
-from ..dispersion.requirements import Requirement
+from ..statistics.requirements import Requirement
 from ..vehicles import LaunchSite
 from ._catalog import OutputFunction, output_methods, state_class
 from ._checks import Parsed

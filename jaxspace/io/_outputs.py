@@ -17,9 +17,9 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
-from ..dispersion.extremes import greatest, least
-from ..dispersion.requirements import Requirement
 from ..simulation import CompactRun, MissionTrajectory
+from ..statistics.extremes import greatest, least
+from ..statistics.requirements import Requirement
 from ._catalog import OutputFunction
 from ._kinds import Values
 from ._objects import at

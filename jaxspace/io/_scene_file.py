@@ -17,7 +17,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..core.listed import Listed, no_method
-from ..dispersion import Campaign, StopRule
+from ..dispersion import Campaign
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
 from ..optimization import Progress
@@ -36,6 +36,7 @@ from ..simulation import (
 from ..simulation.either import run_either
 from ..simulation.finish import Result, with_doubts
 from ..simulation.legs import legs_of
+from ..statistics import StopRule
 from ..vehicles import LaunchSite
 from ._build import build_mission, replaced
 from ._checks import Parsed

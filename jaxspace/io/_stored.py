@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterable
 
 from ..core import InputError
-from ..dispersion import Dispersion
+from ..statistics import Dispersion
 from ._load import load
 from ._modules import check_stored, read_modules
 from ._scene_file import SceneFile

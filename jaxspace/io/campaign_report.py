@@ -7,11 +7,11 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from ..core.text import aligned
-from ..dispersion import Dispersion
 from ..dispersion.comparison import Comparison
 from ..dispersion.covariance import MONTE_CARLO, Moments
 from ..dispersion.replay import Replay
 from ..simulation import Status
+from ..statistics import Dispersion
 from ._scene_file import SceneFile
 from .report import Row, drift_rows, number, state_rows, status_line
 from .units import in_unit

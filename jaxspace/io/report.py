@@ -14,11 +14,11 @@ from ..control import LoopRun
 from ..core import InputError, State
 from ..core.quantities import quantities
 from ..core.text import aligned
-from ..dispersion import Dispersion
-from ..dispersion.contributors import Contributors
 from ..rotations import Quaternion, to_euler_angles
 from ..simulation import MissionTrajectory, Status, Trajectory
 from ..simulation.mission_result import BranchEnd
+from ..statistics import Dispersion
+from ..statistics.contributors import Contributors
 from ._final_error import final_error_rows
 from ._inputs import measures
 from ._optimum import Optimum

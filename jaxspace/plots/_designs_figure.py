@@ -12,7 +12,7 @@ from ._style import COLOURS, MUTED, dress, headline
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from ..dispersion import Dispersion
+    from ..statistics import Dispersion
 
 
 def designs_figure(

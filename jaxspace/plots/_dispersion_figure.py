@@ -14,9 +14,9 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from ..dispersion import Dispersion
-    from ..dispersion.contributors import Contributors
-    from ..dispersion.table import Row
+    from ..statistics import Dispersion
+    from ..statistics.contributors import Contributors
+    from ..statistics.table import Row
 
 LEAST_SHARE = 5e-4
 """The least share of the variance that is shown, with one digit of a percent."""

@@ -19,8 +19,8 @@ from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, RunPaths
-    from ..dispersion.statistics import Failure
+    from ..dispersion import RunPaths
+    from ..statistics import Dispersion, Failure
 
 HERE = Path(__file__).parent
 EXAMPLES = 5

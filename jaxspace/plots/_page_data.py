@@ -14,8 +14,9 @@ from ._dispersion_figure import chosen_pair, contributors_or_none, explained, sh
 from .footprint import degrees_by_length, required_radius, wind_rose
 
 if TYPE_CHECKING:
-    from ..dispersion import Dispersion, RunPaths
-    from ..dispersion.table import Row
+    from ..dispersion import RunPaths
+    from ..statistics import Dispersion
+    from ..statistics.table import Row
 
 MOST_POINTS = 2000
 """Runs of the scatter plots: more hide one another."""

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from matplotlib.projections.polar import PolarAxes
 
-    from ..dispersion import Dispersion, Footprint
+    from ..statistics import Dispersion, Footprint
 
 SECTORS = 16
 """Of the rose: those of a compass with names such as NNE."""

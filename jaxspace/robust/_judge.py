@@ -24,11 +24,12 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import InputError, State
-from ..dispersion import Campaign, Dispersion, disperse
-from ..dispersion.limits import clopper_pearson
-from ..dispersion.requirements import Verdict, verdict_of
+from ..dispersion import Campaign, disperse
 from ..simulation import Mission
 from ..simulation.mission_result import MissionTrajectory
+from ..statistics import Dispersion
+from ..statistics.limits import clopper_pearson
+from ..statistics.requirements import Verdict, verdict_of
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs
 from .judged import Estimate, JudgedDesign, JudgedDesigns, JudgedLimit

@@ -11,9 +11,9 @@ from jax.tree_util import tree_leaves_with_path
 from ..core.listed import Listed
 from ..core.printing import printed
 from ..core.text import aligned
-from ..dispersion import Dispersion
-from ..dispersion.limits import Probability
-from ..dispersion.requirements import Verdict
+from ..statistics import Dispersion
+from ..statistics.limits import Probability
+from ..statistics.requirements import Verdict
 from ._optimum import DesignOptimum, name_of
 from ._runs import Design
 from .statistics import Constraint, Measured

@@ -50,8 +50,8 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import InputError
 from ..core.safe import safe_sqrt
-from ..dispersion.limits import check_share, quantile
-from ..dispersion.requirements import Requirement
+from ..statistics.limits import check_share, quantile
+from ..statistics.requirements import Requirement
 
 # Runs beyond a quantile from which on its error is known to a quarter.
 TAIL = 20

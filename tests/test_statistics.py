@@ -9,14 +9,14 @@ import scipy.stats
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, StopRule
-from jaxspace.dispersion import contributors as _contributors
-from jaxspace.dispersion._rounding import rounded, scatters
-from jaxspace.dispersion.limits import clopper_pearson, percentile, quantile, runs_for
-from jaxspace.dispersion.sensitivity import rank_correlation
-from jaxspace.dispersion.spread import circular_error, convergence, ellipsoid
 from jaxspace.io.report import contributor_lines, dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.simulation import Status
+from jaxspace.statistics import contributors as _contributors
+from jaxspace.statistics._rounding import rounded, scatters
+from jaxspace.statistics.correlation import rank_correlation
+from jaxspace.statistics.limits import clopper_pearson, percentile, quantile, runs_for
+from jaxspace.statistics.spread import circular_error, convergence, ellipsoid
 
 
 def dispersion(n=4000, seed=1, **outputs):

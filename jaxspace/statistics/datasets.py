@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.extras import extra
-from ..simulation import Status
+from ..integration.status import Status
 
 if TYPE_CHECKING:
     import pandas

@@ -15,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from ..core.extras import extra
-from ._batch_runner import cores
-from ._columns import Column, arrays_of, encoded
+from ..core.processors import cores
 from ._head import COPY, HEAD, is_longer, read_head, sealed
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
-from ._run_results import RunResults
-from ._store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
+from .columns import Column, arrays_of, encoded
+from .results import RunResults
+from .store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
 
 UNFINISHED = ".unfinished-"
 # Free space that is required beyond the estimate for the chunks.

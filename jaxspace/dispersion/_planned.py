@@ -1,22 +1,11 @@
-"""The results of runs, and everything on which they depend."""
+"""Everything on which the numbers of a run depend."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from ..integration.accuracy import Accuracy
 from ._along import Kept
 from ._campaign import Campaign
 from ._plans import Plans
-
-
-class RunResults(NamedTuple):
-    """Inputs, outputs, status and evaluations of runs, each (runs,); and by "phase.part" the states
-    of their trajectories, each (..., times, runs), if requested."""
-
-    inputs: dict[str, Any]
-    outputs: dict[str, Any]
-    status: Any
-    evaluations: Any
-    trajectories: dict[str, Any]
 
 
 class PlannedCampaign(NamedTuple):

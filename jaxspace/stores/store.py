@@ -18,9 +18,9 @@ import numpy as np
 
 import jaxspace
 
-from ._columns import Column
 from ._head import HEAD, damaged_arrays, read_head
 from ._lock import StoreError
+from .columns import Column
 
 MANIFEST = ".manifest"
 FORM = 1

@@ -1,7 +1,5 @@
 """Statistics of a dispersion: moments and limits of the outputs, contributors, failed runs."""
 
-__all__ = ["Failure"]
-
 import functools
 import math
 import shlex
@@ -17,14 +15,14 @@ from ..core.extras import extra
 from ..core.listed import Listed
 from ..core.printing import printed
 from ..core.text import aligned, in_words
-from ..simulation import Status
-from ._export import as_dataset, as_frame
+from ..integration.status import Status
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors
+from .correlation import RankCorrelation, rank_correlation
+from .datasets import as_dataset, as_frame
 from .limits import Percentile, Probability, clopper_pearson, percentile
 from .purpose import Purpose
 from .requirements import Requirement, Verdict, requirement_of, verdict_of
-from .sensitivity import RankCorrelation, rank_correlation
 from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
 from .table import Row, row_of
 
@@ -277,7 +275,7 @@ class Dispersion(eqx.Module):
 
     def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
         """The value below which a `share` of the good runs lies, with a confidence interval that
-        assumes no law (`jaxspace.dispersion.limits.percentile`). Infinite values count; NaN is left
+        assumes no law (`jaxspace.statistics.limits.percentile`). Infinite values count; NaN is left
         out."""
         return percentile(self._numbers(name), share, confidence)
 

@@ -8,8 +8,8 @@ from typing import Any, final
 
 import numpy as np
 
-from ._store import DamagedStore, Store
-from .statistics import Dispersion
+from ..statistics import Dispersion
+from .store import DamagedStore, Store
 
 BOOKKEEPING = ("form", "seed", "preparation_seconds")
 

@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.extras import extra
-from ._export import PENDING, described
+from ..statistics.datasets import PENDING, described
 from ._lock import StoreError
-from ._run_results import RunResults
+from .results import RunResults
 
 
 class Column(NamedTuple):

@@ -8,7 +8,7 @@ from scipy.optimize import brentq
 from test_campaigns import Swinging
 
 import jaxspace
-from jaxspace import dispersion
+from jaxspace import statistics
 from jaxspace.bodies import BodyState, ExponentialAtmosphere
 from jaxspace.core import InputError
 from jaxspace.dispersion import Campaign, Normal, disperse, moments
@@ -17,7 +17,7 @@ from jaxspace.orbits import Drag
 from jaxspace.simulation import Mission, Phase
 
 # One program each, in place of one for every operation.
-greatest, least = jax.jit(dispersion.extremes.greatest), jax.jit(dispersion.extremes.least)
+greatest, least = jax.jit(statistics.extremes.greatest), jax.jit(statistics.extremes.least)
 
 
 def curve(t):

@@ -3,8 +3,8 @@
 from collections.abc import Mapping
 from typing import Any
 
-from ._columns import Column
-from ._store import Store
+from .columns import Column
+from .store import Store
 
 IDENTITY = {
     "planned_runs": "the number of runs",

@@ -1,0 +1,44 @@
+"""The tolerance that serves the purpose of a campaign, and what it saves."""
+
+__all__ = ["Purpose"]
+
+from typing import NamedTuple
+
+from ..core.printing import printed
+
+
+@printed()
+class Purpose(NamedTuple):
+    """The tolerance that serves a campaign.
+
+    - `tolerance`: relative, of each step.
+    - `default`: the one that it takes the place of; `evaluations` of the vector field, as a share
+      of those there.
+    - `excess`: the largest numerical error, in units of what is allowed: above one where even the
+      tightest tolerance does not serve."""
+
+    tolerance: float
+    default: float
+    evaluations: float
+    excess: float
+
+    @property
+    def sentence(self) -> str:
+        """The tolerance, whether it serves, and what it saves."""
+        if self.excess > 1.0:
+            return (
+                f"accuracy by purpose: at {self.tolerance:.0e}, the tightest tolerance that was "
+                f"tried, the largest numerical error is {self.excess:.2g} times what is allowed, a "
+                f"twentieth of the sampling error."
+            )
+        if self.excess == 0.0:
+            return (
+                f"accuracy by purpose: {self.tolerance:.0e}, the default, for no output that "
+                f"scatters depends on it."
+            )
+        change = 100.0 * (self.evaluations - 1.0)
+        spent = f"{abs(change):.0f} % {'more' if change > 0.0 else 'fewer'} evaluations than"
+        return (
+            f"accuracy by purpose: {self.tolerance:.0e}, with {spent} at the default "
+            f"{self.default:.0e}; numerical errors are below a twentieth of the sampling errors."
+        )

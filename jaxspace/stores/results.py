@@ -1,0 +1,14 @@
+"""The results of runs, as engines compute them and stores keep them."""
+
+from typing import Any, NamedTuple
+
+
+class RunResults(NamedTuple):
+    """Inputs, outputs, status and evaluations of runs, each (runs,); and by "phase.part" the states
+    of their trajectories, each (..., times, runs), if requested."""
+
+    inputs: dict[str, Any]
+    outputs: dict[str, Any]
+    status: Any
+    evaluations: Any
+    trajectories: dict[str, Any]
