@@ -52,7 +52,7 @@ test-all: lint types docs  ## every test, with shapes and types checked; of a lo
 	@$(PYTEST) $(CHECKED) --no-programs
 
 # The same functions pass the checks of shapes and types in `unit`; here they would add a sixth.
-beyond: $(VENV)/.test  ## what `test-all` has beyond `test`: the other tests, compiled as users do
+beyond: $(VENV)/.test  ## the tests beyond `test` but for the longest, compiled as users do
 	@$(PYTEST) --part rest --optimised
 
 processors: $(VENV)/.test  ## every test, compiled as users do, with the instructions of other processors

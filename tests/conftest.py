@@ -33,9 +33,9 @@ MAX_REGIONS = 20_000
 def pytest_addoption(parser):
     parser.addoption(
         "--part",
-        choices=("quick", "rest", "all"),
+        choices=("quick", "rest", "week", "all"),
         default="all",
-        help="tests that run: those that take little, the others, or both",
+        help="tests that run: after every change, before it lands, once a week, or all",
     )
     parser.addoption(
         "--sweep",
@@ -65,6 +65,8 @@ def pytest_configure(config):
     change the last digits of results, which no bound may rest on."""
     jax.config.update("jax_disable_most_optimizations", not is_optimised(config))
     leaf_checks.typechecked = of_leaf(leaf_checks.typechecked)
+    # Traces make many objects that stay: to look through all of them so often takes a thirtieth.
+    gc.set_threshold(50_000, 20, 50)
     if not config.getoption("--no-programs"):
         store_programs()
     if config.getoption("--write-costs") and not hasattr(config, "workerinput"):

@@ -26,6 +26,12 @@ MOST_SECONDS = 0.6
 # What a case takes beyond this, alone but not beside the others, is the program that they share.
 SHARED_SECONDS = 2.0 * MOST_SECONDS
 
+# Of the tests of a file that take more than this, s, the dearer half waits for the weekly run: with
+# every one of them a change would wait three quarters of an hour, and each file keeps some.
+MOST_SECONDS_OF_A_CHANGE = 3.0
+# What a newcomer types first never waits.
+NEVER_WAITS = ("tests/test_manual.py::test_code_of_the_page_runs[README.md]",)
+
 # Starts of the names of files whose tests look at commands, files, pages and pictures, where no
 # digit decides: they compile as quickly as may be also where the others compile as users do.
 WITHOUT_DIGITS = (
@@ -42,19 +48,39 @@ LEAST_SECONDS = 0.5
 
 
 def selected(items, part: str, sweep: str) -> list:
-    """Of all tests those of `part` ("quick", "rest" or "all"), and of the long sweeps a sample or
-    all cases."""
+    """Of all tests those of `part`, and of the long sweeps a sample or all cases. What runs after
+    every change is "quick", what is tried before it lands "rest", what waits for the weekly run
+    "week": together "all"."""
     kept = list(items) if sweep == "all" else list(sample(items))
     if part == "all":
         return kept
     costs = read_costs()
-    return [item for item in kept if is_quick(item.nodeid, costs) == (part == "quick")]
+    waiting = waits_for_the_week([item.nodeid for item in kept], costs)
+
+    def part_of(test):
+        return "quick" if is_quick(test, costs) else "week" if test in waiting else "rest"
+
+    return [item for item in kept if part_of(item.nodeid) == part]
 
 
 def is_quick(test: str, costs: dict[str, float]) -> bool:
     """Whether a test runs after every change: it is cheap, or one of the basics."""
     basic = test.partition("/")[2].startswith(BASIC_TESTS)
-    return basic or max(costs.get(x, 0.0) for x in (test, all_cases(test))) <= MOST_SECONDS
+    return basic or cost(test, costs) <= MOST_SECONDS
+
+
+def waits_for_the_week(tests: list[str], costs: dict[str, float]) -> set[str]:
+    """Of the long tests of each file the dearer half, the smaller one where they are odd."""
+    long = [t for t in tests if cost(t, costs) > MOST_SECONDS_OF_A_CHANGE and t not in NEVER_WAITS]
+    files = {}
+    for test in sorted(long, key=lambda t: (cost(t, costs), t)):
+        files.setdefault(test.partition("::")[0], []).append(test)
+    return {test for file in files.values() for test in file[(len(file) + 1) // 2 :]}
+
+
+def cost(test: str, costs: dict[str, float]) -> float:
+    """What a test takes, s: a row without a case stands for all of its cases."""
+    return max(costs.get(x, 0.0) for x in (test, all_cases(test)))
 
 
 def looks_at_digits(path: Path) -> bool:

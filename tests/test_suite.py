@@ -10,11 +10,13 @@ import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from suite import (
     MOST_SECONDS,
+    NEVER_WAITS,
     WITHOUT_DIGITS,
     is_quick,
     looks_at_digits,
     program_folder,
     read_costs,
+    waits_for_the_week,
     write_costs,
 )
 from suite_basics import BASICS
@@ -54,6 +56,19 @@ def test_a_test_leaves_by_what_it_was_measured_to_take():
     assert found == [False, True, True]
     costs["tests/test_a.py::test_b"] = MOST_SECONDS + 1
     assert not is_quick("tests/test_a.py::test_b[3]", costs)
+
+
+def test_the_dearer_half_of_the_long_tests_of_a_file_waits():
+    costs = {
+        "a::short": 3.0,
+        "a::long[1]": 9.0,
+        "a::long[2]": 8.0,
+        "a::middle": 4.0,
+        "b::one": 50.0,
+    }
+    assert waits_for_the_week(list(costs), costs) == {"a::long[1]"}
+    readme = NEVER_WAITS[0]
+    assert not waits_for_the_week([readme, "a::x"], {readme: 99.0, "a::x": 4.0})
 
 
 def test_costs_name_tests_that_exist():
