@@ -16,6 +16,7 @@ from jaxspace.cli import main
 from jaxspace.cli._commands import show_page
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema
+from jaxspace.io._build import replaced
 from jaxspace.io._outputs import Outputs
 from jaxspace.scene import Scene
 from jaxspace.simulation import Mission, Status, Trajectory, simulate_mission_batch
@@ -53,7 +54,7 @@ def test_a_factor_of_the_thrust_keeps_the_propellant_and_one_of_the_drag_the_bod
     building = landing.parsed.building()
     names = "vehicle.impulse_factor", "vehicle.axial_factor"
     factors = dict(zip(names, jnp.array([1.1, 1.2]), strict=True))
-    made = building._replace(values=landing.replaced(landing.values, factors)).make("vehicle")
+    made = building._replace(values=replaced(landing.values, factors)).make("vehicle")
     plain = building.make("vehicle")
     flow = made.motor.mass_rate(jnp.asarray(1.0), 20.0)
     np.testing.assert_allclose(flow, plain.motor.mass_rate(jnp.asarray(1.0), 20.0), rtol=1e-14)
@@ -188,7 +189,7 @@ def test_outputs_of_a_landing_are_those_of_its_place(landing):
     began = BodyState(jnp.array([[100.0, 0.0], [0.0, 0.0], [800.0, 800.0]]), jnp.zeros((3, 2)))
     end = BodyState(jnp.array([[400.0, 3.0], [-400.0, 4.0], [0.0, 0.0]]), 2.0 * jnp.ones((3, 2)))
     places = range(-1, 6)
-    numbers = Outputs(landing, landing.outputs, landing.replaced(landing.values, {}), None).numbers(
+    numbers = Outputs(landing.parsed, landing.outputs, replaced(landing.values, {}), None).numbers(
         dict.fromkeys(places, end),
         dict.fromkeys(places, jnp.ones(2)),
         {},

@@ -16,7 +16,7 @@ from ..bodies.parting import release
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..scene import Scene
 from ..simulation import Event, Mission, Phase
-from ._checks import ROTATION, Parsed, needed_parts
+from ._checks import needed_parts
 from ._control import controlled, end_of_loop
 from ._ends import condition_of
 from ._flight import build_flight
@@ -24,6 +24,7 @@ from ._kinds import Value, Values
 from ._lines import Leg, Line
 from ._objects import Building, Runs, at, referred
 from ._output_entries import state_of
+from ._parsed import ROTATION, Parsed
 from ._value_kinds import Measure
 
 ONE_PHASE = {"system": "run", "scene": "scene"}

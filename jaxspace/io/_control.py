@@ -20,12 +20,12 @@ from ..core import AbstractSystem, InputError, argument
 from ..core.quantities import quantities
 from ..simulation import Event
 from ._catalog import Catalog
-from ._checks import Parsed
 from ._ends import is_event
 from ._errors import wrong
 from ._kinds import Entry, Maker, Values
 from ._lines import phase_tables
 from ._objects import Building, entry_of
+from ._parsed import Parsed
 from ._table_kinds import Object, Table
 from ._value_kinds import Number, OneName, Whole
 

@@ -16,9 +16,9 @@ from ..control import LoopRun
 from ..core import argument
 from ..core.quantities import Quantity, quantities
 from ..simulation import Accuracy, FinalError, MissionTrajectory, Trajectory
-from ._checks import Parsed
 from ._errors import unknown, wrong
 from ._kinds import Entry, Maker, Reading, Value
+from ._parsed import Parsed
 from ._table_kinds import Object
 from ._value_kinds import Number
 from .units import in_unit, read_number

@@ -8,7 +8,8 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import Scalar, State, output
-from ._outputs import FINAL, Outputs, OutputSpec
+from ._output_spec import FINAL, OutputSpec
+from ._outputs import Outputs
 
 
 class FinalOutput(NamedTuple):

@@ -17,10 +17,10 @@ from ..core import argument
 from ..simulation import Mission
 from ..vehicles import LaunchSite, Recovery, Vehicle, sounding_flight
 from ..vehicles.flights import flight_phases
-from ._checks import Parsed
 from ._errors import missing, wrong
 from ._kinds import Entry, Maker, Values
 from ._objects import Building, Runs, object_kind
+from ._parsed import Parsed
 from ._table_kinds import Object, Table
 from ._value_kinds import ListOf, Number
 

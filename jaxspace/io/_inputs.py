@@ -10,12 +10,12 @@ from ..core import InputError
 from ..core.quantities import Quantity
 from ..dispersion import AbstractDistribution
 from ..dispersion.distributions import NOMINAL, SHARE_OF_INPUT
-from ._checks import Parsed
 from ._control import scatter_errors
 from ._errors import hint, missing, shown, unknown, wrong
 from ._joint_inputs import MadeInput, read_correlated, read_direction
 from ._kinds import Entry, Value, Values
 from ._named_files import NamedFiles
+from ._parsed import Parsed
 from ._value_kinds import ListOf, Measure, Number
 from .units import expected, in_unit, read_number, split
 

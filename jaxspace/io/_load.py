@@ -12,7 +12,7 @@ import numpy as np
 
 from ._build import system_errors
 from ._catalog import Catalog, catalog
-from ._checks import Parsed, check_parsed
+from ._checks import check_parsed
 from ._control import control_errors, scatter_errors
 from ._errors import SceneError, unknown
 from ._final_error import final_error_errors
@@ -24,7 +24,8 @@ from ._modules import missing_module, read_modules
 from ._named_files import NamedFiles
 from ._optimize_table import dispersed_and_free, read_task
 from ._output_entries import given_parts, read_outputs
-from ._outputs import OutputSpec
+from ._output_spec import OutputSpec
+from ._parsed import Parsed
 from ._scene_file import SceneFile
 from ._tolerance import tolerance_errors
 from .by_numpy import by_numpy

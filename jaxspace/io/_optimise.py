@@ -1,21 +1,21 @@
 """The search of the table [optimize]."""
 
-import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
 
-from ..optimization import Progress, StopReason, minimise
+from ..optimization import Progress, minimise
 from ..optimization.optimisers import named_optimiser
+from ..simulation import MissionTrajectory
+from ._file_content import FileContent
 from ._optimize_table import Free, Task
 from ._optimum import Optimum
 from ._search_task import criterion, failed_phase
 
 
 def optimise(
-    file: Any,
+    file: FileContent,
     task: Task,
     progress: Progress | None = None,
     start: Mapping[str, float] | None = None,
@@ -43,17 +43,12 @@ def optimise(
     objective, constraints, error, happened = result.criterion.report
     numbers = tuple(float(x) for x in constraints)
     met = tuple(bool(x) for x in happened)
-    made = Optimum(file, task, result, float(objective), numbers, float(error), each, met)
-    if int(result.reason) == StopReason.NOT_FINITE:
-        return dataclasses.replace(made, warning=_failed_start(made))
-    return made
+    return Optimum(file, task, result, float(objective), numbers, float(error), each, met)
 
 
-def _failed_start(optimum: Optimum) -> str:
-    """Why the run from the start of a search has no finite numbers, in words; empty where that
-    is not the fault of the run."""
-    # The search itself saves only the ends of a run.
-    run = optimum.file.nominal_mission(samples=2)
+def failed_start(optimum: Optimum, run: MissionTrajectory) -> str:
+    """Why a search has no finite numbers, in words; empty where that is not the fault of the `run`
+    from its start."""
     bad = failed_phase(run)
     if bad:
         return f"The run from the start: {bad}"

@@ -28,13 +28,13 @@ from typing import NamedTuple
 
 from ..core import argument
 from ..optimization.optimisers import NAMES, named_optimiser
-from ._checks import Parsed
 from ._errors import hint, missing, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._objects import at
 from ._output_entries import read_output, read_share, unit_of
-from ._outputs import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
+from ._output_spec import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
+from ._parsed import Parsed
 from ._table_kinds import AnyTable, Table
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
 from .units import WrittenUnits, in_unit, read_number

@@ -3,7 +3,7 @@ confirms it."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import jax
 import jax.numpy as jnp
@@ -16,10 +16,13 @@ from ..core.printing import printed
 from ..optimization import Minimum, StopReason
 from ..simulation import MissionTrajectory
 from ._build import replaced
+from ._file_content import FileContent
+from ._final_error import tolerance_of
 from ._inputs import measures
 from ._optimize_table import OWN_TABLES, Task
 from ._optimum_file import with_numbers
-from ._outputs import Curve, OutputSpec, line_ends
+from ._output_spec import OutputSpec
+from ._outputs import Curve, line_ends
 from ._search_task import criterion, failed_phase, values_of
 
 # Allowed relative error of an output by the steps of the search: far below the needs of a first
@@ -45,7 +48,7 @@ class Optimum:
     - `warning`: a sentence on a doubtful result: the run from the start fails, or the run that
       should confirm the optimum has other numbers."""
 
-    file: Any  # a `SceneFile`, whose module imports this one
+    file: FileContent
     task: Task
     minimum: Minimum
     objective: float
@@ -172,7 +175,7 @@ class Optimum:
         slopes = jax.jit(jax.grad(lagrangian))({p: jnp.asarray(x) for p, x in fixed.items()})
         return {path: float(x) for path, x in slopes.items()}
 
-    def confirmed(self, run: MissionTrajectory, file: Any) -> tuple[float, ...]:
+    def confirmed(self, run: MissionTrajectory, file: FileContent) -> tuple[float, ...]:
         """Objective and constraints, SI, of a `run` of the `file` of the optimum, as
         `SceneFile.nominal_mission` returns it; for extremes with five samples or more."""
         states, ends = line_ends(run)
@@ -181,7 +184,8 @@ class Optimum:
         numbers = replaced(file.values, {})
         along = {k for spec in self._specs for k in spec.phases}
         curves = {k: Curve(run.phases[k].ts, run.phases[k].states) for k in along}
-        return tuple(float(x) for x in values_of(file, numbers, self._specs, states, ends, curves))
+        values = values_of(file.parsed, numbers, self._specs, states, ends, curves)
+        return tuple(float(x) for x in values)
 
     def checked(self, run: MissionTrajectory, confirmed: Sequence[float]) -> "Optimum":
         """The optimum with its `warning`, after the `run` of its file.
@@ -197,7 +201,7 @@ class Optimum:
         order = [0, *(1 + k for k in np.argsort(~np.array(equal, bool), kind="stable"))]
         sizes = np.zeros(weight.size)
         sizes[order] = 1.0 / weight
-        tolerance = max(table["tolerance"], self.file.tolerance)
+        tolerance = max(table["tolerance"], tolerance_of(run.phases[0]))
         targets = (0.0, *(d.target for d in self.task.demands))
         rows = zip(self._specs, self._numbers, confirmed, targets, sizes, strict=True)
         clauses = []

@@ -6,11 +6,12 @@ from typing import Any
 
 from ..core import InputError
 from ..core.extras import extra
+from ._file_content import FileContent
 from ._optimize_table import Free, Task
 from .units import read_number
 
 
-def with_numbers(file: Any, task: Task, values: Mapping[str, float]) -> str:
+def with_numbers(file: FileContent, task: Task, values: Mapping[str, float]) -> str:
     """The text of the `file` with the `values`, SI, by path, in place of the free numbers of the
     `task`."""
     # Only this function needs the library that keeps comments.

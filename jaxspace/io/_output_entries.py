@@ -10,12 +10,12 @@ from ..dispersion.names import check_names
 from ..statistics.requirements import Requirement
 from ..vehicles import LaunchSite
 from ._catalog import OutputFunction, output_methods, state_class
-from ._checks import Parsed
 from ._errors import hint, shown, unknown, wrong
 from ._flight import SITE, phases_of_flight
 from ._kinds import Values
 from ._objects import at
-from ._outputs import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
+from ._output_spec import FINAL, NOMINAL, SPECIAL, OutputSpec, arguments_of
+from ._parsed import Parsed
 from .units import WrittenUnits, in_unit, read_number
 
 RUN = "run"

@@ -7,7 +7,6 @@ of a phase may stand for `final`, and `run` for the whole run. The places of a b
 before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import dataclasses
-import inspect
 from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias
 
@@ -19,16 +18,12 @@ from jaxtyping import Array
 from ..core import InputError, Scalar, State
 from ..simulation import CompactRun, MissionTrajectory
 from ..statistics.extremes import greatest, least
-from ..statistics.requirements import Requirement
-from ._catalog import OutputFunction
+from ._build import replaced
 from ._kinds import Values
 from ._objects import at
-
-FINAL = "final"
-NOMINAL = "nominal"
-BEGAN = "began"
-INITIAL = "initial"
-SPECIAL = ("self", "y", "t", "body", "scene", INITIAL, BEGAN, NOMINAL)
+from ._objects_at import body_at, effect_named, moving_at
+from ._output_spec import BEGAN, INITIAL, NOMINAL, OutputSpec
+from ._parsed import Parsed
 
 
 class Curve(NamedTuple):
@@ -74,43 +69,6 @@ class _Given(NamedTuple):
     spans: Mapping[int, Span]
 
 
-class OutputSpec(NamedTuple):
-    """One output: its `name`, the phase at whose end it is taken (`at`), its `unit`, and the
-    `factor` from SI to this unit. The end of the mission is at -1, those of its branches, in their
-    order, at -2, -3 and so on.
-
-    - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
-    - `shared`: entries of the file for arguments of the function.
-    - `required`: what is required of it, in `unit`.
-    - `take`: the extreme along these `phases`, or its time; of none at `at`."""
-
-    name: str
-    at: int
-    unit: str
-    factor: float
-    function: OutputFunction | None
-    path: tuple[str, ...]
-    shared: tuple[tuple[str, str], ...]
-    required: Requirement = Requirement()
-    effect: str = ""
-    take: str = ""
-    phases: tuple[int, ...] = ()
-
-    def arguments(self) -> tuple[str, ...]:
-        """The names of the arguments of the function."""
-        return () if self.function is None else arguments_of(self.function)
-
-
-def arguments_of(function: Callable[..., object]) -> tuple[str, ...]:
-    """The names of the arguments of a declared output."""
-    return tuple(inspect.signature(function).parameters)
-
-
-def needs(specs: tuple[OutputSpec, ...], name: str) -> bool:
-    """Whether one of the outputs has an argument of this name."""
-    return any(name in spec.arguments() for spec in specs)
-
-
 class Outputs(eqx.Module):
     """The `outputs` of a campaign of the `file`, one for each of the `specs`.
 
@@ -120,8 +78,7 @@ class Outputs(eqx.Module):
     - `initial`: the initial state of the file, likewise. Known, because in the program of all runs
       it would be built by some forty kernels."""
 
-    # A `SceneFile`, whose module imports this one.
-    file: Any = eqx.field(static=True)
+    file: Parsed = eqx.field(static=True)
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
     values: Values
     reference: dict[int, State] | None
@@ -146,10 +103,10 @@ class Outputs(eqx.Module):
         began, curves, spans = {}, {}, {}
         for spec in self.specs:
             if "scene" in spec.arguments() and not spec.take:
-                last = self.file.parsed.last_leg(spec.at, len(result.phases))
+                last = self.file.last_leg(spec.at, len(result.phases))
                 spans[spec.at] = Span.of(result.phases[last].ts)
             if BEGAN in spec.arguments():
-                first = self.file.parsed.first_leg(spec.at)
+                first = self.file.first_leg(spec.at)
                 began[spec.at] = result.phases[first].initial
             # Only requested phases, because the compiled program does not save the states of
             # others.
@@ -180,7 +137,9 @@ class Outputs(eqx.Module):
         runs = jax.tree.leaves(states[-1])[0].shape[-1]
         # Made once, because several outputs may be methods of one effect.
         names = dict.fromkeys(spec.effect for spec in self.specs if spec.effect)
-        effects = {name: self.file.effect(name, self.values, samples, runs) for name in names}
+        effects = {
+            name: effect_named(self.file, self.values, samples, runs, name) for name in names
+        }
         given = _Given(samples, runs, began or {}, effects, spans or {})
         result = {}
         for spec in self.specs:
@@ -227,7 +186,7 @@ class Outputs(eqx.Module):
         shared = dict(spec.shared)
         for name in spec.arguments():
             if name in shared:
-                arguments[name] = at(self.file.replaced(self.values, samples), shared[name])
+                arguments[name] = at(replaced(self.values, samples), shared[name])
             elif name == "self":
                 arguments[name] = given.effects[spec.effect]
             elif name == "y":
@@ -236,9 +195,9 @@ class Outputs(eqx.Module):
                 span = given.spans.get(place) if "scene" in spec.arguments() else None
                 arguments[name] = t if span is None else span.inside(t)
             elif name == "body":
-                arguments[name] = self.file.body(self.values, samples, runs, place)
+                arguments[name] = body_at(self.file, self.values, samples, runs, place)
             elif name == "scene":
-                scene = self.file.scene(self.values, samples, runs, place)
+                scene = moving_at(self.file, self.values, samples, runs, place)
                 span = given.spans.get(place)
                 arguments[name] = scene if span is None else scene.started_at(span.start)
             elif name == INITIAL:

@@ -17,6 +17,7 @@ from ..robust import DesignOptimum, optimise_design, optimise_nominal
 from ..robust.statistics import AbstractStatistic, Constraint, Mean, Quantile
 from ..simulation import MissionTrajectory
 from ._build import replaced
+from ._file_content import FileContent
 from ._optimise import size_of
 from ._optimize_table import Demand, Task
 from ._outputs import Outputs
@@ -29,16 +30,18 @@ NEGATIVE = "minus_"
 
 
 def optimise_over_runs(
-    file: Any,
+    file: FileContent,
     task: Task,
+    base: Campaign,
     progress: Progress | None,
     store: str | os.PathLike[str] | None,
     resume: bool,
     nominal: bool,
 ) -> DesignOptimum:
-    """The optimum of the `task`; see `SceneFile.optimize_design`."""
+    """The optimum of the `task`, over the runs of the campaign `base`; see
+    `SceneFile.optimize_design`."""
     table = file.values["optimize"]
-    campaign = campaign_function(file, task)
+    campaign = campaign_function(file, task, base)
     start = {free.path: jnp.asarray(float(free.start)) for free in task.free}
     common: dict[str, Any] = {
         "minimise": _objective(task),
@@ -55,12 +58,15 @@ def optimise_over_runs(
     }
     if nominal:
         return optimise_nominal(campaign, start, **common)
-    kept = {"store": store, "resume": resume}
-    return optimise_design(campaign, start, runs=table["runs"], seed=file.seed, **kept, **common)
+    common |= {"runs": table["runs"], "seed": file.dispersion["seed"]}
+    return optimise_design(campaign, start, store=store, resume=resume, **common)
 
 
-def campaign_function(file: Any, task: Task) -> Callable[[Mapping[str, Array]], Campaign]:
-    """The function from the free numbers, SI, by path, to the campaign of the file with them.
+def campaign_function(
+    file: FileContent, task: Task, base: Campaign
+) -> Callable[[Mapping[str, Array]], Campaign]:
+    """The function from the free numbers, SI, by path, to the campaign of the file with them, which
+    is `base` but for its outputs.
 
     Raises `InputError` for two outputs of one name."""
     specs = tuple(dict.fromkeys((task.objective, *(d.spec for d in task.demands))))
@@ -71,19 +77,18 @@ def campaign_function(file: Any, task: Task) -> Callable[[Mapping[str, Array]], 
         raise InputError(
             f"optimize has two outputs of the name {twice[0]}: one of them must have another name."
         )
-    base = file.campaign(warn=False)
     base = dataclasses.replace(
         base,
         units=base.units
         | {spec.name: spec.unit for spec in specs}
         | {NEGATIVE + task.objective.name: task.objective.unit},
         requirements=(),
-        along=file.values["dispersion"]["extreme_samples"] if extremes else 2,
+        along=file.dispersion["extreme_samples"] if extremes else 2,
     )
 
     def campaign(x: Mapping[str, Array]) -> Campaign:
         values = replaced(file.values, x)
-        outputs = Outputs(file, specs, values, None)
+        outputs = Outputs(file.parsed, specs, values, None)
         greatest = task.objective.name if task.sign < 0.0 else ""
         return dataclasses.replace(
             base,

@@ -1,44 +1,47 @@
 """The campaign of the table [dispersion] of a scene file."""
 
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import equinox as eqx
 from jaxtyping import Array
 
 from ..core import State
 from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
-from ..simulation import Mission, MissionTrajectory
+from ..dispersion.purpose import ByPurpose
+from ..simulation import Accuracy, Mission, MissionTrajectory
 from ._build import build_mission, replaced
-from ._checks import Parsed
 from ._control import is_noisy
+from ._file_content import FileContent
 from ._inputs import Input
 from ._joint_inputs import MadeInput
 from ._kinds import Values
 from ._objects import Runs
+from ._parsed import Parsed
 
 NOISE = "control.noise"
 """The input from which the noise of the sensors of a run follows."""
 
 
 def campaign_of(
-    file: Any,
+    file: FileContent,
     scatters: Mapping[str, Input | MadeInput],
     outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]],
     design: LatinHypercube | Sobol | None,
     along: int,
     texts: Mapping[str, str],
+    accuracy: Accuracy | ByPurpose,
 ) -> Campaign:
     """The campaign of a `SceneFile`.
 
     **Arguments**
 
-    - `file`: the scene file, whose module imports this one.
+    - `file`: the content of the scene file.
     - `scatters`: the distribution of each input, by its path.
     - `outputs`: the outputs of each run.
     - `design`: the design of the runs; random if `None`.
     - `along`: states of each phase that the outputs read.
-    - `texts`: of the files that the scene names."""
+    - `texts`: of the files that the scene names.
+    - `accuracy`: of the runs."""
     limits = {path: how.nominal.quantity for path, how in scatters.items()}
     units = {path: quantity.unit for path, quantity in limits.items()}
     inputs = {path: how.distribution() for path, how in scatters.items()}
@@ -54,7 +57,7 @@ def campaign_of(
         {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
         along,
         dict(texts),
-        file.campaign_accuracy,
+        accuracy,
         {module.path.name: module.text for module in file.modules},
     )
 

@@ -5,7 +5,6 @@ import functools
 import os
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from pathlib import Path
 from typing import final
 
 import equinox as eqx
@@ -13,17 +12,15 @@ import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractBody, AbstractEffect, BodyState
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
 from ..core.listed import Listed, no_method
 from ..dispersion import Campaign
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
-from ..optimization import Progress
+from ..optimization import Progress, StopReason
 from ..robust import DesignOptimum
 from ..scene import Scene
-from ..scene.ground_check import ground_warning, lowest_below_ground
 from ..simulation import (
     Accuracy,
     Event,
@@ -34,31 +31,31 @@ from ..simulation import (
     simulate_mission,
 )
 from ..simulation.either import run_either
-from ..simulation.finish import Result, with_doubts
 from ..simulation.legs import legs_of
 from ..statistics import StopRule
 from ..vehicles import LaunchSite
+from ._accuracy import steps_of
 from ._build import build_mission, replaced
-from ._checks import Parsed
+from ._file_content import FileContent
 from ._final_error import asked_of, rounded_down, tolerance_of
 from ._final_output import FinalOutput, function_of
 from ._flight import SITE
-from ._inputs import Input, with_given
-from ._joint_inputs import MadeInput
+from ._ground import warned_of_ground
+from ._inputs import with_given
 from ._kinds import Values
-from ._named_files import NamedFile, NamedFiles
+from ._named_files import NamedFiles
 from ._nominal import nominal_states, outputs_of, with_run
-from ._objects import Building, Runs
-from ._optimise import optimise
-from ._optimize_table import Task
+from ._objects import Runs
+from ._optimise import failed_start, optimise
 from ._optimum import Optimum
 from ._optimum_file import with_numbers
 from ._output_entries import applicable_outputs, read_output, unit_of
-from ._outputs import INITIAL, NOMINAL, MoreOutputs, Outputs, OutputSpec, needs
+from ._output_spec import INITIAL, NOMINAL, OutputSpec, needs
+from ._outputs import MoreOutputs, Outputs
 from ._over_runs import optimise_over_runs
 from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
 from .by_numpy import by_numpy
-from .units import WrittenUnits, in_unit
+from .units import in_unit
 
 # Traced once for all files of one content.
 _build_as_one = eqx.filter_jit(build_mission)
@@ -66,7 +63,7 @@ _build_as_one = eqx.filter_jit(build_mission)
 
 @final
 @dataclasses.dataclass(frozen=True)
-class SceneFile:
+class SceneFile(FileContent):
     """A checked scene file: systems, initial state, times, accuracy, and dispersions.
 
     - `path`, `text`: of the file.
@@ -78,46 +75,20 @@ class SceneFile:
     - `files`: the files that it names.
     - `modules`: Python files that were run for it."""
 
-    # Compared by `text` and `parsed`, from which the other fields follow.
-    path: Path = dataclasses.field(compare=False)
-    text: str
-    parsed: Parsed
-    inputs: dict[str, Input | MadeInput] = dataclasses.field(compare=False)
-    outputs: tuple[OutputSpec, ...] = dataclasses.field(compare=False)
-    units: WrittenUnits = dataclasses.field(compare=False)
-    task: Task | None = dataclasses.field(default=None, compare=False)
-    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()), compare=False)
-    modules: tuple[NamedFile, ...] = dataclasses.field(default=(), compare=False)
-
-    @property
-    def kind(self) -> str:
-        """The kind of the file: "system", "scene", "mission" or "flight"."""
-        return self.parsed.kind
-
-    @property
-    def values(self) -> Values:
-        """The values of the file, numbers in SI."""
-        return self.parsed.values
-
-    @property
-    def title(self) -> str:
-        """The title, or the name of the file."""
-        return self.values["title"] or self.path.stem
-
     @property
     def runs(self) -> int:
         """Number of runs of [dispersion]. Raises `InputError` without it."""
-        return self._dispersion()["runs"]
+        return self.dispersion["runs"]
 
     @property
     def seed(self) -> int:
         """Seed of the random inputs of [dispersion]. Raises `InputError` without it."""
-        return self._dispersion()["seed"]
+        return self.dispersion["seed"]
 
     @property
     def until(self) -> StopRule | None:
         """The rule that ends the campaign of the file before its `runs`; `None` without one."""
-        rule = self._dispersion()["until"]
+        rule = self.dispersion["until"]
         if rule is None:
             return None
         return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
@@ -126,12 +97,12 @@ class SceneFile:
     @no_method
     def compare(self) -> tuple[str, ...]:
         """The cheaper methods with which the file compares its runs."""
-        return tuple(self._dispersion()["compare"])
+        return tuple(self.dispersion["compare"])
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:
         """Tolerance, method and limits of the steps, the first as `tolerance`."""
-        return self._steps(self.tolerance)
+        return steps_of(self.parsed, self.tolerance)
 
     @functools.cached_property
     def tolerance(self) -> float:
@@ -157,21 +128,12 @@ class SceneFile:
     @property
     def campaign_accuracy(self) -> Accuracy | ByPurpose:
         """The accuracy of the campaign of the file."""
-        return ByPurpose(self._steps(None)) if self.by_purpose else self.accuracy
+        return ByPurpose(steps_of(self.parsed, None)) if self.by_purpose else self.accuracy
 
     @functools.cached_property
     def final_error(self) -> FinalError | None:
         """The error that the file asks for at the end of its nominal run; `None` without."""
-        return asked_of(self.values["final_error"], self._steps(None))
-
-    def _steps(self, rtol: float | None) -> Accuracy:
-        values = self.values
-        given = {"max_step": values["max_step"], "max_steps": values["max_steps"]}
-        if values["method"] is not None:
-            given["method"] = self._building(values).make("method")
-        # Omitted, so that the defaults are those of `Accuracy`.
-        given = {key: value for key, value in given.items() if value is not None}
-        return Accuracy(rtol=rtol, **given)
+        return asked_of(self.values["final_error"], steps_of(self.parsed, None))
 
     @property
     def system(self) -> AbstractSystem | Mission:
@@ -193,11 +155,6 @@ class SceneFile:
         return jnp.linspace(times["start"], times["end"], times["samples"])
 
     @property
-    def start(self) -> float:
-        """The time of the initial state, s."""
-        return 0.0 if self.parsed.is_mission else self.values["times"]["start"]
-
-    @property
     def mission(self) -> Mission:
         """The file as a mission; of a system or a scene, a mission of one phase."""
         return self._nominal[0]
@@ -216,7 +173,7 @@ class SceneFile:
     def site(self) -> LaunchSite | None:
         """The launch site of a flight, with its rail and the air above it; `None` for another
         file."""
-        return self._building(self.values).make(SITE) if self.kind == "flight" else None
+        return self.parsed.building().make(SITE) if self.kind == "flight" else None
 
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:
@@ -266,7 +223,7 @@ class SceneFile:
             num_saved=num_saved,
             throw=throw,
         )
-        return self._warned_of_ground(run, stacklevel=2)
+        return warned_of_ground(run, self.values.get("planet") or {}, stacklevel=2)
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
         """Mission and initial states of many runs.
@@ -306,7 +263,7 @@ class SceneFile:
 
         **Raises** `InputError` without [dispersion], and for inputs that the file does not have."""
         # Raises without [dispersion], before the nominal run is simulated in vain.
-        asked = self._dispersion()
+        asked = self.dispersion
         # A copy, because files given for one campaign do not belong to another.
         files = NamedFiles(self.files.folder, self.files.texts)
         scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
@@ -318,14 +275,16 @@ class SceneFile:
         own = self._outputs_of(self.outputs, reference)
         every = own if outputs is None else MoreOutputs(own, outputs)
         design = design_of(asked["sampling"], self.runs if runs is None else runs)
-        return campaign_of(self, scatters, every, design, self._along, files.texts)
+        return campaign_of(
+            self, scatters, every, design, self._along, files.texts, self.campaign_accuracy
+        )
 
     @property
     def _along(self) -> int:
         """Number of states of each phase that the outputs need."""
         # Without extremes, only the ends of the phases are read.
         extremes = any(spec.take for spec in self.outputs)
-        return self._dispersion()["extreme_samples"] if extremes else 2
+        return self.dispersion["extreme_samples"] if extremes else 2
 
     def optimize(
         self,
@@ -351,7 +310,12 @@ class SceneFile:
             raise InputError("optimize is missing: it must be a table with free numbers for this.")
         if self.task.dispersed:
             raise InputError('optimize.over is "dispersion": call SceneFile.optimize_design.')
-        return optimise(self, self.task, progress, start, steps)
+        result = optimise(self, self.task, progress, start, steps)
+        if int(result.minimum.reason) != StopReason.NOT_FINITE:
+            return result
+        # The search itself saves only the ends of a run.
+        run = self.nominal_mission(samples=2)
+        return dataclasses.replace(result, warning=failed_start(result, run))
 
     def optimize_design(
         self,
@@ -375,7 +339,8 @@ class SceneFile:
         **Raises** `InputError` without [optimize] over dispersion, and as `optimise_design`."""
         if self.task is None or not self.task.dispersed:
             raise InputError('optimize.over must be "dispersion" for this.')
-        return optimise_over_runs(self, self.task, progress, store, resume, nominal)
+        base = self.campaign(warn=False)
+        return optimise_over_runs(self, self.task, base, progress, store, resume, nominal)
 
     def with_design(self, optimum: DesignOptimum) -> str:
         """The text of the file with the numbers of an optimum of `optimize_design` in place of its
@@ -403,7 +368,8 @@ class SceneFile:
             least = 32.0 * float(jnp.finfo(jnp.result_type(float)).eps)
             rtol = max(self.tolerance * factor, least)
             asked = dataclasses.replace(self.accuracy, rtol=rtol)
-        return self._warned_of_ground(self._mission_run(asked, samples), stacklevel=2)
+        run = self._mission_run(asked, samples)
+        return warned_of_ground(run, self.values.get("planet") or {}, stacklevel=2)
 
     def _mission_run(
         self, accuracy: Accuracy | FinalError, samples: int, throw: bool = False
@@ -411,27 +377,6 @@ class SceneFile:
         return simulate_mission(
             self.mission, self.y0, self.start, accuracy=accuracy, num_saved=samples, throw=throw
         )
-
-    def _warned_of_ground(self, run: Result, stacklevel: int) -> Result:
-        """The run with the status of one that passes below the ground of the planet of the file,
-        of which it warns, where no effect states it, so that no other warning does."""
-        planet = self.values.get("planet") or {}
-        mu, radius = planet.get("mu"), planet.get("radius")
-        if mu is None or radius is None:
-            return run
-        below = False
-        for phase in run.phases if isinstance(run, MissionTrajectory) else (run,):
-            parts = (phase.system, *getattr(phase.system, "effects", ()))
-            # Over flat ground the origin is no centre.
-            about_centre = any(hasattr(part, "mu") for part in parts)
-            known = any(isinstance(e, AbstractEffect) and e.ground() is not None for e in parts)
-            if about_centre and not known and isinstance(phase.states, BodyState):
-                within = mu if phase.undisturbed else None
-                lowest = lowest_below_ground(phase.ts, phase.states, radius, within)
-                if words := ground_warning(lowest, radius, "planet.radius"):
-                    warnings.warn(words, stacklevel=stacklevel + 1)
-                    below = True
-        return with_doubts(run, jnp.asarray(below)) if below else run
 
     def nominal_outputs(
         self, nominal: Trajectory | MissionTrajectory | LoopRun, every: bool = False
@@ -471,53 +416,12 @@ class SceneFile:
         si = unit_of(spec, self.parsed)
         return FinalOutput(function_of(outputs, spec), si, spec.factor)
 
-    def body(
-        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
-    ) -> AbstractBody:
-        """The body at the `place` of an output (`Parsed.line_at`), from the numbers of the file and
-        those of `runs` runs in `samples`."""
-        building = self._building(self.replaced(values, samples), Runs(runs))
-        if self.kind == "flight":
-            return building.make("vehicle").body
-        return building.make(self.parsed.legs[self.parsed.last_leg(place)].body)
-
-    def scene(
-        self, values: Values, samples: Mapping[str, Array], runs: int, place: int = -1
-    ) -> AbstractSystem:
-        """What moves at the `place` of an output; arguments as of `body`."""
-        numbers = self.replaced(values, samples)
-        legs, _ = legs_of(build_mission(self.parsed, numbers, Runs(runs))[0])
-        return legs[self.parsed.last_leg(place, len(legs))].phase.moving
-
-    def effect(
-        self, name: str, values: Values, samples: Mapping[str, Array], runs: int
-    ) -> AbstractEffect | LaunchSite:
-        """An effect by its name, or the site of a flight; arguments as of `body`."""
-        building = self._building(self.replaced(values, samples), Runs(runs))
-        if self.kind == "flight":
-            return building.make(name)
-        return building.effects(self.parsed.active_effects())[name]
-
-    def replaced(self, values: Values, samples: Mapping[str, Array]) -> Values:
-        """The values with the `samples` at their paths."""
-        return replaced(values, samples)
-
     def _outputs_of(
         self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
     ) -> Outputs:
         initial = with_run(self.y0) if needs(specs, INITIAL) else None
-        return Outputs(self, specs, self._numbers({}), reference, initial)
+        return Outputs(self.parsed, specs, self._numbers({}), reference, initial)
 
     def _numbers(self, samples: Mapping[str, ArrayLike]) -> Values:
         """The values with arrays in place of numbers: those of `samples`, and those of the file."""
         return replaced(self.values, samples)
-
-    def _dispersion(self) -> Values:
-        if self.values["dispersion"] is None:
-            raise InputError(
-                "dispersion is missing: it must be a table with outputs and inputs for this."
-            )
-        return self.values["dispersion"]
-
-    def _building(self, values: Values, runs: Runs | None = None) -> Building:
-        return Building(values, self.parsed.makers, Runs() if runs is None else runs)

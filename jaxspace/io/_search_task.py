@@ -3,7 +3,6 @@
 The run is `simulation.simulate_compact`, which compiles in seconds."""
 
 from collections.abc import Mapping
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,12 +13,16 @@ from ..optimization import Criterion
 from ..simulation import CompactRun, MissionTrajectory, Status, simulate_compact
 from ..simulation.legs import legs_of
 from ._build import build_mission, replaced
+from ._file_content import FileContent
+from ._kinds import Values
 from ._objects import Runs
 from ._optimize_table import Demand, Task
-from ._outputs import Curve, Curves, Outputs, OutputSpec, line_ends
+from ._output_spec import OutputSpec
+from ._outputs import Curve, Curves, Outputs, line_ends
+from ._parsed import Parsed
 
 
-def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
+def criterion(file: FileContent, task: Task, x: Mapping[str, Array], steps: int) -> Criterion:
     """Objective and constraints of the run with the numbers `x` at their paths."""
     values = replaced(file.values, x)
     mission, y0 = build_mission(file.parsed, values, Runs())
@@ -30,7 +33,7 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
     specs = (task.objective, *(d.spec for d in task.demands))
     systems = [leg.phase.moving for leg in legs_of(mission)[0]]
     curves = {k: _curve(systems[k], run, k) for spec in specs for k in spec.phases}
-    objective, *numbers = values_of(file, values, specs, states, ends, curves)
+    objective, *numbers = values_of(file.parsed, values, specs, states, ends, curves)
     equal = [v - d.target for v, d in zip(numbers, task.demands, strict=True) if d.limit == "equal"]
     above = [
         _margin(v, d) for v, d in zip(numbers, task.demands, strict=True) if d.limit != "equal"
@@ -48,8 +51,8 @@ def criterion(file: Any, task: Task, x: Mapping[str, Array], steps: int) -> Crit
 
 
 def values_of(
-    file: Any,
-    values: Any,
+    file: Parsed,
+    values: Values,
     specs: tuple[OutputSpec, ...],
     states: dict[int, State],
     ends: dict[int, Array],

@@ -3,9 +3,9 @@
 from dataclasses import dataclass
 
 from ..dispersion.purpose import BY_PURPOSE
-from ._checks import Parsed
 from ._errors import hint, wrong
 from ._kinds import Reading, Schema, Value
+from ._parsed import Parsed
 from ._value_kinds import Number
 
 

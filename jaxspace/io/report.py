@@ -19,6 +19,7 @@ from ..simulation import MissionTrajectory, Status, Trajectory
 from ..simulation.mission_result import BranchEnd
 from ..statistics import Dispersion
 from ..statistics.contributors import Contributors
+from ._build import replaced
 from ._final_error import final_error_rows
 from ._inputs import measures
 from ._optimum import Optimum
@@ -213,11 +214,11 @@ def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
     # A body without propellant has a constant mass, which is not in the state.
     heavy = getattr(run.final, "mass", None) is not None
     rows: list[Row] = [("phase", *head, *([_label("mass", unit)] if heavy else []))]
-    numbers = file.replaced(file.values, {p: jnp.asarray(x) for p, x in optimum.values.items()})
+    numbers = replaced(file.values, {p: jnp.asarray(x) for p, x in optimum.values.items()})
     for k, (name, phase) in enumerate(run.items()):
         states, ends = {-1: run.final, k: phase.final}, {-1: run.end, k: phase.ts[-1]}
         specs = tuple(spec._replace(at=k) for spec in chosen)
-        values = values_of(file, numbers, specs, states, ends, {})
+        values = values_of(file.parsed, numbers, specs, states, ends, {})
         cells = [number(s.factor * x) for s, x in zip(specs, values, strict=True)]
         mass = [number(in_unit("kg", unit) * phase.final.mass)] if heavy else []
         rows.append((name, *cells, *mass))

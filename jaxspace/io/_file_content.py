@@ -1,0 +1,68 @@
+"""What was parsed of a scene file, as plain data; what is done with it are functions elsewhere."""
+
+import dataclasses
+from pathlib import Path
+
+from ..core import InputError
+from ._inputs import Input
+from ._joint_inputs import MadeInput
+from ._kinds import Values
+from ._named_files import NamedFile, NamedFiles
+from ._optimize_table import Task
+from ._output_spec import OutputSpec
+from ._parsed import Parsed
+from .units import WrittenUnits
+
+
+@dataclasses.dataclass(frozen=True)
+class FileContent:
+    """The content of a scene file, every entry checked.
+
+    - `path`, `text`: of the file.
+    - `parsed`: its values in SI.
+    - `inputs`: the distribution of every dispersed number.
+    - `outputs`: those of each run of a campaign.
+    - `units`: those in which the file gives its numbers.
+    - `task`: the content of [optimize], or `None`.
+    - `files`: the files that it names.
+    - `modules`: Python files that were run for it."""
+
+    # Compared by `text` and `parsed`, from which the other fields follow.
+    path: Path = dataclasses.field(compare=False)
+    text: str
+    parsed: Parsed
+    inputs: dict[str, Input | MadeInput] = dataclasses.field(compare=False)
+    outputs: tuple[OutputSpec, ...] = dataclasses.field(compare=False)
+    units: WrittenUnits = dataclasses.field(compare=False)
+    task: Task | None = dataclasses.field(default=None, compare=False)
+    files: NamedFiles = dataclasses.field(default_factory=lambda: NamedFiles(Path()), compare=False)
+    modules: tuple[NamedFile, ...] = dataclasses.field(default=(), compare=False)
+
+    @property
+    def kind(self) -> str:
+        """The kind of the file: "system", "scene", "mission" or "flight"."""
+        return self.parsed.kind
+
+    @property
+    def values(self) -> Values:
+        """The values of the file, numbers in SI."""
+        return self.parsed.values
+
+    @property
+    def title(self) -> str:
+        """The title, or the name of the file."""
+        return self.values["title"] or self.path.stem
+
+    @property
+    def start(self) -> float:
+        """The time of the initial state, s."""
+        return 0.0 if self.parsed.is_mission else self.values["times"]["start"]
+
+    @property
+    def dispersion(self) -> Values:
+        """The table [dispersion]. Raises `InputError` without it."""
+        if self.values["dispersion"] is None:
+            raise InputError(
+                "dispersion is missing: it must be a table with outputs and inputs for this."
+            )
+        return self.values["dispersion"]
