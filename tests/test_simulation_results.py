@@ -27,7 +27,7 @@ from jaxspace.simulation import (
     Status,
 )
 from jaxspace.simulation._dataset import blocks_of
-from jaxspace.solvers import DOP853, Stormer, Tsit5
+from jaxspace.solvers import DOP853, FixedSteps, Stormer, Tsit5
 
 KEPLER = Integrated(TwoBody(1.0))
 QUICK = Accuracy(rtol=1e-8, method=Tsit5(), max_steps=1024)
@@ -132,6 +132,34 @@ def test_a_mission_reads_as_a_list_with_names():
     assert lines[5].split() == ["<rise>", "TwoBody", "0", "1", "closed", "form", "0", "COMPLETED"]
     assert lines[6].split()[:4] == ["fall", "TwoBody", "1", "3"]
     assert "&lt;rise&gt;" in well_formed(result)
+
+
+def test_a_run_of_a_system_reads_as_a_mission_of_one_phase():
+    ts = jnp.linspace(0.0, 1.5, 3)
+    runs = [
+        simulate(KEPLER, start(), ts, accuracy=QUICK),
+        simulate_mission(Mission([Phase(KEPLER, 1.5)]), start(), accuracy=QUICK, num_saved=3),
+    ]
+    for run in runs:
+        assert len(run.phases) == 1 and not run.branches and float(run.end) == 1.5
+        # Six stages a step, and one more evaluation at the start.
+        assert int(run.evaluations) >= 6 * int(run.phases[0].stats["steps"])
+        first = run.with_phases(run.phases, jnp.asarray(Status.BELOW_GROUND))
+        assert int(first.status) == Status.BELOW_GROUND
+    np.testing.assert_array_equal(runs[0].phases[0].final.position, runs[1].final.position)
+
+
+def test_a_mission_takes_more_fixed_steps_where_they_were_too_few():
+    """As a run of the system alone, and the phase alone whose steps missed the tolerance."""
+    accuracy = Accuracy(1e-8, method=FixedSteps(DOP853(), 2))
+    mission = Mission([Phase(KEPLER, 0.1, name="short"), Phase(KEPLER, 1.1, name="long")])
+    run = simulate_mission(mission, start(), accuracy=accuracy)
+    assert int(run.status) == Status.COMPLETED
+    taken = [int(phase.stats["steps"]) for phase in run.phases]
+    assert taken[0] == 2 < taken[1] <= 16
+    alone = simulate(KEPLER, start(), jnp.array([0.0, 1.2]), accuracy=1e-12)
+    # A few steps of 1e-8 each.
+    np.testing.assert_allclose(run.final.position, alone.final.position, atol=1e-7)
 
 
 def test_a_traced_result_says_its_shapes():

@@ -11,8 +11,6 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PRNGKeyArray, PyTree
 
 from ..core import InputError, Scalar, State
-from ..core.checks import is_concrete
-from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -21,9 +19,8 @@ from ..integration.accuracy import (
     state_dtype,
 )
 from ..integration.events import Event
-from ..integration.status import raise_on_failure
 from ..simulation import Trajectory
-from ..simulation.failures import loud
+from ..simulation.finish import raise_failures
 from ..simulation.reading import AbstractRun
 from ..simulation.trajectory import RunCall, run_of
 from ._clocks import known_times
@@ -151,14 +148,9 @@ def run_loop(
     numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
     trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))
-    run = LoopRun(trajectory, steps_of(config), asked)
-    if not throw:
-        return run
-    # A known status raises here; a traced one when the compiled program runs.
-    if is_concrete(run.status) and not is_traced(run.trajectory):
-        raise_on_failure(run.status)
-        return run
-    return eqx.tree_at(lambda r: r.trajectory, run, loud(run.trajectory))
+    if throw:
+        trajectory = raise_failures(trajectory)
+    return LoopRun(trajectory, steps_of(config), asked)
 
 
 def _check(loop: Loop, y0: State, run_axes: int) -> None:

@@ -18,7 +18,7 @@ from ..integration.layout import broadcast_state, times_behind_components
 from ..integration.programs import Runs, is_small
 from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
-from ..simulation.blocks import Blocks, jit_wide_vectors
+from ..simulation.blocks import jit_wide_vectors
 from ..simulation.reached import reached
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
@@ -106,7 +106,7 @@ def compiled(known: Known, config: IntegrationConfig, static: Static) -> Traject
         block = known._replace(parts=parts, y0=y0, start=start, key=keys, memory=memory)
         return _run(block, config, static)
 
-    return Blocks.map(blocks, piece, (batched, keys), shared)
+    return blocks.map(piece, (batched, keys), shared)
 
 
 @jit_wide_vectors

@@ -11,7 +11,7 @@ from ..core.checks import is_concrete
 from ..core.tracing import is_traced
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy, state_dtype
 from ..integration.config import IntegrationConfig, check_tolerance
-from ..integration.status import Status
+from ..simulation.repeat import error_of_too_few_steps
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ._advance import as_fixed
@@ -27,9 +27,11 @@ def repeated(
     """The run, repeated with finer steps if they were too few and the numbers are known."""
     for _ in range(REPEATS + 1):
         result = program(known, config, static)
-        error = _too_few(result)
         # Traced numbers have no known error that could decide.
-        if error == 0.0 or is_traced(known):
+        if is_traced(known) or not is_concrete(result.status):
+            break
+        error = float(np.max(error_of_too_few_steps(result)))
+        if error == 0.0:
             break
         config = config.with_more_steps(error)
     return result, config
@@ -58,13 +60,3 @@ def steps_of(config: IntegrationConfig) -> int:
     """The fixed steps between two nodes."""
     assert isinstance(config.solver, FixedSteps)
     return config.solver.steps
-
-
-def _too_few(run: Trajectory) -> float:
-    """The largest local error of a run that missed the tolerance by too few steps; else zero."""
-    if not is_concrete(run.status):
-        return 0.0
-    missed = np.asarray(run.status) == Status.TOLERANCE_MISSED
-    error = np.asarray(run.stats["largest_local_error"])
-    error = error[missed & np.isfinite(error)]
-    return float(np.max(error)) if error.size else 0.0

@@ -14,7 +14,6 @@ kind of processor): but for a step at the number of planned runs from which a pr
 longer to compile, and flies faster, pays (`is_small`).
 """
 
-import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -28,6 +27,7 @@ from jaxtyping import PyTree
 
 from ..core.processors import cores
 from ..integration.accuracy import Accuracy
+from ..integration.exact_part import exact
 from ..integration.status import Status
 from ..simulation.blocks import Blocks
 from ..stores.results import RunResults
@@ -142,8 +142,7 @@ class BatchRunner:
             if not piloted:
                 check_nominal(campaign, accuracy, status)
         except StepsForTurns:
-            exactly = dataclasses.replace(accuracy, decoupled=True)
-            return cls.plan(campaign, exactly, seed, devices, samples, runs)
+            return cls.plan(campaign, exact(accuracy), seed, devices, samples, runs)
         if status != Status.TOLERANCE_MISSED:
             runner.nominal = outputs
         factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]

@@ -3,18 +3,18 @@ that the steps would run out (`Accuracy.decoupled`).
 
 The runs are traced, so that the nominal run decides for all."""
 
-import dataclasses
 from typing import Any
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, ArrayLike
 
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
-from ..integration.exact_part import takes_many_steps
+from ..integration.exact_part import exact, leaves_open, takes_many_steps
+from ..integration.status import Status
 from ..simulation.legs import legs_of
 from ..simulation.phases import longest
 from ..simulation.runnable import AbstractRunnable
@@ -39,9 +39,14 @@ _turns_compiled = eqx.filter_jit(_turns, **QUICK)
 
 def has_exact_part(campaign: Any, accuracy: Accuracy) -> bool:
     """Whether the campaign has an exact part, and the accuracy does not decide about it."""
-    if accuracy.decoupled is not None or accuracy.method != "auto":
-        return False
-    return bool(eqx.filter_eval_shape(_turns, campaign))
+    return leaves_open(accuracy) and bool(eqx.filter_eval_shape(_turns, campaign))
+
+
+def for_turns(campaign: Any, accuracy: Accuracy, status: ArrayLike) -> Accuracy | None:
+    """The accuracy with which runs of this `status` are repeated, if steps ran out: with the exact
+    part of the motion in closed form. `None` where that cures nothing."""
+    out = np.any(np.asarray(status) == Status.MAX_STEPS)
+    return exact(accuracy) if out and has_exact_part(campaign, accuracy) else None
 
 
 def with_exact_parts(campaign: Any, accuracy: Accuracy) -> Accuracy:
@@ -51,6 +56,4 @@ def with_exact_parts(campaign: Any, accuracy: Accuracy) -> Accuracy:
     if is_traced(campaign) or not has_exact_part(campaign, accuracy):
         return accuracy
     turns = max(float(np.asarray(x)) for x in _turns_compiled(campaign))
-    if not takes_many_steps(turns, accuracy):
-        return accuracy
-    return dataclasses.replace(accuracy, decoupled=True)
+    return exact(accuracy) if takes_many_steps(turns, accuracy) else accuracy

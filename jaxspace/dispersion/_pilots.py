@@ -26,7 +26,7 @@ from ..simulation.phases import resolve_and_count, resolve_phases
 from ..simulation.runnable import AbstractRunnable
 from ._along import Kept, saved_of
 from ._campaign import Campaign
-from ._exact_parts import has_exact_part
+from ._exact_parts import for_turns
 from ._isolation import isolate
 from ._outputs import PilotRuns
 from ._plans import nodes_of
@@ -138,7 +138,7 @@ def expected_steps(
 def check_nominal(campaign: Campaign, accuracy: Accuracy, status: int) -> None:
     """Raise `SimulationError` for a nominal run that failed with this status, and `StepsForTurns`
     where it could be run with the exact part of its motion beside the steps."""
-    if status == Status.MAX_STEPS and has_exact_part(campaign, accuracy):
+    if for_turns(campaign, accuracy, status) is not None:
         raise StepsForTurns
     # A missed tolerance is no failure here, because the runs are checked on finer plans.
     if status in (Status.NOT_FINITE, Status.MAX_STEPS):

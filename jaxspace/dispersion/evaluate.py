@@ -3,7 +3,6 @@ that are not drawn by `disperse`."""
 
 __all__ = ["Evaluator"]
 
-import dataclasses
 from collections.abc import Mapping
 from typing import NamedTuple, final
 
@@ -22,7 +21,7 @@ from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
-from ._exact_parts import has_exact_part
+from ._exact_parts import for_turns
 from ._outputs import outputs_of
 from ._sampling import Sobol, map_normals, normal_columns
 from ._whole import check_whole
@@ -116,8 +115,7 @@ class Evaluator(eqx.Module):
             block = {name: jnp.asarray(x[first : first + BLOCK]) for name, x in filled.items()}
             parts.append(_evaluate(self.campaign, self.accuracy, block))
         outputs, status = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *parts)
-        out = np.any(status == Status.MAX_STEPS)
-        if out and has_exact_part(self.campaign, self.accuracy):
-            exactly = dataclasses.replace(self.accuracy, decoupled=True)
+        exactly = for_turns(self.campaign, self.accuracy, status)
+        if exactly is not None:
             return Evaluator(self.campaign, exactly)(samples)
         return Evaluated(outputs, status)

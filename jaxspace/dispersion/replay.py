@@ -20,7 +20,7 @@ from ..simulation.finish import with_calls
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._along import saved_states, thinned
-from ._exact_parts import has_exact_part
+from ._exact_parts import for_turns
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
 
@@ -74,9 +74,9 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
     try:
         with callbacks():
             computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
-            out = int(computed[0].status[0]) == Status.MAX_STEPS
-            if out and has_exact_part(campaign, accuracy):
-                accuracy = dataclasses.replace(accuracy, decoupled=True)
+            exactly = for_turns(campaign, accuracy, computed[0].status)
+            if exactly is not None:
+                accuracy = exactly
                 computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error

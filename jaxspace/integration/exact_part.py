@@ -42,9 +42,7 @@ def with_exact_part(
 
     **Returns** the accuracy as it was if it has the choice already, or if the numbers are unknown
     (under `jit`, or in a derivative): the whole motion is then integrated."""
-    if accuracy.decoupled is not None or accuracy.method != "auto":
-        return accuracy
-    if not _has_exact_part(system):
+    if not leaves_open(accuracy) or not _has_exact_part(system):
         return accuracy
     if not is_concrete(times) or not all(map(is_concrete, jax.tree.leaves(y))):
         return accuracy
@@ -56,6 +54,17 @@ def with_exact_part(
     turns = np.asarray(decoupled.turns(jnp.asarray(duration), y))
     turns = float(np.max(turns, initial=0.0))
     return dataclasses.replace(accuracy, decoupled=takes_many_steps(turns, accuracy))
+
+
+def leaves_open(accuracy: Accuracy) -> bool:
+    """Whether the user leaves open how the exact part is computed."""
+    return accuracy.decoupled is None and accuracy.method == "auto"
+
+
+def exact(accuracy: Accuracy) -> Accuracy:
+    """The accuracy that asks for the exact part of the motion in closed form, where the user leaves
+    that open."""
+    return dataclasses.replace(accuracy, decoupled=True) if leaves_open(accuracy) else accuracy
 
 
 @without_numbers

@@ -15,7 +15,8 @@ import numpy as np
 from ..control import LoopRun
 from ..core import argument
 from ..core.quantities import Quantity, quantities
-from ..simulation import Accuracy, FinalError, MissionTrajectory, Trajectory
+from ..simulation import Accuracy, FinalError, Trajectory
+from ..simulation.mission_result import Simulated
 from ._errors import unknown, wrong
 from ._kinds import Entry, Maker, Reading, Value
 from ._parsed import Parsed
@@ -123,9 +124,7 @@ def rounded_down(tolerance: float) -> float:
     return float(f"{math.floor(tolerance / unit) * unit:.1e}")
 
 
-def final_error_rows(
-    value: Value, run: Trajectory | MissionTrajectory | LoopRun
-) -> list[tuple[str, str]]:
+def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, str]]:
     """What was asked, what came out, what it took, and the price of another error.
 
     **Arguments**
@@ -134,8 +133,7 @@ def final_error_rows(
     - `run`: the nominal run."""
     if value is None or isinstance(run, LoopRun):
         return []
-    last = run.phases[-1] if isinstance(run, MissionTrajectory) else run
-    stats = {name: np.asarray(x) for name, x in last.stats.items()}
+    stats = {name: np.asarray(x) for name, x in run.phases[-1].stats.items()}
     estimate, price = float(stats["final_error"]), float(stats["final_error_price"])
     runs, spent = int(stats["final_error_runs"]), int(stats["final_error_evaluations"])
 
@@ -149,7 +147,8 @@ def final_error_rows(
         return [*rows, ("estimated", "0: the run is a closed form")]
     rows.append(("estimated", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
-    found = f"{tolerance_of(last):.2g}, found by {runs} runs with {spent} evaluations together"
+    tolerance = tolerance_of(run.phases[-1])
+    found = f"{tolerance:.2g}, found by {runs} runs with {spent} evaluations together"
     rows.append(("accuracy that it took", found))
     if math.isfinite(price):
         rows.append(("a tenth of this error", f"{price:.2g} times the evaluations of a run"))

@@ -7,8 +7,9 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractEffect, BodyState
 from ..scene.ground_check import ground_warning, lowest_below_ground
-from ..simulation import MissionTrajectory, Trajectory
-from ..simulation.finish import Result, with_doubts
+from ..simulation import Trajectory
+from ..simulation.finish import with_doubts
+from ..simulation.mission_result import Result
 
 
 def warned_of_ground(run: Result, planet: Mapping[str, float | None], stacklevel: int) -> Result:
@@ -24,7 +25,7 @@ def warned_of_ground(run: Result, planet: Mapping[str, float | None], stacklevel
     if mu is None or radius is None:
         return run
     below = False
-    for phase in run.phases if isinstance(run, MissionTrajectory) else (run,):
+    for phase in run.phases:
         words = _words(phase, mu, radius)
         if words:
             warnings.warn(words, stacklevel=stacklevel + 1)

@@ -10,16 +10,14 @@ import numpy as np
 
 from ..control import LoopRun
 from ..core import State
-from ..simulation import MissionTrajectory, Trajectory
-from ..simulation.mission_result import numbers_of
+from ..simulation import MissionTrajectory
+from ..simulation.mission_result import Simulated, numbers_of
 from ._outputs import Outputs, line_ends
 from .by_numpy import by_numpy
 
 
 @by_numpy()
-def outputs_of(
-    nominal: Trajectory | MissionTrajectory | LoopRun, outputs: Outputs
-) -> dict[str, tuple[float, str]]:
+def outputs_of(nominal: Simulated | LoopRun, outputs: Outputs) -> dict[str, tuple[float, str]]:
     """The `outputs` of the nominal run, with their units."""
     # Outputs take runs on the last axis, so that the nominal run is a batch of one; and traced as a
     # whole, because an operation that is carried out by itself takes three times as long as one of
@@ -28,11 +26,11 @@ def outputs_of(
     return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in outputs.specs}
 
 
-def _as_batch(nominal: Trajectory | MissionTrajectory | LoopRun) -> MissionTrajectory:
-    """The run as a mission, with an axis of one run."""
+def _as_batch(nominal: Simulated | LoopRun) -> Simulated:
+    """The run with an axis of one run."""
     run = numbers_of(nominal.trajectory if isinstance(nominal, LoopRun) else nominal)
-    phases = tuple(dataclasses.replace(phase, run_axes=1) for phase in run.phases)
-    return with_run(dataclasses.replace(run, phases=phases))
+    phases = [dataclasses.replace(phase, run_axes=1) for phase in run.phases]
+    return with_run(run.with_phases(phases, run.status))
 
 
 def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:

@@ -17,6 +17,7 @@ from jaxtyping import Array
 
 from ..core import InputError, Scalar, State
 from ..simulation import CompactRun, MissionTrajectory
+from ..simulation.mission_result import Simulated
 from ..statistics.extremes import greatest, least
 from ._build import replaced
 from ._kinds import Values
@@ -98,7 +99,7 @@ class Outputs(eqx.Module):
         )
         return dataclasses.replace(self, specs=given) if given else None
 
-    def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
+    def __call__(self, result: Simulated, samples: dict[str, Array]) -> dict[str, Array]:
         states, ends = line_ends(result)
         began, curves, spans = {}, {}, {}
         for spec in self.specs:
@@ -242,7 +243,7 @@ class MoreOutputs(eqx.Module):
 
 
 def line_ends(
-    result: MissionTrajectory | CompactRun,
+    result: Simulated | CompactRun,
 ) -> tuple[dict[int, State], dict[int, Array]]:
     """States and times, s, at the end of a mission, at -1, and of its branches."""
     ends = [(result.final, result.end), *((b.final, b.end) for b in result.branches)]

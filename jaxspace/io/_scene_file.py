@@ -27,11 +27,11 @@ from ..simulation import (
     FinalError,
     Mission,
     MissionTrajectory,
-    Trajectory,
     simulate_mission,
 )
 from ..simulation.either import run_either
 from ..simulation.legs import legs_of
+from ..simulation.mission_result import Simulated
 from ..statistics import StopRule
 from ..vehicles import LaunchSite
 from ._accuracy import steps_of
@@ -189,7 +189,7 @@ class SceneFile(FileContent):
         events: Sequence[Event] | None = None,
         num_saved: int | None = None,
         throw: bool = True,
-    ) -> Trajectory | MissionTrajectory | LoopRun:
+    ) -> Simulated | LoopRun:
         """The nominal run: of a system or a scene, of a mission, or of the loop of a file with
         [control], whichever the file describes (`kind`, `loop`).
 
@@ -379,7 +379,7 @@ class SceneFile(FileContent):
         )
 
     def nominal_outputs(
-        self, nominal: Trajectory | MissionTrajectory | LoopRun, every: bool = False
+        self, nominal: Simulated | LoopRun, every: bool = False
     ) -> dict[str, tuple[float, str]]:
         """The outputs of the nominal run, with their units.
 

@@ -13,12 +13,11 @@ from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
 from ..integration.config import IntegrationConfig, resolve
 from ..integration.events import Event
-from ..integration.exact_part import with_exact_part
+from ..integration.exact_part import exact, with_exact_part
 from ..integration.stiffness import InitialConditions
 from ._batch_runs import again_by, run_systems
 from ._final_error import FinalError
 from ._mission import check_system
-from ._repeat import Configs, cured, exact
 from ._to_final_error import to_final_error
 from ._warnings import warn_of_switches
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
@@ -32,6 +31,7 @@ from .checks import (
     hints_of_arguments,
 )
 from .finish import finished
+from .repeat import Configs, cured
 from .trajectory import RunCall, Trajectory
 
 # Runs of a batch that are inspected to choose its method.

@@ -20,14 +20,14 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
 from ..solvers.tolerances import Tolerance
-from ._repeat import Configs, Result
 from ._runs import run_system
 from .batch_layout import cut_batch
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
 from .failures import mission_reached
-from .mission_result import MissionTrajectory
+from .mission_result import MissionTrajectory, Result
 from .mission_runs import run_mission
+from .repeat import Configs
 from .trajectory import Trajectory
 
 # Quotient of the fastest rate and the slowest up to which the runs of a batch are not sorted.

@@ -20,7 +20,7 @@ from ..core.printing import printed
 from ..core.types import as_float
 from ..integration.accuracy import DEFAULT, Accuracy, check_number
 from ..integration.status import Status
-from .mission_result import MissionTrajectory
+from .mission_result import Simulated
 from .trajectory import Trajectory
 
 
@@ -99,15 +99,13 @@ class FinalError(eqx.Module):
         self.accuracy = accuracy
         self.output = output
 
-    def measured(self, result: Trajectory | MissionTrajectory) -> Measured:
+    def measured(self, result: Simulated) -> Measured:
         """What is compared of a result. Raises `InputError` for a block that the state has not."""
-        last = result if isinstance(result, Trajectory) else result.phases[-1]
+        last = result.phases[-1]
         axes = last.run_axes
-        alone = isinstance(result, Trajectory)
-        spent = result.stats["evaluations"] if alone else result.evaluations
         status = result.status
         ended = status <= Status.EVENT, status == Status.TOLERANCE_MISSED
-        counts = *ended, jnp.asarray(spent)
+        counts = *ended, jnp.asarray(result.evaluations)
         if self.output is not None:
             values, form = jax.tree.flatten(self.output(result))
             within = jax.tree.leaves(self.within)
@@ -221,9 +219,7 @@ def _belongs(block: str, name: str) -> bool:
     return block == name or block.startswith(f"{name}.")
 
 
-def _sizes(
-    result: Trajectory | MissionTrajectory, last: Trajectory, axes: int
-) -> dict[str, Float[Array, "*runs"]]:
+def _sizes(result: Simulated, last: Trajectory, axes: int) -> dict[str, Float[Array, "*runs"]]:
     """The largest length of each block of the final state at the save times of the last phase."""
 
     def largest(x: Array, kept: int) -> Array:

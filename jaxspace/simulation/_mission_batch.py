@@ -6,10 +6,10 @@ from ..core import InputError, State
 from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
+from ..integration.exact_part import exact
 from ._batch_runs import again_by, run_missions
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
-from ._repeat import Configs, cured, exact
 from ._to_final_error import to_final_error
 from .batch_layout import InAxes, cut_batch, local_blocks, split_batch
 from .blocks import Blocks
@@ -17,6 +17,7 @@ from .checks import as_times, check_num_saved, hints_of_arguments
 from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .phases import resolve_phases
+from .repeat import Configs, cured
 
 
 @hints_of_arguments
@@ -44,9 +45,8 @@ def simulate_mission_batch(
     - `in_axes`: as in `simulate_batch`.
 
     **Returns** a `MissionTrajectory` with the runs last and a `Status` for each. A failed run is
-    marked in its own status. Outside of `jit`, runs that ran out of steps are repeated with the
-    exact parts of their motion in closed form (`Accuracy.decoupled`). Devices, blocks and steps are
-    as in `simulate_batch`.
+    marked in its own status. Runs are repeated as in `simulate_mission`. Devices, blocks and steps
+    are as in `simulate_batch`.
 
     **Raises** `InputError` as `simulate_mission` does, and for arrays that disagree about the
     number of runs. `SimulationError`, if `throw`, for a run that failed."""

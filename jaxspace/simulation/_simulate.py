@@ -22,12 +22,11 @@ from ..integration.accuracy import (
 )
 from ..integration.config import resolve
 from ..integration.events import Event
-from ..integration.exact_part import with_exact_part
+from ..integration.exact_part import exact, with_exact_part
 from ..integration.status import Status
 from ..integration.stiffness import InitialConditions
 from ._final_error import FinalError
 from ._mission import check_system
-from ._repeat import Configs, cured, exact
 from ._runs import run_system
 from ._to_final_error import to_final_error
 from ._warnings import warn_of_switches
@@ -42,6 +41,7 @@ from .checks import (
 )
 from .failures import enough_steps, place_of_failure
 from .finish import finished
+from .repeat import Configs, cured
 from .trajectory import RunCall, Trajectory
 
 

@@ -13,10 +13,10 @@ from ..integration.accuracy import (
     check_initial_state,
     check_tolerances,
 )
+from ..integration.exact_part import exact
 from ..integration.status import Status
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
-from ._repeat import Configs, cured, exact
 from ._to_final_error import to_final_error
 from .checks import as_times, check_num_saved, hints_of_arguments
 from .failures import mission_reached, place_of_failure
@@ -24,6 +24,7 @@ from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
 from .phases import resolve_phases
+from .repeat import Configs, cured
 
 
 @hints_of_arguments
@@ -52,9 +53,10 @@ def simulate_mission(
     forward and in reverse mode, with respect to every number in `mission` and `y0`, and to `t0`.
     Under `jax.vmap` the runs are integrated as by `simulate_mission_batch`.
 
-    Outside of `jit`, a mission whose steps ran out is repeated with the exact parts of its motion
-    in closed form (`Accuracy.decoupled`). Also outside of `jit`, it issues the warnings of the
-    systems about their runs, such as that of a path below the ground (`Scene.warning`).
+    Outside of `jit` a mission is repeated as a run of `simulate` is: with more steps in a phase
+    whose fixed steps missed the tolerance, and with the exact parts of its motion in closed form if
+    its steps ran out. Also outside of `jit`, it issues the warnings of the systems about their
+    runs, such as that of a path below the ground (`Scene.warning`).
 
     **Raises** `InputError`, before anything is compiled, for a start that is not one time; a
     tolerance that the precision cannot reach; a method that a phase does not support; a state that

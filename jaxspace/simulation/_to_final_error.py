@@ -14,7 +14,7 @@ run is made once more, with them.
 import dataclasses
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import Any, NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -26,14 +26,11 @@ from ..core import AbstractSystem, InputError, Scalar
 from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import as_state, least_tolerance, state_dtype
-from ..integration.config import IntegrationConfig
 from ..integration.status import Status
 from ._final_error import FinalError, Measured, distance
 from .finish import finished
-from .mission_result import MissionTrajectory
-from .trajectory import Trajectory
+from .mission_result import Result, Simulated
 
-Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 # Tolerances: one for each run of a batch, or of a run alone.
 Rtol: TypeAlias = Float[Array | np.ndarray, "*runs"]
 
@@ -255,15 +252,10 @@ def _price(
     return jnp.where(good & now.good, 10.0 ** (growth / jnp.maximum(power, FLATTEST)), jnp.nan)
 
 
-def _configs(result: Trajectory | MissionTrajectory) -> list[IntegrationConfig]:
-    phases = (result,) if isinstance(result, Trajectory) else result.phases
-    return [phase.config for phase in phases]
-
-
-def _is_exact(result: Trajectory | MissionTrajectory) -> bool:
+def _is_exact(result: Simulated) -> bool:
     """Whether closed forms alone give the result. Raises `InputError` where no tolerance decides
     the steps."""
-    configs = _configs(result)
+    configs = [phase.config for phase in result.phases]
     for config in configs:
         if config.fixed_step:
             raise InputError(
@@ -282,11 +274,9 @@ def _with_estimate(result: Result, search: Search, missed: Bool[Array, "*runs"])
         "final_error_evaluations": search.evaluations,
     }
     status = jnp.where(missed, Status.FINAL_ERROR_MISSED, result.status).astype(jnp.int32)
-    if isinstance(result, Trajectory):
-        return dataclasses.replace(result, status=status, stats={**result.stats, **stats})
     *others, last = result.phases
     last = dataclasses.replace(last, stats={**last.stats, **stats})
-    return dataclasses.replace(result, status=status, phases=(*others, last))
+    return result.with_phases((*others, last), status)
 
 
 def _best(search: Search) -> str:

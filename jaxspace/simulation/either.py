@@ -15,8 +15,7 @@ from ._mission_batch import simulate_mission_batch
 from ._simulate import simulate
 from ._simulate_mission import simulate_mission
 from .batch_layout import InAxes
-from .mission_result import MissionTrajectory
-from .trajectory import Trajectory
+from .mission_result import Simulated
 
 
 def run_either(
@@ -31,7 +30,7 @@ def run_either(
     batch: bool = False,
     in_axes: InAxes = None,
     throw: bool | None = None,
-) -> Trajectory | MissionTrajectory:
+) -> Simulated:
     """Run one of the four verbs, and return its result.
 
     **Arguments**

@@ -4,7 +4,6 @@ warnings of their systems."""
 import dataclasses
 import warnings
 from collections.abc import Callable
-from typing import TypeVar
 
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -17,10 +16,8 @@ from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
 from .failures import loud
 from .legs import legs_of
-from .mission_result import MissionTrajectory
+from .mission_result import MissionTrajectory, Result
 from .trajectory import RunCall, Trajectory
-
-Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 
 
 def with_calls(
@@ -57,7 +54,7 @@ def raise_failures(result: Result, where: Callable[[], str] | None = None) -> Re
     Under a transformation the error is attached to every array of the result and to its
     derivatives."""
     # Without the system and the configuration: those of a known run are known.
-    numbers = (result.ts, result.states) if isinstance(result, Trajectory) else result.phases
+    numbers = [(phase.ts, phase.states) for phase in result.phases]
     traced = is_traced((result.status, numbers))
     if is_concrete(result.status):
         # Also where the rest is differentiated eagerly: the place of the failure is then unknown.
@@ -70,9 +67,6 @@ def warn_after(result: Result, stacklevel: int) -> Result:
     (`AbstractSystem.warning`), if its numbers are known; the warnings are issued.
 
     `stacklevel` is that of the caller."""
-    if not isinstance(result, MissionTrajectory):
-        doubtful = _warned(result, stacklevel + 1)
-        return result if doubtful is None else with_doubts(result, doubtful)
     phases, every = [], False
     for run in result.phases:
         doubtful = _warned(run, stacklevel + 1)
@@ -80,7 +74,7 @@ def warn_after(result: Result, stacklevel: int) -> Result:
         every = every if doubtful is None else every | doubtful
     if every is False:
         return result
-    return with_doubts(dataclasses.replace(result, phases=tuple(phases)), every)
+    return with_doubts(result.with_phases(phases, result.status), every)
 
 
 def _warned(run: Trajectory, stacklevel: int) -> Array | None:

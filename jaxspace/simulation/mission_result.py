@@ -3,7 +3,7 @@
 import dataclasses
 import functools
 from collections.abc import Iterable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple, final
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -94,7 +94,7 @@ class MissionTrajectory(eqx.Module):
         heads = tuple(f"{name}." for name in self.branch_names)
         phases = {k: phase for k, phase in self.items() if not k.startswith(heads)}
         status = functools.reduce(combine_status, [run.status for run in phases.values()])
-        return self._with_phases(phases, status=status, branches=(), branch_names=())
+        return self._with_named(phases, status=status, branches=(), branch_names=())
 
     def _branch(self, name: str) -> "MissionTrajectory":
         """The branch of this name, with its own branches."""
@@ -103,7 +103,7 @@ class MissionTrajectory(eqx.Module):
         ends = dict(zip(self.branch_names, self.branches, strict=True))
         own = ends[name]
         inner = {k[len(head) :]: end for k, end in ends.items() if k.startswith(head)}
-        return self._with_phases(
+        return self._with_named(
             phases,
             final=own.final,
             end=own.end,
@@ -112,7 +112,12 @@ class MissionTrajectory(eqx.Module):
             branch_names=tuple(inner),
         )
 
-    def _with_phases(self, phases: dict[str, Trajectory], **fields: Any) -> "MissionTrajectory":
+    # As of `Trajectory`.
+    def with_phases(self, phases: Iterable[Trajectory], status: Array) -> Any:
+        """The result with other phases of the same names, and another status."""
+        return dataclasses.replace(self, phases=tuple(phases), status=status)
+
+    def _with_named(self, phases: dict[str, Trajectory], **fields: Any) -> "MissionTrajectory":
         return dataclasses.replace(
             self, phases=tuple(phases.values()), names=tuple(phases), **fields
         )
@@ -154,6 +159,11 @@ class MissionTrajectory(eqx.Module):
         return summary_of_mission(self).html()
 
 
+# What a verb returns, of a system or of a mission; and the one of both that a function was given.
+Simulated: TypeAlias = Trajectory | MissionTrajectory
+Result = TypeVar("Result", bound=Simulated)
+
+
 def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> Int[Array, "*runs"]:
     """The status of a mission with its `branches`: the first failure, or else its own status."""
 
@@ -164,11 +174,9 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
     return functools.reduce(with_branch, branches, main)
 
 
-def numbers_of(run: Trajectory | MissionTrajectory) -> MissionTrajectory:
-    """Times, states, status and counts of a run, without what was run, its steps and its
-    controller: a compiled program can return them. A run of a system is a mission of one phase."""
-    if isinstance(run, Trajectory):
-        run = MissionTrajectory((run,), ("run",), run.final, run.ts[-1], run.status)
+def numbers_of(result: Result) -> Result:
+    """Times, states, status and counts of a result, without what was run, its steps and its
+    controller: a compiled program can return them."""
     left = {"call": None, "control": None, "dense": None}
-    phases = tuple(dataclasses.replace(phase, **left) for phase in run.phases)
-    return dataclasses.replace(run, phases=phases)
+    phases = [dataclasses.replace(phase, **left) for phase in result.phases]
+    return result.with_phases(phases, result.status)

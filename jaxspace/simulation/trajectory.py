@@ -1,7 +1,8 @@
 """Result of a run: times, states, status, cost and error estimate."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple, TypeVar, final
+import dataclasses
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -63,7 +64,10 @@ class Trajectory(eqx.Module):
       the states, and the `memory` of the controller at the end; otherwise `None`.
     - `step_ends`: the ends of the steps, in normalised time, where they were recorded as a plan.
     - `call`: what was run; `None` within `Campaign.outputs`, whose functions have the numbers
-      alone."""
+      alone.
+
+    It is read as the result of a mission of one phase, too: `phases`, `end`, `branches`,
+    `evaluations`."""
 
     ts: Float[Array, "times *#runs"]
     states: State
@@ -111,6 +115,32 @@ class Trajectory(eqx.Module):
     def initial(self) -> State:
         """The state at the first time."""
         return _program_state_at(self.states, 0, self.run_axes)
+
+    @property
+    def phases(self) -> "tuple[Trajectory, ...]":
+        """The run itself: a system is a mission of one phase."""
+        return (self,)
+
+    @property
+    def end(self) -> Float[Array, "*runs"]:
+        """The last time, s."""
+        return self.ts[-1]
+
+    @property
+    def branches(self) -> tuple[()]:
+        """None: a system does not divide."""
+        return ()
+
+    @property
+    def evaluations(self) -> Array:
+        """Evaluations of the vector field."""
+        return self.stats["evaluations"]
+
+    # Its own class, for callers that take either result: `Self` cannot be checked at run time.
+    def with_phases(self, phases: "Iterable[Trajectory]", status: Array) -> Any:
+        """The result with another phase in place of its own, and another status."""
+        (run,) = phases
+        return dataclasses.replace(run, status=status)
 
     @property
     def undisturbed(self) -> bool:

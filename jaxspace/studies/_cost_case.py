@@ -9,7 +9,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import Scalar, State
 from ..integration.accuracy import Accuracy
-from ..simulation import MissionTrajectory
+from ..simulation.mission_result import Simulated
 from ._runs import Program, in_precision, run_once
 from ._scene_effects import Runnable
 from .cost_table import MAX_STEPS, Method
@@ -36,13 +36,11 @@ class Case(NamedTuple):
         """System, initial state and times, with these arrays."""
         return eqx.combine(arrays, self.static)
 
-    def run(
-        self, method: Method, room: int = 1
-    ) -> Callable[[PyTree[Array], Scalar], MissionTrajectory]:
+    def run(self, method: Method, room: int = 1) -> Callable[[PyTree[Array], Scalar], Simulated]:
         """The run as a function of its arrays and the tolerance, with `room` times the steps of a
         run."""
 
-        def run(arrays: PyTree[Array], rtol: Scalar) -> MissionTrajectory:
+        def run(arrays: PyTree[Array], rtol: Scalar) -> Simulated:
             accuracy = accuracy_of(method, rtol, room * self.max_steps)
             return run_once(*self.restored(arrays), accuracy)
 

@@ -14,7 +14,8 @@ from ..core import Scalar, State
 from ..integration.accuracy import least_tolerance
 from ..integration.methods import HIGH_ORDER, STIFF
 from ..integration.status import Status
-from ..simulation import Mission, MissionTrajectory
+from ..simulation import Mission
+from ..simulation.mission_result import Simulated
 from ..solvers.protocol import solver_traits
 from ._cost_case import Case, Programs
 from ._runs import Program, aot_compile, blocks, distance
@@ -59,7 +60,7 @@ class _GoodRun(NamedTuple):
     name: str
     rtol: float
     room: int
-    outcome: MissionTrajectory
+    outcome: Simulated
     program: Program
 
 

@@ -13,11 +13,11 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 from ..core import AbstractSystem, Scalar, State
 from ..core.checks import check_finite
 from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
-from ..simulation import Mission, MissionTrajectory
+from ..simulation import Mission
 from ..simulation.checks import check_times
 from ..simulation.either import run_either
 from ..simulation.legs import legs_of
-from ..simulation.mission_result import numbers_of
+from ..simulation.mission_result import Simulated, numbers_of
 
 # s: a run is not repeated after its repetitions took so long.
 ENOUGH = 2.0
@@ -32,7 +32,7 @@ def run_once(
     y0: State,
     ts: Float[Array, " times"] | Float[Array, ""],
     accuracy: Accuracy,
-) -> MissionTrajectory:
+) -> Simulated:
     """A run of a system or a mission.
 
     **Arguments**
@@ -46,12 +46,12 @@ def run_once(
     return numbers_of(run_either(system, y0, ts, accuracy=accuracy, throw=False))
 
 
-def value_of(run: MissionTrajectory, output: OutputOfRun) -> Array:
+def value_of(run: Simulated, output: OutputOfRun) -> Array:
     """An output of the end of a run."""
     return output(run.end, run.final)
 
 
-def counts_of(run: MissionTrajectory, name: str) -> list[int]:
+def counts_of(run: Simulated, name: str) -> list[int]:
     """A count of each phase: "evaluations" of its vector field, or its accepted "steps"."""
     # A closed form counts nothing.
     return [int(phase.stats.get(name, 0)) for phase in run.phases]

@@ -18,7 +18,7 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.status import Status
-from ..simulation import MissionTrajectory
+from ..simulation.mission_result import Simulated
 from ._runs import OutputOfRun, run_once, value_of
 from ._scene_effects import Runnable, scale_effects
 
@@ -32,7 +32,7 @@ class ScaledOutcome(NamedTuple):
     value: np.ndarray
     derivative: np.ndarray
     status: Status
-    run: MissionTrajectory
+    run: Simulated
 
 
 class ScaledRuns(NamedTuple):
@@ -95,11 +95,11 @@ def scaled_runs(
 
     def run(
         arrays: PyTree[Array], factors: list[Array], direction: list[Array], rtol: Array
-    ) -> tuple[Array, Array, MissionTrajectory]:
+    ) -> tuple[Array, Array, Simulated]:
         system, y0, ts = eqx.combine(arrays, static)
         tightened = dataclasses.replace(accuracy, rtol=rtol)
 
-        def scaled_run(factors: list[Array]) -> tuple[Array, MissionTrajectory]:
+        def scaled_run(factors: list[Array]) -> tuple[Array, Simulated]:
             scaled = scale_effects(system, dict(zip(names, factors, strict=True)))
             outcome = run_once(scaled, y0, ts, tightened)
             return value_of(outcome, output), outcome

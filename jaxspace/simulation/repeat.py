@@ -5,23 +5,20 @@ that with the exact part of its motion in closed form. Fixed steps that missed t
 more of them.
 """
 
-import dataclasses
 from collections.abc import Callable
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 
 from ..core.checks import is_concrete
-from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.mapping import BLOCK
 from ..integration.status import Status
-from .mission_result import MissionTrajectory
+from .mission_result import Result, Simulated
 from .trajectory import Trajectory
 
 # One for each phase; a system is one phase.
 Configs: TypeAlias = tuple[IntegrationConfig, ...]
-Result = TypeVar("Result", bound=Trajectory | MissionTrajectory)
 
 
 def cured(
@@ -60,33 +57,30 @@ def cured(
             configs = other if rows.size == runs else configs
     # Each number of fixed steps is a separate program: only one more is compiled, for the worst of
     # the runs. One that still misses the tolerance has the status for it.
-    error = _error_of_too_few_steps(result, configs)
-    rows = np.flatnonzero(error)
+    errors = []
+    for phase, config in zip(result.phases, configs, strict=True):
+        # A closed loop repeats itself.
+        chosen = config.fixed_step and phase.control is None
+        errors.append(error_of_too_few_steps(phase) if chosen else np.zeros(phase.status.shape))
+    rows = np.flatnonzero(np.max(errors, axis=0))
     if rows.size:
-        configs = tuple(config.with_more_steps(float(np.max(error))) for config in configs)
+        pairs = zip(configs, errors, strict=True)
+        configs = tuple(c.with_more_steps(float(np.max(e))) if np.any(e) else c for c, e in pairs)
         result = again(result, rows, configs, BLOCK)
     return result, configs
 
 
-def exact(accuracy: Accuracy) -> Accuracy:
-    """The accuracy that asks for the exact part of the motion in closed form, where the user leaves
-    that open."""
-    if accuracy.decoupled is not None or accuracy.method != "auto":
-        return accuracy
-    return dataclasses.replace(accuracy, decoupled=True)
-
-
-def out_of_steps(result: Trajectory | MissionTrajectory) -> np.ndarray:
+def out_of_steps(result: Simulated) -> np.ndarray:
     """The numbers of the runs that ran out of steps."""
     # By NumPy, because a comparison of arrays of JAX takes ten times as long.
     return np.flatnonzero(np.asarray(result.status) == Status.MAX_STEPS)
 
 
-def _error_of_too_few_steps(result: Trajectory | MissionTrajectory, configs: Configs) -> np.ndarray:
-    """The largest local error of each run of a system that missed the tolerance by too few fixed
-    steps, in units of the tolerance; zero for all other runs."""
-    missed = np.asarray(result.status) == Status.TOLERANCE_MISSED
-    if isinstance(result, MissionTrajectory) or not configs[0].fixed_step or not np.any(missed):
+def error_of_too_few_steps(run: Trajectory) -> np.ndarray:
+    """The largest local error of each run that missed the tolerance by fixed steps that were too
+    few, in units of the tolerance, (*runs,); zero for all other runs."""
+    missed = np.asarray(run.status) == Status.TOLERANCE_MISSED
+    if not np.any(missed):
         return np.zeros(missed.shape)
-    error = np.asarray(result.stats["largest_local_error"])
+    error = np.asarray(run.stats["largest_local_error"])
     return np.where(missed & np.isfinite(error), error, 0.0)
