@@ -70,7 +70,6 @@ NOTES: dict[str, str] = {
     "burning_stage": "the points of the thrust profile do not ascend there, which is refused in a "
     "sentence where it is seen",
     "rolling_disk": "the disk lies flat, where it has no point of contact",
-    "turning_circles": "of a fast top, two digits of the derivatives by N; not yet explained",
     "between_turns": "where both turning points meet, two digits of the derivatives",
 }
 

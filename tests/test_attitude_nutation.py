@@ -10,6 +10,7 @@ from both_modes import both_modes
 from numpy.testing import assert_allclose
 
 from jaxspace.attitude import Top
+from jaxspace.attitude.nutation import Nutation
 from jaxspace.bodies import BodyState
 from jaxspace.rotations import Quaternion
 
@@ -61,7 +62,7 @@ def exact(values):
     ]
 
 
-def slopes(values, rows=slice(None)):
+def slopes(values, rows=slice(None), exact=exact):
     """Derivatives of the `rows` of `exact`: differences with a step of 1e-35, right to 1e-30."""
     columns, step = [], mpmath.mpf(10) ** -35
     for i in range(len(values)):
@@ -230,3 +231,47 @@ def test_pendulum_period(amplitude):  # T5.12-P7
     top = Top(1.0, 1e-3, -9.80665)
     nutation = top.nutation(top.state([0.0, amplitude, 0.0], [0.0, 0.0, 0.0]))
     assert_allclose(2.0 * nutation.period, PERIODS[amplitude], rtol=1e-9)
+
+
+def exact_circle_rates(values):
+    """psi' at both turning circles from N, alpha, beta and gamma."""
+    N, alpha, beta, gamma = values
+    low, high, _ = roots_of_a_cubic(
+        -(alpha + N * N) / beta, 2 * gamma * N / beta - 1, (alpha - gamma * gamma) / beta
+    )
+    return [(gamma - N * u) / (1 - u * u) for u in (high, low)]
+
+
+@jax.jit
+def circle_rates(v):
+    def rates(v):
+        return jnp.stack(Nutation.of(*v).circle_rates)
+
+    return rates(v), jax.jacfwd(rates)(v), jax.jacrev(rates)(v)
+
+
+# A fast top's momentum gamma - N u is left of terms N times as large; beside a cusp (alpha = beta
+# gamma/N) its energy alpha - beta u is what vanishes.
+@pytest.mark.parametrize(
+    "values",
+    [
+        (15.0, 1.5, 1.7, 3.0),
+        (1e3, 1.5, 1.7, 200.0),
+        (1e6, 1.5, 1.7, -4e5),
+        (20.0, 0.34 + 1e-9, 1.7, 4.0),
+        (2.0, 1.5, 1.7, 0.3),
+    ],
+)
+def test_rates_at_the_turning_circles_in_a_hundred_digits(values):
+    found, *modes = (np.asarray(x) for x in circle_rates(jnp.array(values)))
+    with mpmath.workdps(DIGITS):
+        v = [mpmath.mpf(x) for x in values]
+        truth = np.array(exact_circle_rates(v), dtype=float)
+        exact_slopes = slopes(v, exact=exact_circle_rates)
+    # What roundings of the inputs alone change.
+    size = np.abs(truth) + np.abs(exact_slopes) @ np.abs(values)
+    assert np.all(np.abs(found - truth) < 10 * 2.0**-52 * size)
+    for jacobian in modes:
+        scaled = np.abs(jacobian - exact_slopes) * np.abs(values)
+        # Derivatives have a condition of their own, which is not formed here: N/psi' at most.
+        assert np.all(scaled < 1e-13 * size[:, None] * (1.0 + values[0] / np.abs(truth[:, None])))

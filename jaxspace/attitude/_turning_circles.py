@@ -21,6 +21,8 @@ nearly a double root. A state does, through f and its slope there:
     (u1 - u2)^2 = (u1 + u2 - 2 u)^2 + 4 P          f'(u) = 2 N (gamma - N u) - beta (1 - u^2)
                                                            - 2 u (alpha - beta u)
 
+Without one, u = gamma/N is taken where it is on the way: the middle of a fast top's narrow path.
+
 Source: Thomson 5.13-18..21 (cubic); symbols as in `nutation.py`.
 """
 
@@ -120,12 +122,25 @@ def turning_circles(
     nearer = sum_up < sum_down
     total = jnp.where(nearer, sum_up, sum_down)
     apart_squared = total * total - 4.0 * jnp.where(nearer, product_up, product_down)
-    if start is not None:
-        # Where the difference loses digits.
-        steady = apart_squared < 0.25 * total * total
-        apart_squared = jnp.where(steady, _width_squared(start, b, d, steady), apart_squared)
+    on_the_way = jnp.array(True)
+    if start is None:
+        start, on_the_way = _middle(N, b, e, g, g_down)
+    # Where the difference loses digits.
+    steady = on_the_way & (apart_squared < 0.25 * total * total)
+    apart_squared = jnp.where(steady, _width_squared(start, b, d, steady), apart_squared)
     apart_squared = jnp.maximum(apart_squared, 0.0)
     return TurningCircles(d, sum_up, product_up, sum_down, product_down, apart_squared)
+
+
+def _middle(N: Scalar, b: Scalar, e: Scalar, g: Scalar, g_down: Scalar) -> tuple[Place, Flag]:
+    """The place u = gamma/N, where psi' vanishes, and whether the axis passes it."""
+    spin = 2.0 * jnp.where(N == 0.0, 1.0, N)
+    up, down = -g / spin, g_down / spin
+    energy = e + 2.0 * b * up
+    passes = (N != 0.0) & (up >= 0.0) & (down >= 0.0) & (energy >= 0.0)
+    sin_squared = 4.0 * up * down
+    slope = -b * sin_squared - 2.0 * (down - up) * energy
+    return Place(up, down, energy * sin_squared, slope), passes
 
 
 def _width_squared(start: Place, b: Scalar, d: Scalar, applies: Flag) -> Scalar:

@@ -58,7 +58,8 @@ class Nutation(eqx.Module):
 
     Near the separatrix these differences decide: `Top.nutation` forms them from the state without
     loss, `Nutation.of` from alpha and gamma. Near a steady precession the place decides; without
-    one, the turning angles are right to the root of rounding (1e-8) there."""
+    one, the turning angles are right to the root of rounding (1e-8) there, unless psi' vanishes on
+    the way, as it does of a fast top that is let go."""
 
     N: Float[Array, "*#runs"]
     beta: Float[Array, "*#runs"]
@@ -148,11 +149,17 @@ class Nutation(eqx.Module):
 
     def _rate(self, up: Scalar, down: Scalar) -> Scalar:
         """psi', rad/s, where sin^2 and cos^2 of half the nutation angle are `up` and `down`."""
-        # gamma - N u from the side on which it keeps its digits.
-        momentum = jnp.where(
-            up < down, self.gamma_up + 2.0 * self.N * up, self.gamma_down - 2.0 * self.N * down
-        )
-        return safe_divide(momentum, 4.0 * up * down)
+        # gamma - N u and alpha - beta u from the side on which they keep their digits.
+        momentum, of_momentum = _difference(up, down, self.gamma_up, self.gamma_down, self.N)
+        energy, of_energy = _difference(up, down, self.alpha_up, self.alpha_down, self.beta)
+        # f(u) = 0: psi'^2 is the energy over sin^2 as well. Of a fast top that keeps the digits
+        # that its momentum loses; at a cusp both vanish, and the momentum as its root.
+        sin_squared = 4.0 * up * down
+        fast = (energy > 0.0) & (sin_squared > 0.0)
+        fast = fast & (of_energy * sin_squared < 2.0 * jnp.abs(momentum) * of_momentum)
+        squared = safe_divide(jnp.where(fast, energy, 1.0), jnp.where(fast, sin_squared, 1.0))
+        by_energy = jnp.where(momentum < 0.0, -1.0, 1.0) * jnp.sqrt(squared)
+        return jnp.where(fast, by_energy, safe_divide(momentum, sin_squared))
 
     def _sign(self) -> Scalar:
         """1 where the top is highest upright, -1 where it hangs."""
@@ -214,6 +221,19 @@ class Nutation(eqx.Module):
         first = complete_first(total, product) + (1.0 - share) / 3.0 * most * passing
         near = jnp.where(whole, safe_divide(g, lower) * first, -2.0 / 3.0 * b * g * passing)
         return jnp.pi * turns + (near + 2.0 / 3.0 * b * g_down * standing)
+
+
+def _difference(
+    up: Scalar, down: Scalar, at_up: Scalar, at_down: Scalar, slope: Scalar
+) -> tuple[Scalar, Scalar]:
+    """A linear function of u from its value at the nearer vertical, and the size of its terms."""
+    from_up, from_down = 2.0 * slope * up, 2.0 * slope * down
+    near = up < down
+    value = jnp.where(near, at_up + from_up, at_down - from_down)
+    terms = jnp.where(
+        near, jnp.abs(at_up) + jnp.abs(from_up), jnp.abs(at_down) + jnp.abs(from_down)
+    )
+    return value, terms
 
 
 def nutation_through(
