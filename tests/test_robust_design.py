@@ -2,6 +2,7 @@
 in closed form or by quadrature."""
 
 import dataclasses
+import re
 from typing import final
 
 import equinox as eqx
@@ -314,6 +315,7 @@ def test_a_search_turns_back_where_runs_fail():
     assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.value)
     assert int(found.minimum.left_out) > 0
     assert "at their designs more than a share of 0 of the runs fail" in repr(found)
+    assert re.search(r"At the last of them \d+ of 64 runs fail, most of them so: ", repr(found))
 
 
 def test_too_many_failed_runs_at_the_start_are_said():

@@ -132,7 +132,8 @@ class Minimum(eqx.Module):
       unknown in x; about zero elsewhere.
     - `history`: objective, scaled violation and scaled gradient after each step, (rows, 3), NaN for
       steps not taken.
-    - `left_out`: steps that were left out because they led to numbers that are not finite.
+    - `left_out`: steps that were left out because they led to numbers that are not finite;
+      `refused`: the criterion at the last of them, zeros where there was none.
     - `search`: the state of the search, from which `minimise` can continue.
     - `tolerance`: the tolerance of the scaled gradient and violation.
     """
@@ -150,6 +151,7 @@ class Minimum(eqx.Module):
     history: Float[Array, "rows 3"]
     left_out: Int[Array, ""]
     search: PyTree = None
+    refused: Criterion | None = None
     tolerance: Float[Array, ""] | None = None
 
     def plot(self, title: str = "") -> Any:

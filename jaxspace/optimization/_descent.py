@@ -110,6 +110,7 @@ def _moved(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) ->
         # A shorter step than the optimiser's, until one is finite again.
         share=keep(jnp.minimum(4.0 * s.share, 1.0), 0.25 * s.share),
         left_out=s.left_out + jnp.where(accepted, 0, 1),
+        refused=jax.tree.map(keep, s.refused, found.report),
         rows=jnp.where(first, s.rows, s.rows.at[s.taken].set(row)),
         taken=s.taken + jnp.where(first, 0, 1),
         steps=s.steps + jnp.where(first, 0, 1),

@@ -45,7 +45,7 @@ class DescentState(NamedTuple):
     - `optimiser`: what optax holds.
     - `still`: steps in sequence that changed nothing; `stopped`: whether none will; `fastest`: the
       greatest ratio of a step and its gradient.
-    - `left_out`: steps that were not finite.
+    - `left_out`: steps that were not finite; `refused`: the report of the last of them.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
     - `weight`, `size`, `rows`, `calls`, `probed`, `wrong`, `worst`, `taken`, `steps`: as in
       `SqpState`."""
@@ -64,6 +64,7 @@ class DescentState(NamedTuple):
     stopped: Bool[Array, ""]
     fastest: Float[Array, ""]
     left_out: Int[Array, ""]
+    refused: Any
     averaging: Int[Array, ""]
     weight: Float[Array, " all"]
     size: Float[Array, " n"]
@@ -142,7 +143,8 @@ def begin(
         q, place, place, jnp.zeros_like(q), none + 1.0,
         z + probed.shares[0] * probed.direction if check else q,
         Multipliers(y, nu, none + FIRST_WEIGHT), (none + jnp.inf, none + jnp.inf), zero,
-        stepper.begin(q), zero, jnp.asarray(False), none, zero, zero, jnp.ones(rows, q.dtype), size,
+        stepper.begin(q), zero, jnp.asarray(False), none, zero, report, zero,
+        jnp.ones(rows, q.dtype), size,
         jnp.full((max_steps, 3), jnp.nan, q.dtype), jnp.asarray(-PROBES if check else 0),
         jnp.zeros((PROBES, rows), q.dtype), none, zero, zero, zero,
     )  # fmt: skip

@@ -75,6 +75,7 @@ def minimum_of(end: End, last: Any, limits: Limits, interrupted: bool) -> Minimu
         bound_multipliers=slope(at, end.y, end.nu) / (weight[0] * size),
         history=last.rows,
         left_out=last.left_out,
+        refused=last.refused,
         search=last,
         tolerance=limits.tolerance,
     )

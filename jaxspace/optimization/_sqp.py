@@ -186,6 +186,9 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
         taken=s.taken + 1,
         steps=s.steps + 1,
         left_out=s.left_out + jnp.where(trial.sound(), 0, 1),
+        refused=jax.tree.map(
+            functools.partial(jnp.where, trial.sound()), s.refused, evaluation.report
+        ),
     )
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
     row = jnp.stack([moved.at.f / s.weight[0], moved.violation, moved.gradient])

@@ -46,7 +46,8 @@ class SqpState(NamedTuple):
     - `probed`: values at the probes; `wrong`: the error of the gradient against their differences;
       `worst`: the row of (f, c, d) where it is largest.
     - `taken`: steps of this search; `steps`: also those of the searches that it continues;
-      `left_out`: those to a place whose numbers are not finite."""
+      `left_out`: those to a place whose numbers are not finite; `refused`: the report of the last
+      of these."""
 
     x: Float[Array, " n"]
     at: Values
@@ -72,6 +73,7 @@ class SqpState(NamedTuple):
     size: Float[Array, " n"]
     steps: Int[Array, ""]
     left_out: Int[Array, ""]
+    refused: Any
 
     def resumed(self, rows: Array) -> "SqpState":
         """The state from which the search goes on, with space for further `rows`."""
@@ -136,6 +138,7 @@ def begin(
         x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
         zeros((PROBES, rows)), zeros(()), jnp.asarray(0), size, jnp.asarray(0), jnp.asarray(0),
+        report,
     )  # fmt: skip
 
 

@@ -76,6 +76,7 @@ class DesignOptimum(eqx.Module):
                 f"{int(self.minimum.left_out)} steps were left out: at their designs more than a "
                 f"share of {self.problem.may_fail:g} of the runs fail, or numbers are not finite."
             )
+            sentences.append(self._at_the_last_of_them())
         if self.without_influence:
             names = ", ".join(self.without_influence)
             sentences.append(
@@ -83,6 +84,12 @@ class DesignOptimum(eqx.Module):
                 f"where it matters."
             )
         return Listed(sentence for sentence in sentences if sentence)
+
+    def _at_the_last_of_them(self) -> str:
+        """Why runs failed at the last step that was left out; empty where it is not known."""
+        refused = getattr(self.minimum, "refused", None)
+        failed = "" if refused is None else failures(refused.report)
+        return f"At the last of them {failed}" if failed else ""
 
     def sentence(self) -> str:
         """Why the search ended, in words."""
