@@ -67,8 +67,7 @@ NOTES: dict[str, str] = {
     "gyro_rates": "the outer rate is left of a momentum of which the spin has nearly all",
     "kepler": "a flyby from afar, whose derivatives by the velocity lose up to two digits",
     "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
-    "burning_stage": "the points of the thrust profile do not ascend there, which is refused in a "
-    "sentence where it is seen",
+    "burning_stage": "of a mass far below the dry mass, which no run has: inertias cancel",
     "rolling_disk": "the disk lies flat, where it has no point of contact",
     "between_turns": "where both turning points meet, two digits of the derivatives",
 }

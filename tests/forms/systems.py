@@ -31,11 +31,19 @@ def aligned(block):
     return jnp.asarray(np.where(np.abs(x) == np.max(np.abs(x)), x, 0.0))
 
 
+def is_moved(leaf) -> bool:
+    """Whether a number of a system is moved: not the places of a table, which have to ascend."""
+    if not eqx.is_inexact_array(leaf):
+        return False
+    return leaf.ndim == 0 or leaf.size < 4 or not bool(jnp.all(jnp.diff(leaf, axis=0) > 0.0))
+
+
 def form(sample) -> Form:
     """Of all numbers of a system and its state."""
 
     def flat(state):
-        numbers, rest = eqx.partition((sample.system, state), eqx.is_inexact_array)
+        moved = jax.tree.map(is_moved, sample.system), eqx.is_inexact_array
+        numbers, rest = eqx.partition((sample.system, state), moved)
         return *ravel_pytree(numbers), rest
 
     numbers, unravel, rest = flat(sample.state)
