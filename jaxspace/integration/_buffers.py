@@ -1,100 +1,41 @@
 """Buffers that the loop of an integration fills: rows of states, and the record of its steps."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int, PyTree
+from jaxtyping import Array, Bool, Float, Int
 
 from ..core import State
+from ..core.barrier import barrier
 from ..solvers.dense_output import evaluated
 from ._record import Recording, RecordLayout
+from ._rows import nan_buffer, put_rows, rows_of
 
 
-def empty_buffer(count: int, y: State) -> State:
-    """Memory for `count` states, most of which is never used."""
-    # Not `jax.lax.empty`, which is zeros on a CPU anyway: with JAX 0.10 every map gives it, and all
-    # that is written to it, a further axis.
-    return jax.tree.map(lambda x: jnp.zeros((count, *x.shape), x.dtype), y)
-
-
-def nan_buffer(count: int, y: State) -> State:
-    """Memory for `count` states, NaN until they are reached."""
-    return jax.tree.map(lambda x: jnp.full((count, *x.shape), jnp.nan, x.dtype), y)
-
-
-def get_row(rows: PyTree, index: Int[Array, ""]) -> PyTree:
-    """One row of a tree of rows."""
-    return jax.tree.map(lambda x: x[index], rows)
-
-
-def put_row(rows: PyTree, index: Int[Array, ""], row: PyTree) -> PyTree:
-    """A tree of rows with one of them replaced."""
-    return jax.tree.map(lambda x, a: x.at[index].set(a), rows, row)
-
-
-def put_rows(rows: State, index: Int[Array, "*runs"], due: Bool[Array, "*runs"], y: State) -> State:
-    """Rows of states, rows first and runs last, with the state of each run that is `due` in its
-    own row `index`. Where the runs share the index, in that row, which is written in any case."""
-    if index.ndim == 0:
-        return put_row(rows, index, y)
-    runs = index.size
-
-    def leaf(x: Array, new: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        row = jnp.where(due, index, x.shape[0]).reshape(runs)
-        values = new.reshape(-1, runs).T
-        return flat.at[row, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
-
-    return jax.tree.map(leaf, rows, y)
-
-
-def get_rows(rows: State, index: Int[Array, "*runs"], due: Bool[Array, "*runs"]) -> State:
-    """The row `index` of each run that is `due`, and zeros of the others; of rows as in
-    `put_rows`."""
-    if index.ndim == 0:
-        return jax.tree.map(lambda x: jnp.where(due, x[index], 0.0), rows)
-    runs = index.size
-
-    def leaf(x: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        values = flat[index.reshape(runs), :, jnp.arange(runs)].T.reshape(x.shape[1:])
-        return jnp.where(due, values, jnp.zeros_like(values))
-
-    return jax.tree.map(leaf, rows)
-
-
-def rows_of(rows: Array, index: Int[Array, "*runs"]) -> Array:
-    """The row `index` of each run, of rows that all share or of each run."""
-    if index.ndim == 0 or rows.ndim == 1:
-        return rows[index]
-    return jnp.take_along_axis(
-        jnp.broadcast_to(rows, (rows.shape[0], *index.shape)), index[None], 0
-    )[0]
-
-
-def next_save(
-    save_ts: Float[Array, "times *#runs"], count: Int[Array, "*runs"]
-) -> Float[Array, "*runs"]:
-    """The next save time of each run that has saved a `count` of states, the last one after it."""
-    return rows_of(save_ts, jnp.minimum(count, save_ts.shape[0] - 1))
+def place_in_step(t: Array, start: Array, length: Array) -> Array:
+    """Where in a step from 0 to 1, with its `start` and its `length`, the normalised time `t`
+    lies."""
+    return (t - start) / jnp.where(length > 0.0, length, 1.0)
 
 
 class SavedStates(NamedTuple):
-    """States at the save times, times first, of which the first `count` of each run are filled
-    in."""
+    """States at the save times, times first, of which the first `count` of each run are filled in.
+
+    `next_ts`: the next save time of each run, infinite after the last."""
 
     states: State
     count: Int[Array, "*runs"]
+    next_ts: Float[Array, "*runs"]
 
-    def following(self, save_ts: Float[Array, "times *#runs"]) -> Float[Array, "*runs"]:
-        """The next save time of each run, the last one after it."""
-        return next_save(save_ts, self.count)
-
-    def sorted(self) -> "SavedStates":
-        """With all states in their rows, where they are."""
-        return self
+    @classmethod
+    def empty(
+        cls, save_ts: Float[Array, "times *#runs"], y: State, runs: tuple[int, ...]
+    ) -> "SavedStates":
+        """The states before the first step, of runs of this shape."""
+        states = nan_buffer(save_ts.shape[0], y)
+        return cls(states, jnp.zeros(runs, jnp.int32), jnp.broadcast_to(save_ts[0], runs))
 
     def record(
         self,
@@ -106,18 +47,20 @@ class SavedStates(NamedTuple):
     ) -> "SavedStates":
         """Append the states at every save time up to the one `reached`, from the dense output of a
         step from 0 to 1, which has its `start` and its `length` in each run."""
-        size = save_ts.shape[0]
-
-        def due(saved: SavedStates) -> Bool[Array, "*runs"]:
-            return (saved.count < size) & (saved.following(save_ts) <= reached)
+        last = save_ts.shape[0] - 1
 
         def append(saved: SavedStates) -> SavedStates:
-            place = (saved.following(save_ts) - start) / jnp.where(length > 0.0, length, 1.0)
-            here = due(saved)
-            states = put_rows(saved.states, saved.count, here, evaluated(polynomial, place))
-            return SavedStates(states, saved.count + here.astype(int))
+            due = saved.next_ts <= reached
+            place = place_in_step(saved.next_ts, start, length)
+            if place.ndim:
+                # Read for every component.
+                place = barrier(place)
+            states = put_rows(saved.states, saved.count, due, evaluated(polynomial, place))
+            count = saved.count + due.astype(saved.count.dtype)
+            following = rows_of(save_ts, jnp.minimum(count, last))
+            return SavedStates(states, count, jnp.where(count > last, jnp.inf, following))
 
-        return jax.lax.while_loop(lambda saved: jnp.any(due(saved)), append, self)
+        return jax.lax.while_loop(lambda saved: jnp.any(saved.next_ts <= reached), append, self)
 
 
 class Buffers(NamedTuple):
@@ -127,14 +70,10 @@ class Buffers(NamedTuple):
     - `step_ends`, `step_states`: ends of the accepted steps, and the states there.
     - `recording`: the steps, for derivatives."""
 
-    saved: Any
+    saved: SavedStates | None
     step_ends: Float[Array, " steps *runs"] | None
     step_states: State | None
     recording: Recording | None
-
-    def completed(self) -> "Buffers":
-        """The buffers with all saved states in their rows, after the last step."""
-        return self if self.saved is None else self._replace(saved=self.saved.sorted())
 
     def add(
         self,
@@ -163,11 +102,12 @@ class Buffers(NamedTuple):
     def again(self, empty: "Buffers") -> "Buffers":
         """These buffers for the same runs once more, with the counts of the `empty` ones: the
         states and steps in them are overwritten."""
-
-        def leaf(new: Array, old: Array) -> Array:
-            return old if old.ndim and jnp.issubdtype(old.dtype, jnp.inexact) else new
-
-        return jax.tree.map(leaf, empty, self)
+        saved, recording = empty.saved, empty.recording
+        if saved is not None and self.saved is not None:
+            saved = saved._replace(states=self.saved.states)
+        if recording is not None and self.recording is not None:
+            recording = recording._replace(numbers=self.recording.numbers)
+        return Buffers(saved, self.step_ends, self.step_states, recording)
 
     def ends_of(self, count: Int[Array, "*runs"]) -> Array | None:
         """The ends of the `count` accepted steps of each run; infinite beyond them."""

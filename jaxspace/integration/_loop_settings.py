@@ -14,13 +14,10 @@ from ..core import State
 from ..solvers.error_tracking import ErrorTrackingSolver
 from ..solvers.step_control import StepController, StepTo
 from ..solvers.tolerances import Tolerance
-from ._buffers import Buffers, SavedStates, empty_buffer, nan_buffer
+from ._buffers import Buffers, SavedStates
 from ._event_location import SoughtEvents
 from ._record import Recording, RecordLayout, check_memory
-from ._save_log import SaveLog
-
-# Most runs whose saved states are logged, and sorted later: the log takes five times their memory.
-LOGGED = 1024
+from ._rows import empty_buffer
 
 
 @final
@@ -95,11 +92,7 @@ class LoopSettings(eqx.Module):
         limit = self.max_steps
         saved = ends = states = recording = None
         if self.save_ts is not None:
-            rows = self.save_ts.shape[0]
-            if 1 < clock.size <= LOGGED:
-                saved = SaveLog.empty(rows, y, clock.shape)
-            else:
-                saved = SavedStates(nan_buffer(rows, y), jnp.zeros(clock.shape, int))
+            saved = SavedStates.empty(self.save_ts, y, clock.shape)
         if self.record_steps or self.dense:
             stored = (clock, *jax.tree.leaves(y)) if self.dense else (clock,)
             size = sum(x.size * x.dtype.itemsize for x in stored)

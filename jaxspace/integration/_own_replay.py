@@ -16,8 +16,9 @@ from ..core import State
 from ..core.barrier import barrier
 from ..solvers.regularised_step import attempt, form_of
 from ._needed import needed_only
-from ._own_state import OwnState, Segment, get_landed, landing_state, put_landed
+from ._own_state import OwnState, Segment, landing_state
 from ._replay import Replay
+from ._rows import get_rows, put_rows
 
 
 @final
@@ -52,7 +53,7 @@ class OwnReplay(Replay):
         saved: OwnState,
         k: Array,
     ) -> tuple[OwnState, Array]:
-        return put_landed(saved, tangent[0], result[0].segment, self._landed(n)), k
+        return put_rows(saved, result[0].segment.astype(int), self._landed(n), tangent[0]), k
 
     def vjp(self, moving: PyTree, y0: State, cotangent: State) -> tuple[PyTree, State]:
         of_moving, of_y = super().vjp(moving, y0, cotangent)
@@ -65,7 +66,7 @@ class OwnReplay(Replay):
     ) -> tuple[PyTree, ...]:
         of_moving, of_y, k = total
         if self.settings.save_ts is not None:
-            more = get_landed(cotangent, y.segment + 1.0, self._landed(n))
+            more = get_rows(cotangent, (y.segment + 1.0).astype(int), self._landed(n))
             of_y = jax.tree.map(jnp.add, of_y, more)
         _, pull = jax.vjp(needed_only(lambda p, y: self.step(p, n, y)[0]), moving, y)
         more, of_y = barrier(pull)(of_y)

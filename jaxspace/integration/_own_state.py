@@ -4,11 +4,10 @@ import functools
 from typing import NamedTuple, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from ..core import AbstractRegularised, Scalar, State
+from ..core import AbstractRegularised, Scalar
 from ..solvers.regularised_step import Regular, landed
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers
@@ -85,39 +84,6 @@ def landing_state(
     z = landed(form, *segment, y.z)
     z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
     return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
-
-
-def put_landed(rows: State, y: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Write the state of each run that is `done` into the row of its segment.
-
-    `rows` is (times, ..., *runs), and `number` holds the segment of each run. Rows of the other
-    runs stay as they are.
-    """
-    runs = number.size
-    row = jnp.where(done, number, jnp.inf).reshape(runs)
-
-    def leaf(x: Array, new: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        where = jnp.where(jnp.isfinite(row), row, x.shape[0]).astype(int)
-        values = new.reshape(-1, runs).T
-        return flat.at[where, :, jnp.arange(runs)].set(values, mode="drop").reshape(x.shape)
-
-    return jax.tree.map(leaf, rows, y)
-
-
-def get_landed(rows: State, number: Array, done: Bool[Array, "*runs"]) -> State:
-    """Read, for each run that is `done`, the row of its segment; zero for the other runs.
-
-    `rows` is (times, ..., *runs), and `number` holds the segment of each run."""
-    runs = number.size
-
-    def leaf(x: Array) -> Array:
-        flat = x.reshape(x.shape[0], -1, runs)
-        where = jnp.clip(number.reshape(runs), 0, x.shape[0] - 1).astype(int)
-        values = flat[where, :, jnp.arange(runs)].T.reshape(x.shape[1:])
-        return jnp.where(done, values, 0.0)
-
-    return jax.tree.map(leaf, rows)
 
 
 def record_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:

@@ -22,7 +22,7 @@ from ..solvers.regularised_step import (
 )
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
-from ._buffers import Buffers, put_row
+from ._buffers import Buffers
 from ._loop_settings import LoopSettings
 from ._own_control import Trend, bounded, following, ideal_length
 from ._own_state import (
@@ -31,10 +31,10 @@ from ._own_state import (
     Segment,
     alive,
     landing_state,
-    put_landed,
     record_of_pass,
     unit,
 )
+from ._rows import put_row, put_rows
 
 # Of so many passes the last ones let runs that wait at the end of a segment land without the
 # others; to land takes up to three.
@@ -169,7 +169,7 @@ def _with_landed(buffers: Buffers, y: OwnState, done: Bool[Array, "*runs"]) -> B
     # A loop of at most one pass, because a conditional would copy the whole buffer.
     states, _ = jax.lax.while_loop(
         lambda carry: carry[1],
-        lambda carry: (put_landed(carry[0], y, y.segment, done), jnp.array(False)),
+        lambda carry: (put_rows(carry[0], y.segment.astype(int), done, y), jnp.array(False)),
         (buffers.saved.states, jnp.any(done)),
     )
     return buffers._replace(saved=buffers.saved._replace(states=states))

@@ -24,10 +24,11 @@ from ..core import State
 from ..core.barrier import barrier
 from ..solvers.dense_output import evaluated
 from ..solvers.protocol import bind, field_of_step, small_program
-from ._buffers import empty_buffer, get_row, get_rows, put_row, put_rows, rows_of
+from ._buffers import place_in_step
 from ._loop_settings import LoopSettings
 from ._needed import needed_only
 from ._record import Record
+from ._rows import empty_buffer, get_row, get_rows, put_row, put_rows, rows_of
 from .loop import TERM
 from .normalised_time import field_of_part
 
@@ -105,7 +106,7 @@ class Replay(eqx.Module):
             method = bind(
                 method,
                 tolerance=tolerance,
-                save_ts=self._place(rows, s, length),
+                save_ts=place_in_step(rows, s, length),
                 run_axes=tolerance.run_axes,
             )
         field = field_of_step(method, field, t0, t1)
@@ -116,16 +117,12 @@ class Replay(eqx.Module):
             y1 = jax.tree.map(lambda a, b: jnp.where(length > 0.0, a, b), y1, y)
         return y1, None if self.settings.save_ts is None else dense_info
 
-    def _place(self, t: Array, start: Array, length: Array) -> Array:
-        """Where in a step from 0 to 1 the normalised time `t` lies."""
-        return (t - start) / jnp.where(length > 0.0, length, 1.0)
-
     def interpolate(self, n: Array, dense_info: PyTree, t: Array) -> State:
         """The state at the normalised time `t` of each run within step `n`."""
         start, end = self.step_bounds(n)
         t0, t1 = jnp.zeros_like(start, shape=()), jnp.ones_like(start, shape=())
         polynomial = self.method.interpolation_cls(t0=t0, t1=t1, **dense_info)
-        return evaluated(polynomial, self._place(t, start, end - start))
+        return evaluated(polynomial, place_in_step(t, start, end - start))
 
     # Forwards.
 

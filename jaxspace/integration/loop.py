@@ -23,7 +23,7 @@ from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.protocol import AbstractDeclaredSolver, bind, field_of_step
 from ..solvers.step_control import Following, of_segment
 from ..solvers.vector_field import ScaledField, evaluate
-from ._buffers import Buffers
+from ._buffers import Buffers, place_in_step
 from ._event_location import Location, SearchedStep, located
 from ._loop_settings import LoopSettings
 from ._step_zero import AlongStep
@@ -136,10 +136,8 @@ def integrate_loop(
     if recorded and layout.rows < layout.limit:
         own = settings.shared(jnp.array(False))
         shapes = jax.eval_shape(lambda: _start(own, field, y0, recorded, control))
-        last = _until_recorded(settings, layout.rows, shapes, run)
-    else:
-        last = run(settings, None)
-    return last._replace(buffers=last.buffers.completed())
+        return _until_recorded(settings, layout.rows, shapes, run)
+    return run(settings, None)
 
 
 def _until_recorded(
@@ -270,9 +268,7 @@ def _attempt(
     method = settings.method
     if loop.buffers.saved is not None and settings.sought is None:
         # The next state to save, as a place in this step.
-        assert settings.save_ts is not None
-        next_save = loop.buffers.saved.following(settings.save_ts)
-        place = (next_save - s) / jnp.where(length > 0.0, length, 1.0)
+        place = place_in_step(loop.buffers.saved.next_ts, s, length)
         method = bind(
             method,
             tolerance=settings.tolerance,

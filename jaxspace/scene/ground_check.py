@@ -56,6 +56,8 @@ def lowest_below_ground(
     t = t.reshape(*t.shape, *(1,) * (x.ndim - 1 - t.ndim))
     # What is not finite, of a run that failed, compares as false.
     with np.errstate(all="ignore"):
+        if mu is not None and _stays_above(x, v, np.asarray(mu, float), (1.0 - GRAZING) * R):
+            return np.full(x.shape[2:], np.inf)
         r = np.sqrt((x * x).sum(axis=0))
         lowest = np.min(np.where(r < (1.0 - POLE) * R, r, np.inf), axis=0)
         if mu is not None:
@@ -81,6 +83,20 @@ def ground_warning(lowest: np.ndarray, radius: Scalar, source: str) -> str:
         f"{np.max(R):.4g} m ({source}): end it there by an event, such as AtAltitude, or raise the "
         f"orbit."
     )
+
+
+def _stays_above(x: np.ndarray, v: np.ndarray, mu: np.ndarray, low: Scalar) -> bool:
+    """Whether all states, and all periapses of their orbits, lie above `low`, m, (*runs,).
+
+    For most batches the only check, and without roots and quotients a third of the whole one: an
+    orbit outside of the radius l reaches it where the energy leaves a radial velocity there,
+
+        s = v^2 + 2 mu/l - |r x v|^2/l^2 > 2 mu/r
+    """
+    r2, v2, climb = (np.einsum("i...,i...", a, b) for a, b in ((x, x), (v, v), (x, v)))
+    s = v2 + 2.0 * mu / low - (r2 * v2 - climb * climb) / (low * low)
+    reaches = (s > 0.0) & (s * s * r2 > 4.0 * mu * mu)
+    return not np.any(reaches | (r2 < low * low))
 
 
 def _lowest_passed(

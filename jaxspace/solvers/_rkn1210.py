@@ -19,25 +19,30 @@ Source: Dormand, El-Mikkawy, Prince (1987), High-order embedded Runge-Kutta-Nyst
 Journal of Numerical Analysis 7, 423. The dense output is not from that paper.
 """
 
+import functools
 from typing import ClassVar, NamedTuple, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float
 
 from ..core import State
+from ..core.barrier import barrier
 from . import tableaus as tableau
 from ._nystrom import RKN12, nystrom_step
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
-from .runge_kutta import Weights, weighted, weighted_rows
+from .runge_kutta import Weights, weighted
 from .second_order import SecondOrder, Vectors, known_parts, moved, second_order
 from .tolerances import Tolerance
 from .vector_field import StepField
 
 NODES = (0.0, 1.0 / 3.0, 2.0 / 3.0, 1.0)
+OTHERS = np.array([[other for other in NODES if other != node] for node in NODES])
+GAPS = np.array(NODES)[:, None] - OTHERS
 COEFFICIENTS = 3 * len(NODES) - 2
 """Position, velocity and acceleration at each node, without q and q' of the first, which are
 zero."""
@@ -53,24 +58,36 @@ POSITION_ERROR = _difference(tableau.RKN1210_POSITION, tableau.RKN1210_POSITION_
 VELOCITY_ERROR = _difference(tableau.RKN1210_VELOCITY, tableau.RKN1210_VELOCITY_10)
 
 
-def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "coefficients *#runs"]:
-    """H_ik at x, without H_00 and H_01."""
-    result = []
-    for i, node in enumerate(NODES):
-        others = [other for other in NODES if other != node]
-        d = x - node
-        lagrange = 1.0
-        for other in others:
-            lagrange = lagrange * (x - other) / (node - other)
-        # lagrange^3 is 1 at its node and has no derivative up to the second at the others. The
-        # factor 1 + a d + b d^2 cancels its first two derivatives at its node.
-        s1 = sum((node - other) ** -1 for other in others)
-        s2 = sum((node - other) ** -2 for other in others)
-        a = -3.0 * s1
-        b = 4.5 * s1 * s1 + 1.5 * s2
-        basis = (1.0 + d * (a + b * d), d * (1.0 + a * d), 0.5 * d * d)
-        result += [lagrange * lagrange * lagrange * f for f in (basis if i else basis[2:])]
-    return jnp.stack(result)
+def _factors() -> Float[np.ndarray, "powers nodes 3"]:
+    """For each node the factors 1 + a d + b d^2, d + a d^2 and d^2/2 of its three polynomials, by
+    their coefficients of the powers of d = x - x_i.
+
+    The product with lagrange^3, which is 1 at its node and has no derivative up to the second at
+    the others, has the value, the slope or the curvature alone: a and b cancel what it has itself
+    of these at its node."""
+    s1, s2 = np.sum(1.0 / GAPS, axis=1), np.sum(1.0 / GAPS**2, axis=1)
+    a, b = -3.0 * s1, 4.5 * s1 * s1 + 1.5 * s2
+    zero, one = np.zeros(len(NODES)), np.ones(len(NODES))
+    rows = [[one, zero, zero], [a, one, zero], [b, a, 0.5 * one]]
+    return np.array(rows).transpose(0, 2, 1)
+
+
+FACTORS = _factors()
+
+
+def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "nodes 3 *#runs"]:
+    """H_ik at x."""
+
+    def column(values: np.ndarray) -> np.ndarray:
+        return values.reshape(*values.shape, *(1,) * x.ndim).astype(x.dtype)
+
+    places = [x - column(others) for others in OTHERS.T]
+    lagrange = functools.reduce(jnp.multiply, places, column(1.0 / np.prod(GAPS, axis=1)))
+    # Behind a barrier, because each polynomial would compute it again.
+    cube = barrier(lagrange * lagrange * lagrange)
+    d = (x - column(np.array(NODES)))[:, None]
+    constant, linear, square = (column(powers) for powers in FACTORS)
+    return cube[:, None] * (constant + d * (linear + d * square))
 
 
 class _HermiteOutput(AbstractDenseOutput):
@@ -85,10 +102,16 @@ class _HermiteOutput(AbstractDenseOutput):
 
     def state(self, t: Float[Array, "*#runs"]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
-        weights, slopes = jax.jvp(_hermite, (x,), (jnp.ones_like(x),))
-        q, dq_dx = (weighted_rows(row, self.q) for row in (weights, slopes))
+        # Behind a barrier, because each component would compute the weights of its run again.
+        weights, slopes = barrier(jax.jvp(_hermite, (x,), (jnp.ones_like(x),)))
+        q, dq_dx = (self._sum(rows.reshape(-1, *x.shape)) for rows in (weights, slopes))
         r0, v0 = known_parts(self.y0)
         return moved(self.y0, r0 + self.travel * (x * v0 + q), v0 + dq_dx)
+
+    def _sum(self, weights: Float[Array, "12 *#runs"]) -> Vectors:
+        """The sum of the coefficients with these weights; q_0 and q_0' are zero."""
+        terms = (w * q for w, q in zip(weights[2:], self.q, strict=True))
+        return functools.reduce(jnp.add, terms)
 
 
 @final
