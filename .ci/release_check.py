@@ -23,7 +23,7 @@ PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 NEEDED = (
     *(".ci/python", ".ci/run", "CHANGELOG.md", "CONTRIBUTING.md", "LICENSE", "Makefile"),
     *("README.md", "mkdocs.yml", "pyproject.toml", "docs/index.md", "tests/conftest.py"),
-    *("examples/scenes/kick_stage.toml", "benchmarks/results/kepler.json"),
+    *("examples/scenes/kick_stage.toml", "benchmarks/results/avx512/kepler.json"),
 )
 
 

@@ -7,14 +7,13 @@ import json
 import os
 import platform
 import sys
-from pathlib import Path
 
 import jax
 
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
 
-from . import page  # noqa: E402
+from . import kept, page  # noqa: E402
 
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
@@ -24,7 +23,6 @@ NAMES = (
     *("environment_steps", "instruments", "dispersion_methods", "rocket_campaign", "of_others"),
     *("optimisers", "chapter_8", "which_method", "design"),
 )
-RESULTS = Path(__file__).parent / "results"
 
 
 def machine() -> dict:
@@ -37,14 +35,15 @@ def machine() -> dict:
         "diffrax": diffrax.__version__,
         "cores": os.cpu_count(),
         "device": jax.devices()[0].device_kind,
+        "instructions": kept.described(),
     }
 
 
 def keep(name: str, what: str, rows: dict) -> None:
     """Store the rows of one benchmark, and print them."""
-    RESULTS.mkdir(exist_ok=True)
     seen = {"what": what.split("\n\n")[0], "machine": machine(), "rows": rows}
-    (RESULTS / f"{name}.json").write_text(json.dumps(seen, indent=1) + "\n")
+    kind = "gpu" if name == "accelerator_gpu" else kept.instructions()
+    kept.keep(name, kind, seen)
     print(json.dumps({name: seen}, indent=1), flush=True)
 
 
@@ -81,7 +80,7 @@ def main() -> None:
         for name in asked.names or NAMES:
             benchmark = importlib.import_module(f".{name}", __package__)
             keep(name, benchmark.__doc__, benchmark.measure())
-    page.write(RESULTS, (*NAMES, "accelerator_gpu"))
+    page.write((*NAMES, "accelerator_gpu"))
 
 
 if __name__ == "__main__":

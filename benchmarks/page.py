@@ -1,11 +1,12 @@
 """The page of the manual that shows the results kept beside this file, and its pictures."""
 
-import json
 import math
 import re
 from pathlib import Path
 
 from jaxspace.plots._style import COLOURS, dress
+
+from . import kept
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 SPEED = "runs_per_second"
@@ -18,7 +19,13 @@ HEAD = """# Speed beside accuracy
 turn. The figures are medians; the first call, which compiles, stands apart. `cores` is how many
 cores were used on average: a figure per CPU-second compares methods that use different numbers of
 them, and is rough where a call takes less than the clock of the processor resolves. Errors are
-those of the worst run. Machines differ: compare within a table.
+those of the worst run. Machines differ: compare within a column.
+
+What a processor does in one instruction decides most figures. Most servers and desktops have AVX2,
+some twice as wide vectors and twice the registers, AVX-512. A table is of the first machine that it
+names; where another set of instructions was measured as well, its rates stand in the last columns.
+"avx2 of avx512" is a processor whose wide vectors our compiler was told to leave alone: the
+programs of others in that column use them.
 """
 
 
@@ -154,16 +161,34 @@ DIAGRAMS = {"accelerator_gpu": _by_width, "which_method": _by_evaluations}
 """How the results of a benchmark are drawn, where not by speed against error."""
 
 
-def write(results: Path, names: tuple[str, ...]) -> None:
+def _beside(rows: dict, others: dict[str, dict]) -> dict:
+    """The rows with the rates, or the times, that the same rows have with other instructions."""
+    found = {label: dict(row) for label, row in rows.items()}
+    for kind, other in others.items():
+        for label, row in other["rows"].items():
+            for of in (SPEED, "seconds"):
+                if of in row and label in found:
+                    column = f"{of.replace('_', ' ')}, {kept.SETS[kind]}"
+                    found[label][column] = row[of]
+                    break
+    return found
+
+
+def write(names: tuple[str, ...]) -> None:
     """Write the page from the results that there are."""
     parts = [HEAD]
     for name in names:
-        if (file := results / f"{name}.json").exists():
-            seen = json.loads(file.read_text())
-            where = ", ".join(f"{k} {v}" for k, v in seen["machine"].items())
-            title = name.replace("_", " ").capitalize()
-            what = " ".join(seen["what"].split())
-            picture = DIAGRAMS.get(name, _diagram)(name, seen["rows"])
-            table = _table(seen["rows"])
-            parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
+        by_set = kept.read(name)
+        if not by_set:
+            continue
+        (_, seen), *others = by_set.items()
+        where = "; ".join(
+            f"{kept.SETS[k]}: " + ", ".join(f"{key} {v}" for key, v in s["machine"].items())
+            for k, s in by_set.items()
+        )
+        title = name.replace("_", " ").capitalize()
+        what = " ".join(seen["what"].split())
+        picture = DIAGRAMS.get(name, _diagram)(name, seen["rows"])
+        table = _table(_beside(seen["rows"], dict(others)))
+        parts.append(f"## {title}\n\n{what}\n\n{picture}{table}\n\n*{where}*\n")
     PAGE.write_text("\n".join(parts))

@@ -22,6 +22,11 @@ NUMBER = re.compile(r"([\d.,]*\d(?:e-?\d+)?)( million| ms)?")
 SCALE = {" million": 1e6, " ms": 1e-3}
 
 
+def measured(name):
+    """All numbers of a benchmark on the processor that the README and the paper name."""
+    return leaves(json.loads((ROOT / f"benchmarks/results/avx512/{name}.json").read_text()))
+
+
 def leaves(tree):
     if isinstance(tree, dict):
         return [x for value in tree.values() for x in leaves(value)]
@@ -39,25 +44,25 @@ CLAIMS = {
 @pytest.mark.parametrize("name", CLAIMS)
 def test_the_claims_of_the_readme_are_measured(name):
     text = (ROOT / "README.md").read_text()
-    measured = leaves(json.loads((ROOT / f"benchmarks/results/{name}.json").read_text()))
+    numbers = measured(name)
     for claim in CLAIMS[name]:
         assert f" {claim}" in text or f"[{claim}" in text, claim
         number = float(claim.replace(",", ""))
         digits = len(re.sub(r"e.*|[.,]|0+$", "", claim))
-        assert any(float(f"{x:.{max(digits, 2) - 1}e}") == number for x in measured), claim
+        assert any(float(f"{x:.{max(digits, 2) - 1}e}") == number for x in numbers), claim
 
 
 @pytest.mark.parametrize("task", RESULTS)
 def test_the_numbers_of_the_paper_are_measured(task):
     (row,) = re.findall(rf"^\| {re.escape(task)}.*$", PAPER, re.MULTILINE)
-    measured = leaves(json.loads((ROOT / f"benchmarks/results/{RESULTS[task]}.json").read_text()))
+    numbers = measured(RESULTS[task])
     # A time is shown for the rate of a single run.
-    measured += [1.0 / x for x in measured if x]
+    numbers += [1.0 / x for x in numbers if x]
     # What the columns say, without names such as DOP853.
     for text, unit in NUMBER.findall(re.sub(r"[A-Z]+\d+", "", row.split("|", 2)[2])):
         number = float(text.replace(",", "")) * SCALE.get(unit, 1.0)
         digits = len(text.partition("e")[0].replace(".", "").replace(",", "").strip("0"))
-        rounded = [float(f"{x:.{digits - 1}e}") for x in measured]
+        rounded = [float(f"{x:.{digits - 1}e}") for x in numbers]
         # The rest is the rounding of the units.
         assert any(abs(x / number - 1.0) < 1e-12 for x in rounded), (text, unit)
 

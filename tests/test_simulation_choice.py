@@ -127,9 +127,8 @@ def test_the_evidence_of_a_rule_is_measured(row):
     measured = [
         value
         for page in {*pages, "which-method"}
-        for case in json.loads(
-            (ROOT / "benchmarks" / "results" / f"{page.replace('-', '_')}.json").read_text()
-        )["rows"].values()
+        for file in ROOT.glob(f"benchmarks/results/*/{page.replace('-', '_')}.json")
+        for case in json.loads(file.read_text())["rows"].values()
         for value in case.values()
     ]
     figures = FIGURE.findall(evidence) + ERROR.findall(evidence)
