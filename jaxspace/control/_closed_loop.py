@@ -29,26 +29,26 @@ from ..integration.accuracy import Accuracy, state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, runs_of
-from ..simulation.runnable import AbstractRunnable
 from ..simulation.trajectory import Trajectory
 from ._controller import AbstractController, as_controller
 from ._loop_run import LoopOptions, LoopRun, run_loop
-from ._program import Known, Static, alone, as_events, as_key, parts_of
+from ._program import Known, Static, alone, as_events, as_key
 from ._repeats import config_of, repeated
+from ._sampled_loop import AbstractSampledLoop
 from ._sensors import AbstractSensor, check_period, known_seconds
 from .commands import Actuate, with_command
 
 HOLDS = ("zero", "first")
 
 
-def _as_sensors(x: Any) -> Any:
+def _as_sensors(x: object) -> Any:
     if x is None or not isinstance(x, Mapping):
         return x
     return dict(x)
 
 
 @final
-class ClosedLoop(AbstractRunnable):
+class ClosedLoop(AbstractSampledLoop):
     """A system under a controller that acts at samples: `ClosedLoop(scene, law, period=0.1)`.
 
     - `system`: a scene or any system with parts that take a command, such as `CommandedTorque`.
@@ -154,7 +154,7 @@ class ClosedLoop(AbstractRunnable):
                 f"be a key of each, such as jax.random.split(key, runs)."
             )
         events = as_events((until,)) if isinstance(until, Event) else ()
-        known = Known(parts_of(self), y0, start, key, None, events, end)
+        known = Known(self.numbers, y0, start, key, None, events, end)
         return repeated(alone, known, config, Static.of(self, ts, run_axes))[0]
 
     def simulate(

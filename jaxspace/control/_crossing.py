@@ -5,7 +5,7 @@ position that halves the weight of an end that stays, outside of every derivativ
 correction of time and state has the exact first derivative (`newton_correct`).
 """
 
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -15,9 +15,7 @@ from ..core import AbstractSystem, State
 from ..integration.events import Event, newton_correct
 from ..solvers import FixedSteps
 from ._advance import advance, select
-
-# A `Setting`, whose module imports this one.
-Setting: TypeAlias = Any
+from ._setting import Setting
 
 ITERATIONS = 60
 """Of the false position; a smooth condition takes some six of them."""
@@ -73,7 +71,7 @@ def crossed(
     bad = stop.bad | (~still & ~jnp.all(jnp.isfinite(values), axis=0))
     any_hit = jnp.any(hits, axis=0)
 
-    def found(_: Any) -> tuple[State, Array, Array]:
+    def found(_: None) -> tuple[State, Array, Array]:
         parts = []
         for k, event in enumerate(events):
             parts.append(
@@ -93,7 +91,7 @@ def crossed(
         te, ye = newton_correct(held, events, which, t + dt, y)
         return select(any_hit, ye, y1), jnp.where(any_hit, te, stop.t), which
 
-    def passed(_: Any) -> tuple[State, Array, Array]:
+    def passed(_: None) -> tuple[State, Array, Array]:
         return y1, jnp.where(still, stop.t, t + duration), jnp.full(still.shape, -1, jnp.int32)
 
     y, te, which = jax.lax.cond(jnp.any(hits), found, passed, None)

@@ -3,7 +3,7 @@ steps."""
 
 import dataclasses
 from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
@@ -25,11 +25,9 @@ from ..simulation.reading import AbstractRun
 from ..simulation.trajectory import RunCall, run_of
 from ._clocks import known_times
 from ._controller import AbstractController
-from ._program import Known, Static, as_events, as_key, compiled, parts_of
+from ._program import Known, Static, as_events, as_key, compiled
 from ._repeats import config_of, repeated, steps_of
-
-# A `ClosedLoop`, whose module imports this one.
-Loop: TypeAlias = Any
+from ._sampled_loop import AbstractSampledLoop
 
 
 class LoopOptions(NamedTuple):
@@ -46,7 +44,7 @@ class LoopOptions(NamedTuple):
 class Asked(NamedTuple):
     """The arguments of a run."""
 
-    loop: Loop
+    loop: AbstractSampledLoop
     y0: State
     ts: PyTree
     options: LoopOptions
@@ -126,7 +124,7 @@ class LoopRun(AbstractRun):
 
 
 def run_loop(
-    loop: Loop,
+    loop: AbstractSampledLoop,
     y0: State,
     ts: ArrayLike | Sequence[float],
     options: LoopOptions,
@@ -145,7 +143,7 @@ def run_loop(
     start = times[0] if options.start is None else options.start
     start = jnp.asarray(start, state_dtype(y0))
     key = as_key(loop.key if options.key is None else options.key)
-    numbers = Known(parts_of(loop), y0, start, key, options.memory, events, None)
+    numbers = Known(loop.numbers, y0, start, key, options.memory, events, None)
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
     trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))
     if throw:
@@ -153,7 +151,7 @@ def run_loop(
     return LoopRun(trajectory, steps_of(config), asked)
 
 
-def _check(loop: Loop, y0: State, run_axes: int) -> None:
+def _check(loop: AbstractSampledLoop, y0: State, run_axes: int) -> None:
     """Raise `InputError` for arguments with which no loop can run."""
     if not isinstance(loop.controller, AbstractController):
         raise InputError(

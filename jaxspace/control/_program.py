@@ -1,7 +1,8 @@
 """A run of a closed loop as one program."""
 
 import dataclasses
-from typing import Any, NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
@@ -25,7 +26,9 @@ from ..solvers import FixedSteps
 from ..solvers.protocol import small_program
 from ..solvers.tolerances import Tolerance
 from ._clocks import SLACK, Clock, Nodes, at_nodes, ended, nodes_of
-from ._samples import SampledRun, Setting, run_samples
+from ._sampled_loop import AbstractSampledLoop
+from ._samples import SampledRun, run_samples
+from ._setting import Setting
 from .commands import Actuate
 
 
@@ -57,15 +60,10 @@ class Static(NamedTuple):
     run_axes: int
 
     @classmethod
-    def of(cls, loop: Any, ts: np.ndarray, run_axes: int) -> "Static":
+    def of(cls, loop: AbstractSampledLoop, ts: np.ndarray, run_axes: int) -> "Static":
         """The static part of a loop with these save times."""
         line = loop.hold == "first"
         return cls(tuple(ts.tolist()), loop.period, line, loop.delay, loop.actuate, run_axes)
-
-
-def parts_of(loop: Any) -> PyTree:
-    """The parts of a loop that hold numbers."""
-    return loop.system, loop.controller, loop.sensors, loop.limit, loop.quantum
 
 
 def as_key(key: Array | None) -> Array | None:
@@ -75,7 +73,7 @@ def as_key(key: Array | None) -> Array | None:
     return jax.random.wrap_key_data(key)
 
 
-def as_events(events: Any) -> tuple[Event, ...]:
+def as_events(events: Event | Iterable[Event]) -> tuple[Event, ...]:
     """The events that may end a loop. Raises `InputError` for others."""
     events = (events,) if isinstance(events, Event) else tuple(events)
     for event in events:

@@ -1,7 +1,6 @@
 """Configuration of the integration between two samples, and repetition with finer steps."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -16,6 +15,7 @@ from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ._advance import as_fixed
 from ._program import Known, Static
+from ._sampled_loop import AbstractSampledLoop
 
 REPEATS = 3
 """How often a run is repeated with finer steps before its status says that they are too few."""
@@ -38,7 +38,7 @@ def repeated(
 
 
 def config_of(
-    loop: Any, y0: PyTree, accuracy: Accuracy, steps: int | None = None
+    loop: AbstractSampledLoop, y0: PyTree, accuracy: Accuracy, steps: int | None = None
 ) -> IntegrationConfig:
     """Configuration of the integration between two samples. Raises `InputError` for a method that a
     loop cannot take."""

@@ -6,48 +6,23 @@ between the passes alone, and computes each pass again.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import Scalar, State
 from ..core.barrier import barrier
-from ..integration.events import Event
 from ..integration.status import Status
-from ..solvers import FixedSteps
-from ..solvers.tolerances import Tolerance
 from ._advance import advance, select
 from ._clocks import Nodes
-from ._controller import AbstractController, act_on, started
+from ._controller import act_on, started
 from ._crossing import Stop, crossed, not_stopped
-from ._sensors import AbstractSensor, Keys, drawing
-from .commands import Actuate, Held, clipped, rounded
+from ._sensors import Keys, drawing
+from ._setting import Setting
+from .commands import Held, clipped, rounded
 
 CONTROL, ARRIVAL = 0, 1
 """The numbers of the first two clocks; those of the sensors follow."""
-
-
-class Setting(eqx.Module):
-    """The parts of a loop for one program, arrays and static ones.
-
-    - `elapsed`: the time between the readings of each sensor, s.
-    - `waiting`: number of delayed commands at a sample."""
-
-    system: AbstractSystem
-    controller: AbstractController
-    sensors: dict[str, AbstractSensor] | None
-    limit: PyTree
-    quantum: PyTree
-    events: tuple[Event, ...]
-    tolerance: Tolerance
-    method: FixedSteps = eqx.field(static=True)
-    actuate: Actuate = eqx.field(static=True)
-    period: float = eqx.field(static=True)
-    elapsed: tuple[float, ...] = eqx.field(static=True)
-    line: bool = eqx.field(static=True)
-    waiting: int = eqx.field(static=True)
-    run_axes: int = eqx.field(static=True)
 
 
 class Passing(NamedTuple):

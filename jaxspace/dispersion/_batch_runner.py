@@ -107,7 +107,7 @@ class BatchRunner:
 
         used = np.ones(runner.call, bool)
         unplanned = all(plan is None for plan in expected)
-        piloted = not unplanned or outputs_to_check(campaign) is not None
+        piloted = not unplanned or outputs_to_check(campaign.outputs) is not None
         drawn = eqx.filter_eval_shape(drawn_by, *runner._chosen(first, used, 0))
         lowered: Future[None] = Future()
 
@@ -120,7 +120,7 @@ class BatchRunner:
                 return [None] * len(expected)
             pilots, flown = pilot_plans(campaign, accuracy, draw, runner.call, samples)
             # Meanwhile the program of all runs is compiled.
-            check_apart(campaign, flown)
+            check_apart(campaign.outputs, campaign.along, flown)
             return pilots
 
         # That program needs of the plans their lengths alone, and is compiled while they are found.

@@ -1,7 +1,7 @@
 """A campaign: from random inputs to a mission, and from its result to the outputs."""
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, TypeAlias, TypeVar, final
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -16,17 +16,15 @@ from ..core.quantities import Quantity
 from ..core.types import as_float
 from ..integration.accuracy import Accuracy
 from ..simulation import Mission
-from ..simulation.mission_result import MissionTrajectory
-from ..statistics.requirements import Requirement, requirement_of
+from ..statistics.requirements import requirement_of
 from ._exact_parts import with_exact_parts
+from ._interface import AbstractCampaign, BuildFunction, Limits, OutputFunction
 from ._sampling import AbstractDesign, draw
 from .distributions import AbstractDistribution
 from .names import check_names
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
 from .replay import Replay, replay
 
-# A pair of limits, or a `Requirement`.
-Limits: TypeAlias = tuple[float | None, float | None] | Requirement
 T = TypeVar("T")
 
 
@@ -50,13 +48,13 @@ def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> N
         )
 
 
-def _as_optional_accuracy(x: Any) -> Any:
+def _as_optional_accuracy(x: object) -> Any:
     # A placeholder of a tree transformation passes.
     return as_campaign_accuracy(x) if isinstance(x, int | float | str | Accuracy) else x
 
 
 @final
-class Campaign(eqx.Module):
+class Campaign(AbstractCampaign):
     """A mission that is run many times with random inputs.
 
     - `build(samples) -> (mission, y0)`: the mission and its initial state from a dict of the
@@ -86,9 +84,9 @@ class Campaign(eqx.Module):
     an input that is no distribution or has a reserved name, for no inputs, and for fewer than two
     states along a phase."""
 
-    build: Callable[[dict[str, Array]], tuple[Mission, State]]
+    build: BuildFunction
     inputs: dict[str, AbstractDistribution]
-    outputs: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
+    outputs: OutputFunction
     units: dict[str, str] = eqx.field(default_factory=dict)
     start: Float[Array, ""] = eqx.field(converter=as_float, default=0.0)
     description: str = eqx.field(static=True, default="")

@@ -3,8 +3,6 @@ that the steps would run out (`Accuracy.decoupled`).
 
 The runs are traced, so that the nominal run decides for all."""
 
-from typing import Any
-
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -18,18 +16,18 @@ from ..integration.status import Status
 from ..simulation.legs import legs_of
 from ..simulation.phases import longest
 from ..simulation.runnable import AbstractRunnable
+from ._interface import AbstractCampaign
 
 
-def _turns(campaign: Any) -> list[Array]:
+def _turns(campaign: AbstractCampaign) -> list[Array]:
     """Angles, rad, through which the exact parts of the phases turn in the nominal run."""
     mission, y0 = campaign.mission(campaign.nominal())
     result = []
     for leg in legs_of(mission)[0]:
-        phase: Any = leg.phase
-        loop = isinstance(phase.system, AbstractRunnable)
-        decoupled = None if loop else phase.system.decoupled()
+        system = leg.phase.system
+        decoupled = None if isinstance(system, AbstractRunnable) else system.decoupled()
         if decoupled is not None:
-            result.append(jnp.max(decoupled.turns(longest(phase.until), y0)))
+            result.append(jnp.max(decoupled.turns(longest(leg.phase.until), y0)))
     return result
 
 
@@ -37,19 +35,19 @@ def _turns(campaign: Any) -> list[Array]:
 _turns_compiled = eqx.filter_jit(_turns, **QUICK)
 
 
-def has_exact_part(campaign: Any, accuracy: Accuracy) -> bool:
+def has_exact_part(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
     """Whether the campaign has an exact part, and the accuracy does not decide about it."""
     return leaves_open(accuracy) and bool(eqx.filter_eval_shape(_turns, campaign))
 
 
-def for_turns(campaign: Any, accuracy: Accuracy, status: ArrayLike) -> Accuracy | None:
+def for_turns(campaign: AbstractCampaign, accuracy: Accuracy, status: ArrayLike) -> Accuracy | None:
     """The accuracy with which runs of this `status` are repeated, if steps ran out: with the exact
     part of the motion in closed form. `None` where that cures nothing."""
     out = np.any(np.asarray(status) == Status.MAX_STEPS)
     return exact(accuracy) if out and has_exact_part(campaign, accuracy) else None
 
 
-def with_exact_parts(campaign: Any, accuracy: Accuracy) -> Accuracy:
+def with_exact_parts(campaign: AbstractCampaign, accuracy: Accuracy) -> Accuracy:
     """The accuracy with its `decoupled` set where the nominal run turns fast.
 
     Unchanged where it does not, and where the numbers of the campaign are unknown."""

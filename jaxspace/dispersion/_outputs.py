@@ -3,19 +3,20 @@
 import dataclasses
 import inspect
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import InputError
 from ..integration.compiling import QUICK
 from ..integration.status import SimulationError, Status
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.trajectory import Trajectory
+from ._interface import OutputFunction
 from ._isolation import RAISED, callbacks, isolate, reason
 from .names import check_names
 
@@ -23,6 +24,8 @@ from .names import check_names
 # iterations, whose last digits then change.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
+# Which of the pilots: known numbers, or those of a trace.
+Rows: TypeAlias = Int[Array, " runs"] | Int[np.ndarray, " runs"]
 
 
 class PilotRuns(NamedTuple):
@@ -33,12 +36,14 @@ class PilotRuns(NamedTuple):
 
 
 def outputs_of(
-    campaign: Any, result: MissionTrajectory, samples: dict[str, Float[Array, " runs"]]
+    function: OutputFunction,
+    result: MissionTrajectory,
+    samples: dict[str, Float[Array, " runs"]],
 ) -> dict[str, Float[Array, " runs"]]:
-    """The outputs of runs, each (runs,).
+    """The outputs of runs by the `function` of their campaign, each (runs,).
 
     **Raises** `InputError` for what is no dict of one real number for each run, or for all."""
-    outputs = campaign.outputs(result, samples)
+    outputs = function(result, samples)
     if not isinstance(outputs, Mapping):
         raise InputError(
             f"Campaign.outputs gives {_kind(outputs)}: it must give a dict of the outputs by name."
@@ -52,7 +57,7 @@ def outputs_of(
     return {name: _of_each_run(name, x, runs) for name, x in outputs.items()}
 
 
-def _of_each_run(name: str, x: Any, runs: tuple[int, ...]) -> Array:
+def _of_each_run(name: str, x: object, runs: tuple[int, ...]) -> Array:
     allowed = f"it must be one real number for each run, {runs}, or one for all, ()."
     if not eqx.is_array_like(x):
         raise InputError(f"The output {name!r} is {_kind(x)}: {allowed}")
@@ -73,18 +78,18 @@ def _kind(x: object) -> str:
     return "an array" if eqx.is_array(x) else f"an object of the class {type(x).__name__}"
 
 
-def outputs_to_check(campaign: Any) -> Any:
+def outputs_to_check(function: OutputFunction) -> OutputFunction | None:
     """The outputs of a campaign that other functions than those of the library compute, which are
     tested to treat each run by itself; `None` where there are none.
 
     Outputs may say so themselves, by `to_check`."""
-    outputs = getattr(campaign.outputs, "to_check", campaign.outputs)
+    outputs = getattr(function, "to_check", function)
     module = outputs.__module__ if inspect.isfunction(outputs) else ""
     return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
 
 
-def check_apart(campaign: Any, pilots: PilotRuns) -> None:
-    """Check that the outputs of a run depend on that run alone.
+def check_apart(function: OutputFunction, along: int, pilots: PilotRuns) -> None:
+    """Check that the outputs of a run, of `along` states of each phase, depend on that run alone.
 
     The outputs of the pilots are computed again with copies of one pilot in place of all: each row
     must equal that of the pilot among the others. Those of the library are left out
@@ -92,27 +97,26 @@ def check_apart(campaign: Any, pilots: PilotRuns) -> None:
 
     **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
     them; `SimulationError` where an output of the nominal run raises an error."""
-    unknown = outputs_to_check(campaign)
+    unknown = outputs_to_check(function)
     if unknown is None:
         return
-    campaign = dataclasses.replace(campaign, outputs=unknown)
     count = len(next(iter(pilots.samples.values())))
     status = np.broadcast_to(pilots.result.status, (count,))
 
     def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         # A run that raises an error is computed with the nominal inputs.
         rows = np.where(used, np.arange(count), 0)
-        return rows, _numbers(_at(campaign, pilots, rows))
+        return rows, _numbers(_at(unknown, along, pilots, rows))
 
     try:
         rows, among = isolate(compute, count)
     except SimulationError as error:
-        nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), campaign.along)
-        raise raised("The nominal run", campaign, *nominal, error) from error
+        nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), along)
+        raise raised("The nominal run", unknown, *nominal, error) from error
     used = (rows == np.arange(count)) & (status <= Status.EVENT)
     # Two pilots: the greatest of all runs, as an output, equals that of one of them.
     for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
-        alone = _numbers(_at(campaign, pilots, np.full(count, row)))
+        alone = _numbers(_at(unknown, along, pilots, np.full(count, row)))
         for name, x in alone.items():
             here = among[name][row].item()
             other = ~_same(x, here, among[name])
@@ -148,16 +152,21 @@ def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
 
 
 @eqx.filter_jit(**QUICK)
-def _at(campaign: Any, pilots: PilotRuns, rows: Int[Any, " runs"]) -> dict[str, Array]:
+def _at(
+    function: OutputFunction,
+    along: int,
+    pilots: PilotRuns,
+    rows: Rows,
+) -> dict[str, Array]:
     """The outputs of the pilots of these rows."""
-    return outputs_of(campaign, *_taken(pilots, rows, campaign.along))
+    return outputs_of(function, *_taken(pilots, rows, along))
 
 
-def _taken(pilots: PilotRuns, rows: Int[Any, " runs"], along: int) -> PilotRuns:
+def _taken(pilots: PilotRuns, rows: Rows, along: int) -> PilotRuns:
     """The pilots of these rows, with `along` states of each phase."""
     count = rows.shape[0]
 
-    def taken(x: Any) -> Any:
+    def taken(x: PyTree) -> PyTree:
         # The runs are last; shared arrays have no such axis.
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
@@ -184,9 +193,13 @@ def _filled(phase: Trajectory, along: int) -> Trajectory:
 
 
 def raised(
-    what: str, campaign: Any, result: MissionTrajectory, samples: dict[str, Array], error: Exception
+    what: str,
+    function: OutputFunction,
+    result: MissionTrajectory,
+    samples: dict[str, Array],
+    error: Exception,
 ) -> SimulationError:
-    """The exception for runs in which a function of the campaign raises an error.
+    """The exception for runs in which the `function` of the outputs of a campaign raises an error.
 
     **Arguments**
 
@@ -194,10 +207,10 @@ def raised(
     - `result`, `samples`: of these runs.
     - `error`: the error."""
     # One after the other, to find the one that raises.
-    for name in eqx.filter_eval_shape(outputs_of, campaign, result, samples):
+    for name in eqx.filter_eval_shape(outputs_of, function, result, samples):
         try:
             with callbacks():
-                jax.block_until_ready(_one(campaign, result, samples, name))
+                jax.block_until_ready(_one(function, result, samples, name))
         except RAISED as own:
             return SimulationError(
                 f"{what} cannot be run: the output {name!r} raises an error ({reason(own)}) where "
@@ -207,5 +220,7 @@ def raised(
 
 
 @eqx.filter_jit
-def _one(campaign: Any, result: MissionTrajectory, samples: dict[str, Array], name: str) -> Array:
-    return outputs_of(campaign, result, samples)[name]
+def _one(
+    function: OutputFunction, result: MissionTrajectory, samples: dict[str, Array], name: str
+) -> Array:
+    return outputs_of(function, result, samples)[name]

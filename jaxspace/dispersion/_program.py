@@ -107,7 +107,7 @@ def _block(
     configs = resolve_phases(mission, y0, accuracy, 1, small=small)
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
-    outputs = outputs_of(campaign, for_outputs(result, samples), inputs)
+    outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 

@@ -50,7 +50,7 @@ def evaluate_traced(
     configs = resolve_phases(mission, y0, accuracy, 1)
     result = run_mission(mission, y0, campaign.start, campaign.along, configs, 1)
     shape = next(iter(samples.values())).shape
-    return outputs_of(campaign, result, samples), jnp.broadcast_to(result.status, shape)
+    return outputs_of(campaign.outputs, result, samples), jnp.broadcast_to(result.status, shape)
 
 
 def evaluate_allowed(

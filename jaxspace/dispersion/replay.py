@@ -2,8 +2,7 @@
 
 __all__ = ["Replay"]
 
-import dataclasses
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
@@ -21,6 +20,7 @@ from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._along import saved_states, thinned
 from ._exact_parts import for_turns
+from ._interface import AbstractCampaign, OutputFunction
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
 
@@ -52,35 +52,43 @@ class Replay(eqx.Module):
 
 @eqx.filter_jit
 def _run(
-    campaign: Any, accuracy: Accuracy, samples: dict[str, Array], num_saved: int
+    campaign: AbstractCampaign,
+    accuracy: Accuracy,
+    samples: dict[str, Array],
+    num_saved: int,
+    outputs: OutputFunction,
 ) -> tuple[MissionTrajectory, dict[str, Array], tuple[IntegrationConfig, ...]]:
     mission, y0 = campaign.mission(samples)
     configs = resolve_phases(mission, y0, accuracy, 1)
     saved, every_nth = saved_states(campaign.along, num_saved)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1)
-    return thinned(result, every_nth), outputs_of(campaign, result, samples), configs
+    return thinned(result, every_nth), outputs_of(outputs, result, samples), configs
 
 
-def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved: int) -> Replay:
+def replay(
+    campaign: AbstractCampaign, number: int, seed: int, accuracy: Accuracy, num_saved: int
+) -> Replay:
     """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
     # Keys are made with 32 bits: a greater number would be that of another run.
     if not 0 <= number < 2**32:
         raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
-    numbers = jnp.full((1,), number, jnp.uint32)
     samples = eqx.filter_jit(lambda c, k, n: c.samples(k, n))(
-        campaign, jax.random.key(seed), numbers
+        campaign, jax.random.key(seed), jnp.full((1,), number, jnp.uint32)
     )
     inputs = {name: float(samples[name][0]) for name in campaign.inputs}
+    outputs = campaign.outputs
     try:
         with callbacks():
-            computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+            computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved, outputs))
             exactly = for_turns(campaign, accuracy, computed[0].status)
             if exactly is not None:
                 accuracy = exactly
-                computed = jax.block_until_ready(_run(campaign, accuracy, samples, num_saved))
+                computed = jax.block_until_ready(
+                    _run(campaign, accuracy, samples, num_saved, outputs)
+                )
     except RAISED as error:
         raise _error(campaign, number, samples, accuracy, error) from error
-    result, outputs, configs = computed
+    result, numbers, configs = computed
     refusal = campaign.refusal(inputs)
     try:
         mission, _ = campaign.mission(samples)
@@ -90,27 +98,30 @@ def replay(campaign: Any, number: int, seed: int, accuracy: Accuracy, num_saved:
             raise InputError(f"Run {number} is refused: {refusal}") from error
         raise
     trajectory = with_calls(result, mission, accuracy, configs).of(0)
-    values = {name: float(x[0]) for name, x in outputs.items()}
+    values = {name: float(x[0]) for name, x in numbers.items()}
     # Outputs of a compiled function are sorted by name; the units have the order of the file.
     ordered = {name: values[name] for name in campaign.units if name in values} | values
     return Replay(number, seed, inputs, ordered, trajectory, refusal)
 
 
 def _error(
-    campaign: Any, number: int, samples: dict[str, Array], accuracy: Accuracy, error: Exception
+    campaign: AbstractCampaign,
+    number: int,
+    samples: dict[str, Array],
+    accuracy: Accuracy,
+    error: Exception,
 ) -> SimulationError:
     """The exception for a run in which a function of the campaign raises an error."""
     what = f"Run {number}"
     # Run once more without outputs: if that succeeds, an output raises the error.
-    bare = dataclasses.replace(campaign, outputs=_no_outputs)
     try:
         with callbacks():
-            result, _, _ = jax.block_until_ready(_run(bare, accuracy, samples, 0))
+            result, _, _ = jax.block_until_ready(_run(campaign, accuracy, samples, 0, _no_outputs))
     except RAISED:
         return SimulationError(
             f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."
         )
-    return raised(what, campaign, result, samples, error)
+    return raised(what, campaign.outputs, result, samples, error)
 
 
 def _no_outputs(result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:

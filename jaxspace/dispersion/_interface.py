@@ -1,0 +1,58 @@
+"""What replays and checks, which stand below it, read of a campaign."""
+
+from abc import abstractmethod
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
+
+import equinox as eqx
+from jax.typing import ArrayLike
+from jaxtyping import Array, Float, Integer
+
+from ..core import State
+from ..core.quantities import Quantity
+from ..simulation import Mission
+from ..simulation.mission_result import MissionTrajectory
+from ..statistics.requirements import Requirement
+from ._sampling import AbstractDesign
+from .distributions import AbstractDistribution
+
+BuildFunction: TypeAlias = Callable[[dict[str, Array]], tuple[Mission, State]]
+"""From the inputs, each (runs,), to the mission and its initial state."""
+OutputFunction: TypeAlias = Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
+"""From a result and the inputs to the outputs, each (runs,)."""
+Limits: TypeAlias = tuple[float | None, float | None] | Requirement
+"""The least and the greatest value that is allowed, or a requirement."""
+
+
+class AbstractCampaign(eqx.Module):
+    """What the runs of a campaign follow from; fields and methods are those of `Campaign`."""
+
+    # In the order of `Campaign`, which type checkers take for that of its arguments.
+    build: eqx.AbstractVar[BuildFunction]
+    inputs: eqx.AbstractVar[dict[str, AbstractDistribution]]
+    outputs: eqx.AbstractVar[OutputFunction]
+    units: eqx.AbstractVar[dict[str, str]]
+    start: eqx.AbstractVar[Float[Array, ""]]
+    description: eqx.AbstractVar[str]
+    limits: eqx.AbstractVar[tuple[tuple[str, Quantity], ...]]
+    design: eqx.AbstractVar[AbstractDesign | None]
+    requirements: eqx.AbstractVar[tuple[tuple[str, Limits], ...]]
+    along: eqx.AbstractVar[int]
+
+    @abstractmethod
+    def nominal(self, runs: int = 1) -> dict[str, Float[Array, " runs"]]:
+        """The mean of every input, (runs,)."""
+
+    @abstractmethod
+    def samples(
+        self, key: Array, numbers: Integer[Array, " runs"]
+    ) -> dict[str, Float[Array, " runs"]]:
+        """The inputs of the runs with these numbers."""
+
+    @abstractmethod
+    def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
+        """The mission and the initial state of runs with these inputs."""
+
+    @abstractmethod
+    def refusal(self, samples: Mapping[str, ArrayLike]) -> str:
+        """Why a run with these inputs is refused; empty if it is allowed."""
