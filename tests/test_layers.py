@@ -74,6 +74,16 @@ ALLOWED = {
 ALLOWED["cli"] = set(ALLOWED)
 ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
 
+# Imports of the library within functions, by who makes them, with the reason: any other would hide
+# a circle.
+WITHIN_FUNCTIONS = {
+    "_jax_settings": "the root of the library imports no package",
+    "_load": "the root of the library imports no package",
+    "cli": "a command imports what it needs, and answers sooner",
+}
+# Annotations of parameters and results that hold `Any`: they may only become fewer.
+MOST_ANY = 122
+
 # A result that draws itself imports its figure inside a function; the figure imports the class of
 # the result for its types alone.
 ON_REQUEST = {
@@ -221,6 +231,37 @@ def test_no_circle_of_imports_between_files():
         if name not in state:
             visit(name, [])
     assert not circles
+
+
+def test_functions_import_no_package_but_figures():
+    def complaints(file):
+        package = package_of(file)
+        if package in WITHIN_FUNCTIONS or package == "__init__":
+            return
+        for node in ast.walk(ast.parse(file.read_text())):
+            if not isinstance(node, ast.FunctionDef):
+                continue
+            for inner in ast.walk(node):
+                if isinstance(inner, ast.ImportFrom) and inner.level:
+                    if (inner.module or "").split(".")[0] not in ON_REQUEST.get(package, set()):
+                        yield f"line {inner.lineno}: import {inner.module} where the file begins"
+
+    in_every_file(complaints)
+
+
+def test_few_signatures_hold_any():
+    """A value that functions pass on as `Any` is a noun that is missing on a lower floor."""
+
+    def held(file):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                of = node.args
+                named = (*of.posonlyargs, *of.args, *of.kwonlyargs, of.vararg, of.kwarg)
+                for kind in (*(x.annotation for x in named if x is not None), node.returns):
+                    names = ast.walk(kind) if kind is not None else ()
+                    yield any(isinstance(x, ast.Name) and x.id == "Any" for x in names)
+
+    assert sum(sum(held(file)) for file in sources()) <= MOST_ANY
 
 
 def test_every_room_has_a_row():

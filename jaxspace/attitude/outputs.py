@@ -21,13 +21,12 @@ __all__ = [
     "spin_rate",
 ]
 
-from typing import Any
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, BodyState, BurningBody
-from ..core import InputError, Scalar, Vector, output
+from ..core import InputError, Scalar, State, Vector, output
 from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_atan2
 from ..core.vectors import axis, cross, dot, norm
@@ -58,7 +57,7 @@ def cone_angle(omega: Vector, mass: Scalar | None, body: AbstractBody) -> Scalar
 @formula(mass=POSITIVE)
 @output("rad")
 def pointing(
-    attitude: Quaternion, omega: Vector, mass: Scalar | None, body: AbstractBody, initial: Any
+    attitude: Quaternion, omega: Vector, mass: Scalar | None, body: AbstractBody, initial: State
 ) -> Scalar:
     """Angle between the angular momentum and the z axis of the `initial` state that was intended,
     rad.
@@ -74,7 +73,7 @@ def pointing(
 
 
 @output("rad")
-def attitude_error(attitude: Quaternion, nominal: Any) -> Scalar:
+def attitude_error(attitude: Quaternion, nominal: State) -> Scalar:
     """Angle of the turn from the attitude of the `nominal` state to this one, rad, within [0, pi].
 
     Without a turn it has a corner, where its derivative is finite but meaningless; the components
@@ -88,7 +87,7 @@ def attitude_error(attitude: Quaternion, nominal: Any) -> Scalar:
 
 
 @output("rad")
-def attitude_error_x(attitude: Quaternion, nominal: Any) -> Scalar:
+def attitude_error_x(attitude: Quaternion, nominal: State) -> Scalar:
     """First component of the rotation vector from the attitude of the `nominal` state to this one,
     rad, in the body's axes: about its x axis. At half a turn the vector changes its sign.
 
@@ -100,7 +99,7 @@ def attitude_error_x(attitude: Quaternion, nominal: Any) -> Scalar:
 
 
 @output("rad")
-def attitude_error_y(attitude: Quaternion, nominal: Any) -> Scalar:
+def attitude_error_y(attitude: Quaternion, nominal: State) -> Scalar:
     """Second component, as of `attitude_error_x`: about the body's y axis.
 
     **Arguments**
@@ -111,7 +110,7 @@ def attitude_error_y(attitude: Quaternion, nominal: Any) -> Scalar:
 
 
 @output("rad")
-def attitude_error_z(attitude: Quaternion, nominal: Any) -> Scalar:
+def attitude_error_z(attitude: Quaternion, nominal: State) -> Scalar:
     """Third component, as of `attitude_error_x`: about the body's z axis.
 
     **Arguments**
@@ -134,7 +133,7 @@ def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
     return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)
 
 
-def _turn_from(nominal: Any, attitude: Quaternion) -> Quaternion:
+def _turn_from(nominal: State, attitude: Quaternion) -> Quaternion:
     """The turn in body axes; its components are the same before and after it."""
     return nominal.attitude.inverse().then(attitude)
 

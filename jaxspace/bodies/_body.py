@@ -16,7 +16,7 @@ its length. The position of the state is the centre of mass.
 """
 
 from abc import abstractmethod
-from typing import Any, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -27,7 +27,7 @@ from ..core.vectors import axis
 from .inertia import AbstractInertia, as_inertia
 
 
-def _as_optional_inertia(x: Any) -> AbstractInertia | None:
+def _as_optional_inertia(x: object) -> AbstractInertia | None:
     return None if x is None else as_inertia(x)
 
 

@@ -5,10 +5,9 @@
     L(t) . theta = t L . delta omega                                                     about h
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
+from jaxtyping import PyTree
 
 from ..core import Scalar, Vector
 from ..core.vectors import dot, norm
@@ -31,7 +30,9 @@ def of_equal_energy(later: Vector, moments: Vector, omega: Vector) -> Vector:
 
 
 @of_equal_energy.defjvp
-def _of_equal_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _of_equal_energy_tangent(
+    primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
+) -> tuple[PyTree, ...]:
     later, moments, omega = primals
     of_later, of_moments, of_omega = tangents
 
@@ -55,7 +56,9 @@ def by_energy(
 
 
 @by_energy.defjvp
-def _by_energy_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _by_energy_tangent(
+    primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
+) -> tuple[PyTree, ...]:
     _, duration, omega, later, start, end = primals
     _, of_duration, of_omega, _, of_start, of_end = tangents
     h = norm(start)

@@ -45,11 +45,10 @@ digit. The addition theorem needs no phase, hence no inverse function and no cas
 separatrix.
 """
 
-from typing import Any
-
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
+from jaxtyping import PyTree
 
 from ..core import Flag, Scalar, Vector
 from ..core.barrier import barrier
@@ -95,7 +94,9 @@ def _rotated(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaterni
     return _formula(duration, moments, omega, moments_stay=False)
 
 
-def _rotated_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _rotated_tangent(
+    primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
+) -> tuple[PyTree, ...]:
     """By the initial state and the duration, with the angle about h from the identity of the
     module's docstring; by the moments through the formula itself, which loses no digits."""
     duration, moments, omega = primals

@@ -18,11 +18,11 @@ Source: Thomson 5.3 (tensor), 5.5 (parallel axes), 7.1, 7.10 (slender body).
 __all__ = ["AbstractInertia", "as_inertia", "kinetic_energy", "parallel_axes"]
 
 from abc import abstractmethod
-from typing import Any, final
+from typing import final
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractParameters, InputError, Matrix, Scalar, Vector, check, quantity
 from ..core.checks import is_concrete
@@ -186,7 +186,7 @@ _OF_SEVERAL = (
 )
 
 
-def as_inertia(x: Any) -> AbstractInertia:
+def as_inertia(x: PyTree) -> AbstractInertia:
     """An inertia from three principal moments (shape (3,)), a tensor (shape (3, 3)), or an inertia
     as it is.
 

@@ -21,12 +21,11 @@ computes.
 __all__ = ["free_turn"]
 
 import math
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import Matrix, Scalar, Vector
 from ..core.formula import formula
@@ -106,7 +105,9 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
     return turn, jnp.where(duration == 0.0, omega, later)
 
 
-def _turned_tangent(primals: tuple[Any, ...], tangents: tuple[Any, ...]) -> Any:
+def _turned_tangent(
+    primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
+) -> tuple[PyTree, ...]:
     """The derivative along the inputs that vary: a constant tensor must not enter with derivatives
     that are zero or NaN."""
     still = [isinstance(x, SymbolicZero) for x in tangents]

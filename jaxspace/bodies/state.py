@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, State, quantity
 from ..core.checks import check_positive
@@ -31,7 +31,7 @@ else:
     AttitudePart: TypeAlias = Quaternion | None
 
 
-def as_part(x: Any) -> Any:
+def as_part(x: object) -> Any:
     """Plain numbers as an array; anything else as it is, because a state is also built from axes of
     a batch, which are integers, and from shapes."""
     return as_float(x) if isinstance(x, float | list | tuple) else x
@@ -82,7 +82,7 @@ class BodyState(eqx.Module):
         if isinstance(self.attitude, Quaternion):
             self.attitude.check_start()
 
-    def part(self, name: str) -> Any:
+    def part(self, name: str) -> PyTree:
         """The extra part of this name. Raises `InputError` where the state does not hold it."""
         if self.parts is None or name not in self.parts:
             raise InputError(

@@ -115,7 +115,7 @@ def _run(
     runs: int,
     engine: str,
     compare: tuple[str, ...] | None = None,
-    **how: Any,
+    **how: object,
 ) -> int:
     before = _head_of(store)
     try:

@@ -28,7 +28,9 @@ class warnings_as_lines:
         self.context.__enter__()
         before = warnings.showwarning
 
-        def show(message: Any, category: Any, *more: Any, **options: Any) -> None:
+        def show(
+            message: Warning | str, category: type[Warning], *more: Any, **options: Any
+        ) -> None:
             if issubclass(category, UserWarning):
                 self.write(str(message))
             else:

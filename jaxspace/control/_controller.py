@@ -55,14 +55,14 @@ class Feedback(AbstractController):
         return self.function(*arguments), memory
 
 
-def _arguments(function: Callable[..., Any]) -> int:
+def _arguments(function: Callable[..., object]) -> int:
     """How many arguments without a default a function takes."""
     kinds = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KEYWORD)
     given = inspect.signature(function).parameters.values()
     return len([p for p in given if p.kind in kinds and p.default is p.empty])
 
 
-def as_controller(x: Any) -> Any:
+def as_controller(x: object) -> Any:
     """A controller from itself or from a function. Raises `InputError` for anything else."""
     if isinstance(x, AbstractController) or not callable(x):
         # Anything else is a placeholder of a tree transformation, or reported when the loop runs.
@@ -92,7 +92,7 @@ def started(controller: AbstractController, measured: PyTree, run_axes: int) -> 
     return jax.vmap(controller.start, -1, -1)(measured)
 
 
-def measurement(measured: Any, name: str) -> Any:
+def measurement(measured: PyTree, name: str) -> PyTree:
     """What is measured under a name: the reading of that sensor, or that part of the state.
 
     Raises `InputError` where no sensor has the name."""

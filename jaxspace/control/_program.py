@@ -1,7 +1,6 @@
 """A run of a closed loop as one program."""
 
 import dataclasses
-from collections.abc import Iterable
 from typing import NamedTuple
 
 import jax
@@ -73,7 +72,7 @@ def as_key(key: Array | None) -> Array | None:
     return jax.random.wrap_key_data(key)
 
 
-def as_events(events: Event | Iterable[Event]) -> tuple[Event, ...]:
+def as_events(events: PyTree) -> tuple[Event, ...]:
     """The events that may end a loop. Raises `InputError` for others."""
     events = (events,) if isinstance(events, Event) else tuple(events)
     for event in events:

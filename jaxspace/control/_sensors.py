@@ -35,12 +35,12 @@ Keys: TypeAlias = Key[Array, "..."]
 Draw: TypeAlias = Callable[[int, Array], Array]
 
 
-def known_seconds(name: str, optional: bool = False) -> Callable[[Any], Any]:
+def known_seconds(name: str, optional: bool = False) -> Callable[[object], Any]:
     """A converter of a field of this `name` to a known number, s, or, if it is `optional`, `None`.
 
     It raises `InputError` for a traced number, because a program has a fixed number of samples."""
 
-    def known(x: Any) -> float | None:
+    def known(x: object) -> float | None:
         if optional and x is None:
             return None
         if isinstance(x, Tracer):

@@ -4,7 +4,7 @@ __all__ = ["with_command"]
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -16,12 +16,12 @@ from ..core import AbstractSystem, InputError, Scalar, State
 Actuate: TypeAlias = Callable[[AbstractSystem, PyTree], AbstractSystem]
 
 
-def _driven(x: Any) -> bool:
+def _driven(x: object) -> bool:
     """Whether a part of a system is driven by a command."""
     return dataclasses.is_dataclass(x) and any(f.name == "command" for f in dataclasses.fields(x))
 
 
-def _commands(system: Any) -> list[Any]:
+def _commands(system: PyTree) -> list[PyTree]:
     parts = jax.tree.leaves(system, is_leaf=_driven)
     return [part.command for part in parts if _driven(part)]
 
@@ -86,14 +86,14 @@ class Held(AbstractSystem):
         return {}
 
 
-def clipped(command: PyTree, limit: Any) -> PyTree:
+def clipped(command: PyTree, limit: PyTree) -> PyTree:
     """The command within plus and minus the `limit`; `None` is no limit."""
     if limit is None:
         return command
     return jax.tree.map(lambda u: jnp.clip(u, -limit, limit), command)
 
 
-def rounded(command: PyTree, quantum: Any) -> PyTree:
+def rounded(command: PyTree, quantum: PyTree) -> PyTree:
     """The command rounded to whole quanta; `None` leaves it.
 
     Its derivative is that of the command, because the derivative of the rounding is zero or does

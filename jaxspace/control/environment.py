@@ -12,12 +12,12 @@ by `jax.vmap`, which works as well.
 __all__ = ["Box", "Episode"]
 
 from abc import abstractmethod
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PRNGKeyArray
+from jaxtyping import Array, Bool, Float, PRNGKeyArray, PyTree
 
 from ..core import AbstractParameters, Scalar, State
 from ..core.printing import printed
@@ -97,7 +97,7 @@ class AbstractEnvironment(AbstractParameters):
 
     def step(
         self, key: PRNGKeyArray, state: Episode, action: Float[Array, "actions *#runs"]
-    ) -> tuple[Array, Episode, Array, Array, dict[str, Any]]:
+    ) -> tuple[Array, Episode, Array, Array, dict[str, PyTree]]:
         """One period.
 
         **Arguments**

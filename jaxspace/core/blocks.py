@@ -2,7 +2,6 @@
 
 import functools
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -14,7 +13,9 @@ from .tracing import is_traced
 BLOCK = 1024
 
 
-def in_blocks(function: Callable[..., PyTree], components: tuple[int, ...], *args: Any) -> PyTree:
+def in_blocks(
+    function: Callable[..., PyTree], components: tuple[int, ...], *args: PyTree
+) -> PyTree:
     """`function(*args)` for a function of each run alone: in a compiled program, on a CPU and for
     thousands of runs, a block of runs at a time.
 

@@ -47,7 +47,7 @@ class Captured(eqx.Module):
     defaults: tuple | None
     by_name: dict[str, Any] | None
 
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+    def __call__(self, *args: object, **kwargs: object) -> PyTree:
         return self.code.filled(self.cells, self.defaults, self.by_name)(*args, **kwargs)
 
 
@@ -59,7 +59,7 @@ class _Applied(eqx.Module):
     args: tuple
     keywords: dict[str, Any]
 
-    def __call__(self, *args: Any, **kwargs: Any) -> Any:
+    def __call__(self, *args: object, **kwargs: object) -> PyTree:
         return self.function(*self.args, *args, **self.keywords | kwargs)
 
 
@@ -102,7 +102,7 @@ def _variables(tree: PyTree, outer: tuple) -> Iterator[object]:
             yield from _variables(inside, (*outer, leaf))
 
 
-def _converted(leaf: Any, outer: tuple) -> Any:
+def _converted(leaf: PyTree, outer: tuple) -> PyTree:
     """A leaf, or a function without the arrays that it captures."""
     inside = _inside(leaf)
     if inside is None or any(leaf is each for each in outer):

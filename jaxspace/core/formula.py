@@ -13,6 +13,7 @@ from typing import Any, NamedTuple, TypeVar, cast
 
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from .checks import InputError, check, is_concrete
 from .field_types import SHOWN, is_real
@@ -57,7 +58,7 @@ def formula(
 ) -> Callable[[Function], Function]: ...  # pyright: ignore[reportInvalidTypeVarUse]
 
 
-def formula(function: Callable[..., Any] | None = None, /, **ranges: Range) -> Any:
+def formula(function: Callable[..., object] | None = None, /, **ranges: Range) -> Any:
     """Check the arguments of a function that its annotations declare as real numbers:
     `@formula`, or with ranges `@formula(radius=POSITIVE, eccentricity=NOT_NEGATIVE)`.
 
@@ -78,7 +79,7 @@ def _checked(function: Function, ranges: Mapping[str, Range]) -> Function:
         raise TypeError(f"{function.__name__}: no numbers {sorted(set(ranges) - set(by_name))}")
 
     @functools.wraps(function)
-    def checked(*given: Any, **named: Any) -> Any:
+    def checked(*given: object, **named: object) -> object:
         places = list(given)
         for number in numbers:
             if number.place < len(places):
@@ -92,7 +93,7 @@ def _checked(function: Function, ranges: Mapping[str, Range]) -> Function:
     return cast(Function, checked)
 
 
-def _numbers_of(function: Callable[..., Any], ranges: Mapping[str, Range]) -> list[_Number]:
+def _numbers_of(function: Callable[..., object], ranges: Mapping[str, Range]) -> list[_Number]:
     """The arguments of a function that take real numbers, with their ranges."""
     result = []
     for place, (name, argument) in enumerate(inspect.signature(function).parameters.items()):
@@ -110,7 +111,7 @@ def _numbers_of(function: Callable[..., Any], ranges: Mapping[str, Range]) -> li
     return result
 
 
-def _checked_value(number: _Number, x: Any) -> Any:
+def _checked_value(number: _Number, x: object) -> object:
     """`x`, with NaN for the runs that are out of the range. Raises `InputError` unless it can stand
     for the number."""
     # The kinds of most calls first.
@@ -141,7 +142,7 @@ def _checked_value(number: _Number, x: Any) -> Any:
     return _marked(number, x)
 
 
-def _marked(number: _Number, x: Any) -> Any:
+def _marked(number: _Number, x: PyTree) -> PyTree:
     """The numbers of several runs, NaN where they are known to be out of the range."""
     if not is_concrete(x):
         return x
@@ -149,7 +150,7 @@ def _marked(number: _Number, x: Any) -> Any:
     return x if np.all(good) else jnp.where(good, x, jnp.nan)
 
 
-def _check_range(number: _Number, x: Any) -> None:
+def _check_range(number: _Number, x: object) -> None:
     """Raise `InputError` for known numbers that are NaN or out of their range."""
     if is_concrete(x):
         check(number.range.contains(np.asarray(x)), number.name, x, number.range.allowed)
@@ -162,7 +163,7 @@ def _allowed(number: _Number) -> str:
     return f"an array of numbers, ({axes}, *runs)"
 
 
-def _shown(x: Any) -> str:
+def _shown(x: PyTree) -> str:
     if isinstance(x, str | bytes | complex) or x is None:
         text = repr(x)
         return text if len(text) <= SHOWN else f"{text[:SHOWN]}..."

@@ -7,6 +7,7 @@ from typing import Any, ParamSpec, TypeVar
 import equinox as eqx
 import jax
 import numpy as np
+from jaxtyping import PyTree
 
 P = ParamSpec("P")
 T = TypeVar("T")
@@ -22,7 +23,7 @@ def quick_jit(function: Callable[P, T], **options: Any) -> Callable[P, T]:
     careful = eqx.filter_jit(function, **options)
 
     @functools.partial(jax.jit, static_argnums=1, **options)
-    def program(arrays: tuple, static: tuple) -> tuple[Any, eqx.internal.Static]:
+    def program(arrays: tuple, static: tuple) -> tuple[PyTree, eqx.internal.Static]:
         others, structure = static
         leaves = [b if a is None else a for a, b in zip(arrays, others, strict=True)]
         args, kwargs = jax.tree.unflatten(structure, leaves)

@@ -8,7 +8,7 @@ axes. A field whose annotation names no runs declares nothing about them.
 import dataclasses
 import functools
 import typing
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import jax
@@ -17,7 +17,7 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 
-def component_axes(annotation: Any) -> int | None:
+def component_axes(annotation: object) -> int | None:
     """Number of axes of components that an annotation declares before the runs; `None` if it names
     none.
 
@@ -31,7 +31,7 @@ def component_axes(annotation: Any) -> int | None:
 
 
 @functools.cache
-def _annotations(cls: type) -> dict[str, Any]:
+def _annotations(cls: type) -> Mapping[str, object]:
     """The annotation of every field of a class, inherited ones included."""
     if not dataclasses.is_dataclass(cls):
         return {}

@@ -1,7 +1,6 @@
 """Functions as one kernel of a program."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -12,7 +11,7 @@ from .barrier import barrier
 from .tracing import is_traced
 
 
-def in_one_kernel(function: Callable[..., PyTree], *args: Any) -> PyTree:
+def in_one_kernel(function: Callable[..., PyTree], *args: PyTree) -> PyTree:
     """`function(*args)`: in a compiled program, on a CPU, as one kernel.
 
     The compiler for CPUs makes a kernel of every few operations, which it takes 10 ms to compile,

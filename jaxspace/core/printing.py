@@ -8,11 +8,12 @@ least and the greatest of them, and of one that is traced the shape alone.
 import dataclasses
 import enum
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any, NamedTuple, TypeAlias, TypeVar
+from typing import NamedTuple, TypeAlias, TypeVar
 
 import jax
 import numpy as np
 from jax.core import Tracer
+from jaxtyping import PyTree
 
 from .field_types import QUANTITY
 from .text import aligned
@@ -87,7 +88,7 @@ def _rows(thing: object, prefix: str) -> Iterator[Row]:
         yield from _row(getattr(thing, name, None), prefix + name, units.get(name, ""))
 
 
-def _row(x: Any, name: str, unit: Unit) -> Iterator[Row]:
+def _row(x: PyTree, name: str, unit: Unit) -> Iterator[Row]:
     """The rows of a value: one, or those of its own fields and entries."""
     if x is None:
         return
@@ -126,7 +127,7 @@ def _is_numbers(x: object) -> bool:
     return isinstance(x, int | float | complex | np.ndarray | np.generic | jax.Array)
 
 
-def _value(x: Any, unit: Unit) -> str:
+def _value(x: object, unit: Unit) -> str:
     """A number, an array or any other value in words."""
     if isinstance(x, Tracer | jax.ShapeDtypeStruct):
         return f"{x.dtype}{list(x.shape)}"
@@ -154,6 +155,6 @@ def _numbers(x: np.ndarray, unit: Unit) -> str:
     return f"{shape} from {low} to {high}"
 
 
-def _number(x: Any) -> str:
+def _number(x: object) -> str:
     """Counts in full, measured numbers to six digits; with zero added, which has no sign."""
     return f"{x + 0.0:.6g}" if isinstance(x, float | np.floating) else f"{x}"

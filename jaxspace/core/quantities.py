@@ -320,7 +320,7 @@ class AbstractParameters(eqx.Module):
     # Those of the declarations: no field is named here.
     _printed_units: ClassVar[Mapping[str, Unit]] = {}
 
-    def __init_subclass__(cls, **kwargs: Any) -> None:
+    def __init_subclass__(cls, **kwargs: object) -> None:
         super().__init_subclass__(**kwargs)
         own = cls.__dict__.get("__check_init__")
         if own is None:

@@ -12,7 +12,6 @@ import functools
 import os
 import re
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import jax
 import jax.numpy as jnp
@@ -127,14 +126,14 @@ def _no_tangent(x: Array) -> ad.Zero:
     return ad.Zero.from_primal_value(x)  # pyright: ignore[reportAttributeAccessIssue]
 
 
-def _shape(x: ShapedArray, **params: Any) -> ShapedArray:
+def _shape(x: ShapedArray, **params: object) -> ShapedArray:
     del params
     return x
 
 
 def _register(
     primitive: Primitive,
-    tangent: Callable[..., Any],
+    tangent: Callable[..., object],
     on_cpu: Callable[..., Array],
     elsewhere: Callable[..., Array],
 ) -> None:

@@ -6,7 +6,7 @@ Tracing a vector field takes longer than a short run, and a run needs several su
 import functools
 import weakref
 from collections.abc import Callable
-from typing import Any, Literal, NamedTuple, TypeVar
+from typing import Literal, NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -117,7 +117,7 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     cached = functools.lru_cache(maxsize=KEPT)(of_makes)
 
     @functools.wraps(function)
-    def of_trees(*args: Any, **kwargs: Any) -> T:
+    def of_trees(*args: PyTree, **kwargs: PyTree) -> T:
         try:
             makes = tuple(map(_make_of, args))
             named = tuple((name, _make_of(tree)) for name, tree in kwargs.items())
@@ -129,7 +129,7 @@ def once_per_structure(function: Callable[..., T]) -> Callable[..., T]:
     return of_trees
 
 
-def reads_a_leaf(function: Callable[[Any], T]) -> Callable[[Any], T]:
+def reads_a_leaf(function: Callable[[PyTree], T]) -> Callable[[PyTree], T]:
     """A function of a tree that returns one of its leaves, or `None`: run once for each structure
     and shapes, to see which leaf it is. One that computes its result runs every time.
 
@@ -154,7 +154,7 @@ def reads_a_leaf(function: Callable[[Any], T]) -> Callable[[Any], T]:
         return "computed" if isinstance(result, Constant) else places.get(result, "computed")
 
     @functools.wraps(function)
-    def of_tree(tree: Any) -> Any:
+    def of_tree(tree: PyTree) -> PyTree:
         where = place(tree)
         if isinstance(where, int):
             return jax.tree.leaves(tree)[where]
@@ -168,7 +168,7 @@ def without_numbers(function: Callable[..., T]) -> Callable[..., T]:
     each structure and shapes. A function that reads a number after all runs every time."""
 
     @once_per_structure
-    def traced(*args: Any) -> tuple[T] | None:
+    def traced(*args: PyTree) -> tuple[T] | None:
         try:
             return (eqx.filter_eval_shape(function, *args),)
         # jax raises one of these where a function reads the value of a traced number.
@@ -176,7 +176,7 @@ def without_numbers(function: Callable[..., T]) -> Callable[..., T]:
             return None
 
     @functools.wraps(function)
-    def of_trees(*args: Any) -> T:
+    def of_trees(*args: PyTree) -> T:
         answer = traced(*args)
         return function(*args) if answer is None else answer[0]
 

@@ -19,15 +19,16 @@ __all__ = ["breaks_of", "polygon", "within"]
 
 import functools
 from types import FunctionType, MethodType
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jax import lax
 from jax.custom_derivatives import SymbolicZero
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ._system import AbstractSystem
 from .checks import InputError, check, check_finite, is_concrete
@@ -154,7 +155,7 @@ class Spline(AbstractTable):
     values: Float[Array, "nodes *#runs"]
     curvatures: Float[Array, "nodes *#runs"]
 
-    def __init__(self, times: Any, values: Any):
+    def __init__(self, times: npt.ArrayLike, values: npt.ArrayLike):
         self.times = as_float(times)
         self.values = as_float(values)
         self._check()
@@ -207,7 +208,7 @@ def breaks_of(system: AbstractSystem) -> Float[Array, "times *#runs"] | None:
     return jnp.concatenate(times) if len(times) > 1 else times[0]
 
 
-def _tables(tree: Any) -> list[AbstractTable]:
+def _tables(tree: PyTree) -> list[AbstractTable]:
     """Every table in a tree, also those in the closures of its functions."""
     result = []
     for leaf in jax.tree.leaves(tree, is_leaf=lambda x: isinstance(x, AbstractTable)):

@@ -52,7 +52,7 @@ State: TypeAlias = PyTree[Float[Array, "..."]]
 REAL = ("real floating", "integral")
 
 
-def as_float(x: Any) -> Any:
+def as_float(x: object) -> Any:
     """`x` as a floating-point array, for the fields of a module.
 
     A Python number stays weakly typed, so that the precision follows the state that it meets.
@@ -96,6 +96,6 @@ def precision_of(*numbers: PyTree) -> np.dtype:
     return jnp.result_type(*(x for x in leaves if isinstance(x, float) or eqx.is_inexact_array(x)))
 
 
-def as_optional_float(x: Any) -> Any:
+def as_optional_float(x: object) -> Any:
     """`as_float`, with `None` for what is absent."""
     return None if x is None else as_float(x)

@@ -17,7 +17,6 @@ longer to compile, and flies faster, pays (`is_small`).
 import hashlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
 
 import equinox as eqx
 import jax
@@ -258,16 +257,16 @@ class BatchRunner:
         traced.compile()
 
     @property
-    def _program(self) -> Callable[..., Any]:
+    def _program(self) -> Callable[..., PyTree]:
         return program(self.devices[0].platform)
 
-    def _chosen(self, numbers: np.ndarray, used: np.ndarray, k: int) -> tuple[Any, ...]:
+    def _chosen(self, numbers: np.ndarray, used: np.ndarray, k: int) -> tuple[PyTree, ...]:
         """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
         return self.planned.campaign, self.key, *given
 
-    def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[Any, ...]:
+    def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[PyTree, ...]:
         """Arguments of the compiled program of the missions."""
         planned = self.planned
         given = planned.campaign, planned.accuracy, drawn, plans, blocks

@@ -13,11 +13,12 @@ e(r), and errors add in squares: the sampling error grows by less than an eight-
 import math
 import warnings
 from collections.abc import Callable
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
 
+from ..core.record import Record
 from ..integration.accuracy import DEFAULT_RTOL, least_tolerance
 from ..integration.status import SimulationError, Status
 from ..statistics.purpose import Purpose
@@ -46,12 +47,12 @@ class Found(NamedTuple):
     errors: dict[str, float]
 
     @property
-    def record(self) -> dict[str, Any]:
+    def record(self) -> Record:
         """What a store keeps of it."""
         return {"by_purpose": self.purpose._asdict(), **recorded(self.errors)}
 
 
-def recorded(errors: dict[str, float]) -> dict[str, Any]:
+def recorded(errors: dict[str, float]) -> Record:
     """What a store keeps of numerical errors: the known ones, and nothing of a closed form."""
     finite = {name: x for name, x in errors.items() if math.isfinite(x)}
     return {"numerical_errors": finite} if any(finite.values()) else {}

@@ -3,7 +3,7 @@
 import functools
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -21,7 +21,9 @@ from ._campaign import Campaign
 ROUNDING = 8.0 * np.finfo(float).eps
 
 
-def choose_times(campaign: Campaign, times: Any) -> tuple[ChosenTimes | OwnTimes | None, ...]:
+def choose_times(
+    campaign: Campaign, times: Sequence[float]
+) -> tuple[ChosenTimes | OwnTimes | None, ...]:
     """The places in each phase at which states are saved, so that those at `times`, s, are among
     them; `None` for a phase without any.
 

@@ -6,8 +6,9 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Generator
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
+from ..core.record import Record
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
 from ..stores.columns import columns_of
@@ -54,7 +55,7 @@ def stored(
     writer: StoreWriter,
     runner: BatchRunner,
     engine: AbstractEngine,
-    attributes: dict[str, Any],
+    attributes: Record,
     progress: Progress,
     until: StopRule | None,
 ) -> Dispersion:

@@ -6,13 +6,14 @@ import os
 import time
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError
+from ..core.record import Record
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy
 from ..integration.config import check_tolerance
 from ..statistics import Dispersion
@@ -61,7 +62,7 @@ def disperse(
     times: Sequence[float] | None = None,
     engine: str | AbstractEngine = "local",
     until: StopRule | None = None,
-    notes: Mapping[str, Any] | None = None,
+    notes: Mapping[str, object] | None = None,
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
 ) -> Dispersion: ...
@@ -91,7 +92,7 @@ def disperse(
     times: Sequence[float] | None = None,
     engine: str | AbstractEngine = "local",
     until: StopRule | None = None,
-    notes: Mapping[str, Any] | None = None,
+    notes: Mapping[str, object] | None = None,
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
 ) -> Dispersion | Moments:
@@ -193,7 +194,7 @@ def disperse(
         runner, found = _planned(plan, asked, accuracy, runs, there)
         # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
-        attributes = {**record(campaign, runner.planned.accuracy, runs), **(notes or {})}
+        attributes: Record = {**record(campaign, runner.planned.accuracy, runs), **(notes or {})}
         attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
         attributes |= {"chunk": runner.chunk(chunk), "samples": samples, "seed": seed, **found}
         if runner.planned.small:
@@ -227,8 +228,8 @@ def _planned(
     asked: Accuracy | ByPurpose,
     accuracy: Accuracy,
     runs: int,
-    there: Mapping[str, Any] | None,
-) -> tuple[BatchRunner, dict[str, Any]]:
+    there: Record | None,
+) -> tuple[BatchRunner, Record]:
     """The planned campaign, with the tolerance that serves its purpose where that is asked for; and
     what is recorded of its numerical errors.
 

@@ -3,13 +3,12 @@
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core.tables import breaks_of
 from ..integration.accuracy import Accuracy
@@ -118,7 +117,7 @@ def _breaks_differ(phase: Phase) -> bool:
 
 def expected_steps(
     campaign: Campaign, accuracy: Accuracy, kept: Kept, block: int, runs: int
-) -> tuple[list[Any], bool]:
+) -> tuple[list[PyTree], bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
     and whether the steps of this many planned `runs` are a small program.
 

@@ -1,11 +1,11 @@
 """Plans of steps: nodes in normalised time, refined until all runs meet the tolerance."""
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias
+from typing import TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, ArrayLike
+from jaxtyping import Array, ArrayLike, PyTree
 
 # How much finer than the pilots' plan the trial block runs.
 TRIAL = 1.2
@@ -57,7 +57,7 @@ def padded(pilots: list[np.ndarray | None], factors: list[float]) -> Plans:
     return tuple(plans)
 
 
-def placeholders(steps: Sequence[Any]) -> Plans:
+def placeholders(steps: Sequence[PyTree]) -> Plans:
     """Plans of the usual padded length with one step for each segment, for phases with these
     recorded `steps`; `None` for one without a plan."""
     return tuple(None if x is None else jnp.arange(PADDING, dtype=x.dtype) for x in steps)

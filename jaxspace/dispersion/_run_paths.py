@@ -1,11 +1,12 @@
 """Some runs of a campaign in full, for pictures: where the body was, from start to end."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import Scalar
@@ -34,7 +35,7 @@ class RunPaths(NamedTuple):
 
 def run_paths(
     campaign: Campaign,
-    numbers: Any,
+    numbers: npt.ArrayLike,
     *,
     seed: int = 0,
     num_saved: int = 40,
@@ -51,23 +52,23 @@ def run_paths(
     - `numbers`: of the runs, as in the store.
     - `seed`, `accuracy`: as of `disperse`.
     - `num_saved`: positions of each phase."""
-    numbers = np.asarray(numbers, np.uint32)
+    chosen = np.asarray(numbers, np.uint32)
     result = _run(
-        campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), numbers, num_saved
+        campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), chosen, num_saved
     )
     if result is None:
         return None
     times, positions, status = (np.asarray(x) for x in result)
     positions = np.where(status <= Status.EVENT, positions, np.nan)
-    return RunPaths(np.concatenate([[-1], numbers.astype(int)]), times, positions)
+    return RunPaths(np.concatenate([[-1], chosen.astype(int)]), times, positions)
 
 
 # A few runs for a picture: the program takes far longer to compile than to run.
 @eqx.filter_jit(**QUICK)
 def _run(
-    campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array, num_saved: int
+    campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array | np.ndarray, num_saved: int
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
-    drawn = campaign.samples(key, numbers)
+    drawn = campaign.samples(key, jnp.asarray(numbers))
     nominal = campaign.nominal()
     # The nominal run is the first of the batch, so that one program serves.
     samples = {name: jnp.concatenate([x, drawn[name]]) for name, x in nominal.items()}

@@ -2,7 +2,7 @@
 
 __all__ = ["ByPurpose"]
 
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 
@@ -41,7 +41,7 @@ class ByPurpose(eqx.Module):
 CampaignAccuracy: TypeAlias = Accuracy | ByPurpose | Scalar | str | None
 
 
-def as_campaign_accuracy(given: Any) -> Accuracy | ByPurpose:
+def as_campaign_accuracy(given: object) -> Accuracy | ByPurpose:
     """What a campaign is asked for, from one of its forms.
 
     **Raises** `InputError` for another text than "by purpose", and as `as_accuracy`."""

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..studies.coordinates import Coordinates
 from ._residuals import ResidualTests, chi_squared_tail
 
 SEEN = 0.45
@@ -123,8 +124,6 @@ class Fit(eqx.Module):
         if not is_concrete(self.chi_squared) or self.chi_squared.ndim > 0:
             sets = self.chi_squared.shape[-1] if self.chi_squared.ndim else 1
             return f"Fit of {len(self.names)} parameters to {sets} data sets"
-        from ..studies.coordinates import Coordinates
-
         values = np.concatenate([np.ravel(x) for x in _values(self.parameters)])
         labels = Coordinates.of(self.parameters, 0).labels
         lines = ["parameter              estimate   standard deviation"]

@@ -16,13 +16,13 @@ Source: Higham, Functions of Matrices, 10.3 (scaling and squaring); Osborne, J. 
 (balancing).
 """
 
-from typing import Any, final
+from typing import final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.linalg import expm
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractClosedForm, Scalar, State
 from ..core.layout import component_axes_of
@@ -61,7 +61,7 @@ def unstacked(x: Float[Array, "n *#runs"], like: State) -> State:
     return jax.tree.unflatten(structure, result)
 
 
-def linear_rate(matrix: Array, drive: Array, y: State) -> Any:
+def linear_rate(matrix: Array, drive: Array, y: State) -> PyTree:
     """A y + b as a rate of the form of the state.
 
     **Arguments**

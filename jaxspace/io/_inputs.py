@@ -93,7 +93,7 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
 
 def with_given(
     known: Mapping[str, Input | MadeInput],
-    given: Mapping[str, Any],
+    given: Mapping[str, object],
     file: Parsed,
     files: NamedFiles,
 ) -> dict[str, Input | MadeInput]:
@@ -127,7 +127,7 @@ def with_given(
 
 
 def _torn(
-    path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, Any]
+    path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, object]
 ) -> Iterator[str]:
     """Errors for numbers that are replaced without the others with which the file disperses
     them."""

@@ -39,7 +39,7 @@ def defined_in(module: NamedFile) -> list[object]:
     ]
 
 
-def missing_module(data: Mapping[str, Any], given: Iterable[NamedFile]) -> str:
+def missing_module(data: Mapping[str, object], given: Iterable[NamedFile]) -> str:
     """The sentence for the first module that a file needs and that was not given; empty for none.
 
     `given`: the modules that the caller allows to run."""

@@ -1,12 +1,12 @@
 """The nominal run of a scene file: its states and its outputs, as those of a batch of one run."""
 
 import dataclasses
-from typing import Any
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..control import LoopRun
 from ..core import State
@@ -40,7 +40,7 @@ def nominal_states(nominal: MissionTrajectory) -> dict[int, State]:
     return with_run(states)
 
 
-def with_run(tree: Any) -> Any:
+def with_run(tree: PyTree) -> PyTree:
     """The arrays with an axis of one run behind."""
     # By NumPy, as above: outside of `jit` each shape would be a program of JAX.
     return jax.tree.map(lambda x: jnp.asarray(np.asarray(x)[..., None]), tree)

@@ -161,7 +161,9 @@ class Outputs(eqx.Module):
                 value = self._value(spec, k, y, t, given)
                 return jnp.broadcast_to(value, (given.runs,))
 
-            def moving(t: Scalar, y: State, rate: State, one: Any = one) -> tuple[Array, Array]:
+            def moving(
+                t: Scalar, y: State, rate: State, one: Callable[[Scalar, State], Array] = one
+            ) -> tuple[Array, Array]:
                 return jax.jvp(one, (t, y), (jnp.ones_like(t), rate))
 
             curve = curves[k]

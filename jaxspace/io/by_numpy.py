@@ -17,6 +17,7 @@ from jax.core import Trace, eval_context
 from jax.extend.core import Jaxpr, Literal, Primitive, set_current_trace
 from jax.extend.core.primitives import convert_element_type_p
 from jax.typing import ArrayLike
+from numpy.typing import DTypeLike
 
 Params: TypeAlias = dict[str, Any]
 Rule: TypeAlias = Callable[..., Any]
@@ -138,46 +139,48 @@ def _result(primitive: Primitive, args: Sequence[Known], params: Params) -> Any:
     return [value(x) for x in jaxpr.outvars]
 
 
-def _with_params(function: Callable[..., Any]) -> Rule:
+def _with_params(function: Callable[..., object]) -> Rule:
     """The rule of an operation whose parameters say nothing about its values."""
     return lambda *args, **params: function(*args)
 
 
-def _integer_pow(x: Known, *, y: int, **params: Any) -> Known:
+def _integer_pow(x: Known, *, y: int, **params: object) -> Known:
     return x**y
 
 
-def _div(x: Known, y: Known, **params: Any) -> Known:
+def _div(x: Known, y: Known, **params: object) -> Known:
     # That of whole numbers rounds towards zero.
     return x / y if x.dtype.kind in "fc" else (x - np.fmod(x, y)) // y
 
 
-def _round(x: Known, *, rounding_method: int, **params: Any) -> Known:
+def _round(x: Known, *, rounding_method: int, **params: object) -> Known:
     if int(rounding_method):
         return np.round(x)
     whole = np.trunc(x)
     return whole + np.copysign(np.abs(x - whole) >= 0.5, x)
 
 
-def _select_n(which: Known, *cases: Known, **params: Any) -> Known:
+def _select_n(which: Known, *cases: Known, **params: object) -> Known:
     result = cases[0]
     for k, case in enumerate(cases[1:], 1):
         result = np.where(which == k, case, result)
     return result
 
 
-def _convert(x: Known, *, new_dtype: Any, **params: Any) -> Known:
+def _convert(x: Known, *, new_dtype: Any, **params: object) -> Known:
     return x.astype(new_dtype)
 
 
-def _broadcast(x: Known, *, shape: Indices, broadcast_dimensions: Indices, **params: Any) -> Known:
+def _broadcast(
+    x: Known, *, shape: Indices, broadcast_dimensions: Indices, **params: object
+) -> Known:
     whole = [1] * len(shape)
     for size, axis in zip(x.shape, broadcast_dimensions, strict=True):
         whole[axis] = size
     return np.broadcast_to(x.reshape(whole), shape)
 
 
-def _iota(*, dtype: Any, shape: Indices, dimension: int, **params: Any) -> Known:
+def _iota(*, dtype: Any, shape: Indices, dimension: int, **params: object) -> Known:
     row = np.arange(shape[dimension], dtype=dtype)
     return _broadcast(row, shape=shape, broadcast_dimensions=(dimension,))
 
@@ -188,26 +191,26 @@ def _slice(
     start_indices: Indices,
     limit_indices: Indices,
     strides: Indices | None,
-    **params: Any,
+    **params: object,
 ) -> Known:
     return x[tuple(map(slice, start_indices, limit_indices, strides or (1,) * x.ndim))]
 
 
-def _dynamic_slice(x: Known, *starts: Any, slice_sizes: Indices, **params: Any) -> Any:
+def _dynamic_slice(x: Known, *starts: Any, slice_sizes: Indices, **params: object) -> Any:
     # A start too far out is moved inwards.
     firsts = map(np.clip, starts, [0] * x.ndim, np.subtract(x.shape, slice_sizes))
     return x[tuple(slice(k, k + size) for k, size in zip(firsts, slice_sizes, strict=True))]
 
 
-def _reduction(function: Callable[..., Any]) -> Rule:
-    def rule(x: Known, *, axes: Indices, **params: Any) -> Known:
+def _reduction(function: Callable[..., Known]) -> Rule:
+    def rule(x: Known, *, axes: Indices, **params: object) -> Known:
         return function(x, axis=tuple(axes)).astype(x.dtype)
 
     return rule
 
 
-def _argument(function: Callable[..., Any]) -> Rule:
-    def rule(x: Known, *, axes: Indices, index_dtype: Any, **params: Any) -> Any:
+def _argument(function: Callable[..., Known]) -> Rule:
+    def rule(x: Known, *, axes: Indices, index_dtype: DTypeLike, **params: object) -> Known:
         return function(x, axis=axes[0]).astype(index_dtype)
 
     return rule

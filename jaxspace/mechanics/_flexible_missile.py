@@ -29,6 +29,7 @@ from typing import Any, final
 
 import equinox as eqx
 import jax.numpy as jnp
+from jax.typing import ArrayLike
 from jaxtyping import Array, Complex, Float
 
 from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
@@ -182,7 +183,7 @@ class FlexibleMissile(AbstractSystem):
         return with_rank(roots, jnp.ndim(stiffness)) ** 2 * jnp.sqrt(stiffness)
 
     @property
-    def roots(self) -> Any:
+    def roots(self) -> list[float]:
         """The roots beta of the free-free beam."""
         # As plain numbers, so that the parameters decide the precision.
         return beam_roots("free-free", self.modes).tolist()
@@ -240,6 +241,6 @@ class FlexibleMissile(AbstractSystem):
         return jnp.moveaxis(jnp.sort(jnp.linalg.eigvals(product), axis=-1), -1, 0)
 
 
-def _matrix(rows: list[list[Any]]) -> Array:
+def _matrix(rows: list[list[ArrayLike]]) -> Array:
     flat = jnp.broadcast_arrays(*(jnp.asarray(x) for row in rows for x in row))
     return jnp.stack(flat).reshape(len(rows), len(rows), *flat[0].shape)

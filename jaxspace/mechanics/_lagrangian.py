@@ -34,7 +34,7 @@ from typing import Any, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, NumberField, Scalar, quantity
 from ..core.listed import no_method
@@ -151,7 +151,7 @@ class Lagrangian(AbstractLagrangian):
     def stabilisation(self) -> tuple[Scalar, bool]:
         return self.decay, self.redundant
 
-    def state(self, coordinates: Any, rates: Any = None) -> GeneralisedState:
+    def state(self, coordinates: object, rates: object = None) -> GeneralisedState:
         """The state of coordinates and rates, each (n, *runs) or a sequence of scalars; at rest
         without rates."""
         q = _as_coordinates(coordinates, len(self.names), "coordinates")
@@ -159,7 +159,7 @@ class Lagrangian(AbstractLagrangian):
         return GeneralisedState(q, _as_coordinates(v, len(self.names), "rates"))
 
 
-def _as_coordinates(x: Any, count: int, name: str) -> Array:
+def _as_coordinates(x: PyTree, count: int, name: str) -> Array:
     if isinstance(x, list | tuple):
         x = jnp.stack(jnp.broadcast_arrays(*(as_float(v) for v in x)))
     x = as_float(x)

@@ -9,13 +9,13 @@ Source: Thomson 9.8 (cyclic coordinates), 9.3.
 """
 
 import functools
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core.layout import component_axes_of
 from ._description import AbstractDescription
@@ -48,7 +48,7 @@ def symmetries(system: AbstractDescription) -> Symmetries:
 class _Static:
     """The static part of a system, compared as a tree: the key of cached results."""
 
-    def __init__(self, tree: Any):
+    def __init__(self, tree: PyTree):
         self.tree = tree
         self.key = tuple(jax.tree.leaves(tree)), jax.tree.structure(tree)
 
@@ -60,7 +60,7 @@ class _Static:
 
 
 @functools.lru_cache(maxsize=256)
-def _found(structure: Any, shapes: tuple[tuple[int, ...], ...], static: _Static) -> Symmetries:
+def _found(structure: object, shapes: tuple[tuple[int, ...], ...], static: _Static) -> Symmetries:
     # A fixed seed: a system has the same invariants in every process.
     draw = np.random.default_rng(20260101)
     arrays = jax.tree.unflatten(structure, [draw.uniform(0.5, 1.5, shape) for shape in shapes])
@@ -75,7 +75,7 @@ def _found(structure: Any, shapes: tuple[tuple[int, ...], ...], static: _Static)
 
 
 @eqx.filter_jit
-def _slopes(arrays: Any, static: Any, t: Any, q: Any, v: Any) -> tuple[Array, Array]:
+def _slopes(arrays: PyTree, static: PyTree, t: Array, q: PyTree, v: PyTree) -> tuple[Array, Array]:
     """The rates of the energy, (k, places), and of each momentum, (n, k, places), at each place."""
 
     def one(t: Array, q: Array, v: Array) -> tuple[Array, Array]:

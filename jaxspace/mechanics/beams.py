@@ -31,7 +31,8 @@ __all__ = ["assumed_modes", "beam_integral", "beam_roots", "beam_shape"]
 
 import math
 from collections.abc import Callable
-from typing import Any, Literal
+from types import ModuleType
+from typing import Literal, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -45,6 +46,8 @@ from ..core.safe import safe_sqrt
 from ..core.types import as_float
 
 Ends = Literal["clamped-free", "free-free", "clamped-clamped", "clamped-pinned", "pinned-pinned"]
+# Of NumPy or of JAX, whichever computes.
+Number: TypeAlias = float | np.ndarray | Array
 # The phases of high roots: (n + phase) pi.
 PHASES = {
     "clamped-free": -0.5,
@@ -137,7 +140,7 @@ def beam_shape(
     return b**derivative * (grown + decayed + (wave if free else -wave))
 
 
-def _sech(x: Any) -> Any:
+def _sech(x: Number) -> Number:
     e = np.exp(-x)  # cosh(x) overflows in high modes
     return 2.0 * e / (1.0 + e * e)
 
@@ -151,7 +154,7 @@ def _inside(support: float) -> float:
     return place
 
 
-def _at_pin(end: str, z: Any) -> tuple[Any, Any]:
+def _at_pin(end: str, z: Number) -> tuple[Number, Number]:
     """Slope and moment, over cosh(z), at the pin of a span of the length z = b c, with the other
     end as in `end`."""
     s = np.sin(z)
@@ -167,7 +170,7 @@ def _at_pin(end: str, z: Any) -> tuple[Any, Any]:
 def _two_span_roots(ends: Ends, count: int, support: float) -> Float[np.ndarray, " count"]:
     first, last = ends.split("-")
 
-    def determinant(b: Any) -> Any:
+    def determinant(b: Number) -> Number:
         slope, moment = _at_pin(first, b * support)
         slope_2, moment_2 = _at_pin(last, b * (1.0 - support))
         return slope * moment_2 + moment * slope_2
@@ -176,17 +179,17 @@ def _two_span_roots(ends: Ends, count: int, support: float) -> Float[np.ndarray,
     # as the first.
     highest = beam_roots(ends, count + 1)[-1] + 0.01
     grid = np.arange(0.25, highest, 0.01)
-    values = determinant(grid)
+    values = np.asarray(determinant(grid))
     below = np.flatnonzero(values[:-1] * values[1:] < 0.0)[:count]
     low, high = grid[below], grid[below + 1]
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        right = determinant(middle) * values[below] > 0.0
+        right = np.asarray(determinant(middle)) * values[below] > 0.0
         low, high = np.where(right, middle, low), np.where(right, high, middle)
     return 0.5 * (low + high)
 
 
-def _span(end: str, z: Any, s: float, derivative: int, at: Any) -> Any:
+def _span(end: str, z: Number, s: float, derivative: int, at: ModuleType) -> Number:
     """The shape, over cosh(s), of a span of the length s at the distance z from its end; or its
     derivative by z. Zero at the pin, z = s. `at` is the module that computes."""
     below = 1.0 + math.exp(-2.0 * s)

@@ -21,12 +21,12 @@ unconventional schemes, Mathematics of Computation 66, 1089 (orders 4 and 6).
 
 __all__ = ["variational_motion"]
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
 from ..core.formula import formula
@@ -100,7 +100,7 @@ def _motion(
     half = COMPOSITIONS[order][:-1]
     parts = jnp.asarray([*half, COMPOSITIONS[order][-1], *reversed(half)], q.dtype)
 
-    def step(carry: tuple[Array, _Canonical], h: Array) -> tuple[Any, None]:
+    def step(carry: tuple[Array, _Canonical], h: Array) -> tuple[PyTree, None]:
         t, y = carry
         return (t + h, _step(system, t, h, y)), None
 

@@ -1,10 +1,11 @@
 """Bounds of the unknowns of a search, as trees like them."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
@@ -18,7 +19,7 @@ class Bounds(NamedTuple):
     upper: Point
 
 
-def as_bounds(bounds: Any, start: Point) -> Bounds:
+def as_bounds(bounds: PyTree, start: Point) -> Bounds:
     """The bounds as trees like `start`: from a pair of trees or numbers, or `None`.
 
     Raises `InputError` for another structure, or a lower bound above the upper one."""

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES
 from ._lagrangian import FIRST_WEIGHT, Multipliers
@@ -122,7 +122,7 @@ def begin(
     z: Float[Array, " n"],
     size: Float[Array, " n"],
     counts: tuple[int, int],
-    report: Any,
+    report: PyTree,
     max_steps: int,
     check: bool,
     stepper: Stepper,

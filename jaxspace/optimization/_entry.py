@@ -1,19 +1,19 @@
 """Checks of the arguments of `minimise`, before anything is compiled."""
 
 from collections.abc import Callable
-from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.tree_util import keystr, tree_leaves_with_path
+from jaxtyping import PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
 from ._criterion import Criterion, Point
 
 
-def as_point(start: Any, name: str = "start") -> Point:
+def as_point(start: PyTree, name: str = "start") -> Point:
     """The start as a tree of arrays of floats; Python floats are accepted.
 
     Raises `InputError` for a part that is not a float, or a start without parts."""
@@ -56,7 +56,7 @@ def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
     return returned
 
 
-def check_scale(scale: Any, start: Point) -> None:
+def check_scale(scale: PyTree, start: Point) -> None:
     """Raise `InputError` for a scale of another structure than the start, or one that is not
     positive."""
     if jax.tree.structure(scale) != jax.tree.structure(start):
@@ -76,7 +76,7 @@ def check_steps(max_steps: int) -> None:
         raise InputError(f"max_steps is {max_steps}: it must be at least 1.")
 
 
-def _kind(value: Any) -> str:
+def _kind(value: PyTree) -> str:
     if hasattr(value, "shape"):
         return f"an array of shape {value.shape}"
     return f"a {type(value).__name__}"

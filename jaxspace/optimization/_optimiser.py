@@ -3,15 +3,16 @@
 optax is imported where one of its optimisers is used, and not with the package.
 """
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
 from jax.flatten_util import ravel_pytree
 from jax.tree_util import GetAttrKey, tree_leaves_with_path
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
-from ..core import InputError
+from ..core import InputError, Scalar
 
 if TYPE_CHECKING:
     import optax
@@ -43,28 +44,33 @@ class Stepper(NamedTuple):
     plateau: bool
     averages: bool
 
-    def begin(self, q: Float[Array, " n"]) -> Any:
+    def begin(self, q: Float[Array, " n"]) -> PyTree:
         """The state of the optimiser at `q`."""
         # optax mixes integer widths, which a caller's strict promotion would refuse.
         with jax.numpy_dtype_promotion("standard"):
             return jax.tree.map(_strong, self.optimiser.init(self.unravel(q)))
 
-    def restarted(self, state: Any, q: Float[Array, " n"], anew: Bool[Array, ""]) -> Any:
+    def restarted(self, state: PyTree, q: Float[Array, " n"], anew: Bool[Array, ""]) -> PyTree:
         """The state for another function, where `anew`."""
         if self.anew:
             return jax.tree.map(lambda a, b: jnp.where(anew, a, b), self.begin(q), state)
         if not self.plateau:
             return state
 
-        def forgotten(path: Any, x: Array) -> Array:
+        def forgotten(path: jax.tree_util.KeyPath, x: Array) -> Array:
             named = path and getattr(path[-1], "name", "") == "best_value"
             return jnp.where(anew, jnp.inf, x).astype(x.dtype) if named else x
 
         return jax.tree_util.tree_map_with_path(forgotten, state)
 
     def step(
-        self, q: Float[Array, " n"], g: Float[Array, " n"], value: Array, function: Any, state: Any
-    ) -> tuple[Float[Array, " n"], Any]:
+        self,
+        q: Float[Array, " n"],
+        g: Float[Array, " n"],
+        value: Array,
+        function: Callable[[Array], Scalar],
+        state: PyTree,
+    ) -> tuple[Float[Array, " n"], PyTree]:
         """The update of `q` and the next state; `function` is one of flat numbers."""
         grad, params = self.unravel(g), self.unravel(q)
         with jax.numpy_dtype_promotion("standard"):
@@ -80,7 +86,7 @@ class Stepper(NamedTuple):
         after = jax.tree.map(lambda a, b: jnp.asarray(a).astype(b.dtype), after, state)
         return ravel_pytree(updates)[0].astype(q.dtype), after
 
-    def averaged(self, state: Any, q: Float[Array, " n"]) -> Float[Array, " n"]:
+    def averaged(self, state: PyTree, q: Float[Array, " n"]) -> Float[Array, " n"]:
         """The parameters at which a schedule-free optimiser is to be evaluated."""
         import optax
 
@@ -89,7 +95,9 @@ class Stepper(NamedTuple):
         return ravel_pytree(params)[0].astype(q.dtype)
 
 
-def as_stepper(optimiser: Any, q: Float[Array, " n"], unravel: Any) -> Stepper:
+def as_stepper(
+    optimiser: Any, q: Float[Array, " n"], unravel: Callable[[Array], PyTree]
+) -> Stepper:
     """The `optimiser` of `minimise` for numbers like `q`."""
     import optax
 
@@ -108,7 +116,7 @@ def as_stepper(optimiser: Any, q: Float[Array, " n"], unravel: Any) -> Stepper:
     )
 
 
-def check_optimiser(optimiser: Any, exact_hessian: bool) -> None:
+def check_optimiser(optimiser: object, exact_hessian: bool) -> None:
     """Raise `InputError` for what is no optimiser, or takes no second derivatives."""
     if isinstance(optimiser, str):
         if optimiser != SQP:
@@ -125,7 +133,7 @@ def check_optimiser(optimiser: Any, exact_hessian: bool) -> None:
         raise InputError("exact_hessian is given with an optimiser of optax, which has none.")
 
 
-def _averages(state: Any) -> list[Any]:
+def _averages(state: PyTree) -> list[PyTree]:
     """The states of schedule-free optimisers within that of another one."""
     import optax
 
@@ -134,7 +142,7 @@ def _averages(state: Any) -> list[Any]:
     return [x for x in leaves if isinstance(x, kind)]
 
 
-def _strong(x: Any) -> Array:
+def _strong(x: PyTree) -> Array:
     """An array whose type does not follow its neighbours', as a loop needs it."""
     x = jnp.asarray(x)
     return x.astype(x.dtype)

@@ -1,9 +1,9 @@
 """The `Minimum` of a search, in the units of the problem."""
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, PyTree
 
 from ._criterion import Criterion, Minimum, StopReason, stop_reason
 from ._gradient_check import GRADIENT_TOLERANCE
@@ -24,7 +24,7 @@ class End(NamedTuple):
     diverged: Bool[Array, ""]
 
 
-def minimum_of(end: End, last: Any, limits: Limits, interrupted: bool) -> Minimum:
+def minimum_of(end: End, last: PyTree, limits: Limits, interrupted: bool) -> Minimum:
     """The result of a search from its `last` state, in the units of the problem, with x as one
     array."""
     at = end.at

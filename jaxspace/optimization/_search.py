@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar
 from ..core.tracing import is_traced
@@ -45,7 +45,7 @@ class Method(NamedTuple):
 
 def search(
     scaled: ScaledProblem,
-    optimiser: Any,
+    optimiser: object,
     tolerance: Scalar,
     max_steps: int,
     exact_hessian: bool,
@@ -86,7 +86,7 @@ def search(
     return eqx.tree_at(places, minimum, (x, held, history))
 
 
-def _derivatives(scaled: ScaledProblem, ratio: float) -> Callable[[Array], Any]:
+def _derivatives(scaled: ScaledProblem, ratio: float) -> Callable[[Array], PyTree]:
     """The Jacobian of the stacked numbers in z, and beside it the numbers and the criterion: by
     forward mode for up to `ratio` unknowns for each number."""
 
@@ -140,7 +140,7 @@ def _by_programmes(
 def _by_optax(
     scaled: ScaledProblem,
     limits: sqp_state.Limits,
-    optimiser: Any,
+    optimiser: object,
     max_steps: int,
     check: bool,
     ratio: float,
@@ -170,7 +170,7 @@ def _by_optax(
     def evaluate(s: descent_state.DescentState) -> sqp_state.Evaluation:
         return descent.evaluate(s, setting)
 
-    def advance(s: Any, found: sqp_state.Evaluation) -> descent_state.DescentState:
+    def advance(s: PyTree, found: sqp_state.Evaluation) -> descent_state.DescentState:
         return descent.advance(s, found, setting)
 
     steps = (evaluate, advance)
@@ -196,7 +196,7 @@ def _by_optax(
     )
 
 
-def _resumed(before: Minimum, blank: Any) -> Any:
+def _resumed(before: Minimum, blank: PyTree) -> PyTree:
     """The state in which a search ended, with space for as many further steps."""
     last = before.search
     # Another number of constraints means another problem; the rows are for the new limit of steps.
@@ -207,6 +207,6 @@ def _resumed(before: Minimum, blank: Any) -> Any:
     return last.resumed(blank.rows)
 
 
-def _shapes(state: Any) -> tuple[Any, list[tuple[int, ...]]]:
+def _shapes(state: PyTree) -> tuple[PyTree, list[tuple[int, ...]]]:
     leaves, structure = jax.tree.flatten(state._replace(rows=None))
     return structure, [x.shape for x in leaves]

@@ -4,7 +4,7 @@ import functools
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, Int
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES, Probes, probes
 
@@ -110,7 +110,7 @@ def begin(
     size: Float[Array, " n"],
     me: int,
     mi: int,
-    report: Any,
+    report: PyTree,
     max_steps: int,
     check: bool,
     limits: Limits,

@@ -190,7 +190,7 @@ def descend_by_batches(
     )
 
 
-def _check_settings(optimiser: Any, patience: int, average: float) -> None:
+def _check_settings(optimiser: object, patience: int, average: float) -> None:
     if optimiser == SQP:
         raise InputError("optimiser is 'sqp': batches need one of optax, such as optax.adam(1e-3).")
     check_optimiser(optimiser, False)

@@ -17,7 +17,7 @@ Source: Bryson and Ho, Applied Optimal Control, 2.4, 2.7.
 __all__ = ["SteeringNetwork", "TangentLaw"]
 
 from collections.abc import Callable
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -88,7 +88,7 @@ class SteeringNetwork(eqx.Module):
         return jax.vmap(self.network)(x.ravel()).reshape(x.shape)
 
 
-def free_numbers(law: Any) -> tuple[PyTree, Callable[[PyTree], Any]]:
+def free_numbers(law: PyTree) -> tuple[PyTree, Callable[[PyTree], PyTree]]:
     """The numbers of a law that a search may vary, and a function that puts other numbers in their
     place."""
     if isinstance(law, SteeringProfile):
@@ -100,6 +100,6 @@ def free_numbers(law: Any) -> tuple[PyTree, Callable[[PyTree], Any]]:
     return free, lambda numbers: eqx.combine(numbers, rest)
 
 
-def corners(law: Any) -> Float[Array, " nodes"] | None:
+def corners(law: PyTree) -> Float[Array, " nodes"] | None:
     """The inner nodes of a law, at which it or a derivative of it jumps."""
     return law.times[1:-1] if isinstance(law, SteeringProfile | Table | Spline) else None

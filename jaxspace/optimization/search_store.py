@@ -109,7 +109,7 @@ class SearchStore:
         finally:
             beside.unlink(missing_ok=True)
 
-    def _told(self, state: PyTree) -> dict[str, Any]:
+    def _told(self, state: PyTree) -> dict[str, object]:
         """What a file must have for its state to be that of this search."""
         leaves, structure = jax.tree.flatten(state)
         kinds = [(list(np.shape(x)), jnp.result_type(x).name) for x in leaves]

@@ -25,7 +25,7 @@ ln(1/b_i), the velocity at which no payload is left.
 __all__ = ["equal_stages_payload", "optimal_staging_by_gradient", "stationary_mass_ratio"]
 
 from collections.abc import Sequence
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax
@@ -55,7 +55,7 @@ StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
 
 def stationary_mass_ratio(
     multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike
-) -> Any:
+) -> Scalar:
     """Mass ratio at which ln(m01/P) is stationary (Thomson 8.2-9).
 
     **Arguments**

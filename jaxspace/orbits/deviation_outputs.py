@@ -20,9 +20,8 @@ __all__ = [
     "radial_error",
 ]
 
-from typing import Any
 
-from ..core import Scalar, Vector, output
+from ..core import Scalar, State, Vector, output
 from ..core.formula import POSITIVE, formula
 from ..core.vectors import cross, dot, norm, unit
 from .elements import eccentricity_vector, elements_from_state
@@ -30,7 +29,7 @@ from .elements import eccentricity_vector, elements_from_state
 
 @formula
 @output("m")
-def radial_error(position: Vector, nominal: Any) -> Scalar:
+def radial_error(position: Vector, nominal: State) -> Scalar:
     """Difference of the position from that of the `nominal` state along its radius, m.
 
     **Arguments**
@@ -42,7 +41,7 @@ def radial_error(position: Vector, nominal: Any) -> Scalar:
 
 @formula
 @output("m")
-def along_track_error(position: Vector, nominal: Any) -> Scalar:
+def along_track_error(position: Vector, nominal: State) -> Scalar:
     """Difference of the position from that of the `nominal` state in its plane and across its
     radius, m: positive ahead.
 
@@ -57,7 +56,7 @@ def along_track_error(position: Vector, nominal: Any) -> Scalar:
 
 @formula
 @output("m")
-def cross_track_error(position: Vector, nominal: Any) -> Scalar:
+def cross_track_error(position: Vector, nominal: State) -> Scalar:
     """Difference of the position from that of the `nominal` state across its plane, m: positive
     towards its angular momentum.
 

@@ -14,10 +14,9 @@ __all__ = [
     "velocity_error",
 ]
 
-from typing import Any
 
 from ..bodies import BodyState
-from ..core import Scalar, Vector, event, output
+from ..core import Scalar, State, Vector, event, output
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import dot, norm
 from .elements import apoapsis_radius, periapsis_radius
@@ -83,7 +82,7 @@ def speed(velocity: Vector) -> Scalar:
 
 @formula
 @output("m/s")
-def speed_error(velocity: Vector, nominal: Any) -> Scalar:
+def speed_error(velocity: Vector, nominal: State) -> Scalar:
     """Speed less that of the `nominal` state, m/s.
 
     **Arguments**
@@ -95,7 +94,7 @@ def speed_error(velocity: Vector, nominal: Any) -> Scalar:
 
 @formula
 @output("m/s")
-def velocity_error(velocity: Vector, nominal: Any) -> Scalar:
+def velocity_error(velocity: Vector, nominal: State) -> Scalar:
     """Length of the difference of the velocity from that of the `nominal` state, m/s.
 
     **Arguments**

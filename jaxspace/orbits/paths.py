@@ -15,10 +15,11 @@ __all__ = ["AbstractPath"]
 
 from abc import abstractmethod
 from collections.abc import Callable
-from typing import Any, TypeAlias, final
+from typing import TypeAlias, final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -100,21 +101,20 @@ class TabulatedPath(AbstractPath):
     curve: Spline
     others: tuple[tuple[Array, Array], ...]
 
-    def __init__(self, times: Any, positions: Any):
+    def __init__(self, times: npt.ArrayLike, positions: npt.ArrayLike):
         """The path through the `positions`, m, (3, nodes, *runs), at the `times`, s, (nodes,
         *runs)."""
-        times, positions = as_float(times), as_float(positions)
-        if not is_real(positions):
+        nodes, places = as_float(times), as_float(positions)
+        if not is_real(places):
             raise InputError(
-                f"TabulatedPath.positions is {shown(positions)}: it must be an array of numbers "
-                f"in m."
+                f"TabulatedPath.positions is {shown(places)}: it must be an array of numbers in m."
             )
-        if positions.ndim < 2 or positions.shape[0] != 3:
+        if places.ndim < 2 or places.shape[0] != 3:
             raise InputError(
-                f"TabulatedPath.positions has the shape {positions.shape}: it must be "
+                f"TabulatedPath.positions has the shape {places.shape}: it must be "
                 f"(3, nodes, *runs)."
             )
-        self.curve, *others = (Spline(times, component) for component in positions)
+        self.curve, *others = (Spline(nodes, component) for component in places)
         self.others = tuple((one.values, one.curvatures) for one in others)
 
     @classmethod
@@ -122,7 +122,7 @@ class TabulatedPath(AbstractPath):
         times=argument("s", shape=(None,), doc="ascending"),
         positions=argument("m", shape=(3, None), doc="there: a list for each component"),
     )
-    def of_table(cls, times: Any, positions: Any) -> "TabulatedPath":
+    def of_table(cls, times: npt.ArrayLike, positions: npt.ArrayLike) -> "TabulatedPath":
         """The path of a table in a scene file."""
         return cls(times, positions)
 

@@ -8,12 +8,13 @@ import re
 from collections.abc import Mapping, Sequence
 from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core.extras import extra
+from ..core.record import Record
 from ..core.text import in_words
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
@@ -21,6 +22,7 @@ from ._page_data import page_data, processor_words
 if TYPE_CHECKING:
     from ..dispersion import RunPaths
     from ..statistics import Dispersion, Failure
+    from ..statistics.table import Row
 
 HERE = Path(__file__).parent
 EXAMPLES = 5
@@ -88,7 +90,7 @@ def dispersion_page(
     return path
 
 
-def _script_safe(data: dict[str, Any]) -> str:
+def _script_safe(data: Record) -> str:
     # A name must not end the script.
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
 
@@ -200,7 +202,7 @@ def _outputs_table(lines: list[str]) -> str:
     return '<table class="outputs">' + "\n".join(lines) + "</table>"
 
 
-def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -> list[str]:
+def _numbers(dispersion: "Dispersion", row: "Row", nominal: Mapping[str, float]) -> list[str]:
     """The numbers of an output, all by the same rule."""
     if row.runs + row.above + row.below == 0:
         # As many cells as below, so that the columns stay.
@@ -215,7 +217,7 @@ def _numbers(dispersion: "Dispersion", row: Any, nominal: Mapping[str, float]) -
     return [nominal_value, row.shown(row.mean), row.shown(row.std), *shown]
 
 
-def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+def _plots(dispersion: "Dispersion", data: Record) -> list[str]:
     """The sections with plots, each with its pickers."""
     names = data["names"]
     outputs = list(dispersion.outputs)
@@ -262,7 +264,7 @@ def _plots(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     return parts
 
 
-def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+def _landings(dispersion: "Dispersion", data: Record) -> list[str]:
     """The section of the footprint, with the rose of the wind beside it."""
     result = dispersion.footprint()
     if result is None:
@@ -284,7 +286,7 @@ def _landings(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
     ]
 
 
-def _time(dispersion: "Dispersion", data: dict[str, Any]) -> list[str]:
+def _time(dispersion: "Dispersion", data: Record) -> list[str]:
     """Wall time by stages, and utilisation of the cores."""
     if not data["time"]:
         return ["<p>The time is not known.</p>"]

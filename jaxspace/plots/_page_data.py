@@ -4,11 +4,12 @@ million runs is no larger than that of a thousand."""
 import itertools
 import math
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ..core.record import Record
 from ._bins import bins
 from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
 from .footprint import degrees_by_length, required_radius, wind_rose
@@ -32,7 +33,7 @@ def page_data(
     count: int,
     paths: "RunPaths | None",
     wind: tuple[ArrayLike, ArrayLike] | None = None,
-) -> dict[str, Any]:
+) -> Record:
     """Data for the script of the page: points, bins, contributors, convergence, times."""
     outputs = list(dispersion.outputs)
     # Inputs that do not vary would be lines.
@@ -67,7 +68,7 @@ def page_data(
     }
 
 
-def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
+def _footprint(dispersion: "Dispersion") -> Record | None:
     """The ellipses of the landings and what stands about them; the points are among the others."""
     result = dispersion.footprint()
     if result is None:
@@ -87,7 +88,7 @@ def _footprint(dispersion: "Dispersion") -> dict[str, Any] | None:
     }
 
 
-def _rose(east: ArrayLike, north: ArrayLike) -> dict[str, Any]:
+def _rose(east: ArrayLike, north: ArrayLike) -> Record:
     """The bars of the rose of the wind, in percent, and the names of their classes."""
     shares, edges = wind_rose(east, north)
     names = [f"{low:g} to {high:g} m/s" for low, high in itertools.pairwise(edges)]
@@ -133,9 +134,7 @@ def _listed(values: np.ndarray, deviation: float) -> list[float | None]:
     return [x if np.isfinite(x) else None for x in rounded.tolist()]
 
 
-def _ellipses(
-    dispersion: "Dispersion", names: list[str], good: np.ndarray
-) -> dict[str, Any] | None:
+def _ellipses(dispersion: "Dispersion", names: list[str], good: np.ndarray) -> Record | None:
     """The ellipses of 99 % of any two quantities, of a normal law with the same covariance:
 
         x = m_x + a_x cos(t),   y = m_y + a_y cos(t - p_xy)
@@ -201,7 +200,7 @@ def _histogram(
     row: "Row",
     nominal: float | None,
     required: Sequence[float | None],
-) -> dict[str, Any] | None:
+) -> Record | None:
     """Bins over the good runs, with the lines that stand in them."""
     if row.runs == 0:
         return None
@@ -224,7 +223,7 @@ def _finite(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, Any]:
+def _contributors(dispersion: "Dispersion", name: str, count: int) -> Record:
     result = contributors_or_none(dispersion, name, count)
     if result is None:
         return {"inputs": [], "shares": [], "words": "Too few runs, or nothing scatters."}
@@ -235,7 +234,7 @@ def _contributors(dispersion: "Dispersion", name: str, count: int) -> dict[str, 
     }
 
 
-def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, Any] | None:
+def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> Record | None:
     if row.runs < 2:
         return None
     result = dispersion.convergence(name)
@@ -262,7 +261,7 @@ def _convergence(dispersion: "Dispersion", name: str, row: "Row") -> dict[str, A
     }
 
 
-def _trajectories(paths: "RunPaths | None") -> dict[str, Any] | None:
+def _trajectories(paths: "RunPaths | None") -> Record | None:
     """The trajectories in km, or in m where they are short; `None` without any."""
     if paths is None or not np.isfinite(paths.positions).any():
         return None

@@ -26,6 +26,7 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import PyTree
 
 from ..core.quantities import quantities
 from ..rotations import Quaternion
@@ -68,7 +69,7 @@ def resolved(phase: "Trajectory") -> Drawn:
     return Drawn(finer, _between(phase, finer), left)
 
 
-def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, Any]]:
+def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, PyTree]]:
     """Name, declared unit and value of every array or quaternion of a state, in order."""
     if state is None:
         return []
@@ -93,7 +94,7 @@ def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[s
     return result
 
 
-def _knows_between(phase: Any) -> bool:
+def _knows_between(phase: "Trajectory") -> bool:
     """Whether `phase.at` gives states between the saved times."""
     return phase.dense is not None or (
         phase.config.method == "closed_form" and phase.system.closed_form() is not None
@@ -114,7 +115,7 @@ def _derivatives(phase: "Trajectory") -> "State":
 
 
 @eqx.filter_jit
-def _of_motion(states: Any) -> dict[str, Any]:
+def _of_motion(states: "State") -> dict[str, PyTree]:
     """The derivatives that a state itself holds: of a position, and of an attitude."""
     result = {}
     if getattr(states, "velocity", None) is not None:
@@ -124,7 +125,7 @@ def _of_motion(states: Any) -> dict[str, Any]:
     return result
 
 
-def _coarse(phase: Any) -> tuple[frozenset[str], float]:
+def _coarse(phase: "Trajectory") -> tuple[frozenset[str], float]:
     """The leaves that move too far between two saved times, and the interval at which all of them
     are smooth, s."""
     if not hasattr(phase, "along") or len(phase.ts) < 2:
@@ -154,7 +155,7 @@ def _coarse(phase: Any) -> tuple[frozenset[str], float]:
     return frozenset(intervals), min(intervals.values(), default=math.inf)
 
 
-def _follows_its_rates(phase: Any) -> bool:
+def _follows_its_rates(phase: "Trajectory") -> bool:
     """Whether the times resolve the state of a rigid body, or of a point, as far as the state alone
     shows it; false where it does not."""
     leaves = {name: leaf for name, _, leaf in state_leaves(phase.states) if leaf is not None}

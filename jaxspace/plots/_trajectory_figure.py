@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from ..core import InputError
 from ..core.extras import extra
@@ -127,7 +128,7 @@ def _scaled(blocks: dict[str, Block], scale: Scale | None) -> dict[str, Block]:
     return result
 
 
-def _times(ts: Any, runs: int) -> np.ndarray:
+def _times(ts: ArrayLike, runs: int) -> np.ndarray:
     """The times, s, (times, runs), or (times, 1) where all runs share them."""
     ts = np.asarray(ts)
     # A second axis also where all runs share the times, so that a line reads them by run.
@@ -221,7 +222,7 @@ def _broken(angle: np.ndarray) -> np.ndarray:
     return np.where(jump, np.nan, angle)
 
 
-def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> None:
+def _bounds(panels: np.ndarray, times: list[np.ndarray], names: tuple[str, ...]) -> None:
     """A line at the end of each phase (of the first run), and the names of the phases on top."""
     if len(times) < 2:
         return
@@ -243,7 +244,7 @@ def _bounds(panels: Any, times: list[np.ndarray], names: tuple[str, ...]) -> Non
             _line(panels, end)
 
 
-def _line(panels: Any, time: float, words: str = "") -> None:
+def _line(panels: np.ndarray, time: float, words: str = "") -> None:
     """A line at a time through all panels, with words on top."""
     for axes in panels:
         axes.axvline(time, color=MUTED, linewidth=0.9, linestyle="--")

@@ -2,9 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from ..core.record import Record
+
+if TYPE_CHECKING:
+    pass
 
 COAST = Path(__file__).parent / "_coast.json"
 """Coast lines of the Earth: longitudes and latitudes in turn, degrees. From Natural Earth
@@ -51,7 +56,7 @@ def burns(mass: np.ndarray | None) -> np.ndarray | None:
     return lit if np.any(lit) else None
 
 
-def planet_lines(phase: Any, radius: float) -> dict[str, Any]:
+def planet_lines(phase: Any, radius: float) -> Record:
     """The coast lines of the planet at the origin, and its rate, where it is the Earth.
 
     - `phase`: whose system attracts by its `mu`, or has effects that do.

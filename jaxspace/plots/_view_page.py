@@ -11,12 +11,15 @@ from typing import TYPE_CHECKING, Any
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
+from jaxtyping import PyTree
 
 from ..core import InputError
+from ..core.record import Record
 from ..rotations import Quaternion
 from ._resolution import TURN, Drawn, resolved
 from ._view_flight import burns, planet_lines, readings
-from ._view_shapes import faces_of, top_faces, wheel_faces
+from ._view_shapes import Face, faces_of, top_faces, wheel_faces
 
 if TYPE_CHECKING:
     from ..core import AbstractSystem, State
@@ -132,13 +135,13 @@ def show_run(
     return page
 
 
-def _traces(data: dict[str, Any]) -> dict[str, str]:
+def _traces(data: Record) -> dict[str, str]:
     """Words for each trace that the page can show."""
     result = {name: words for name, words in NAMES.items() if name in data["traces"]}
     return {"orbit": "path", **result} if data["position"] else result
 
 
-def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> dict[str, Any]:
+def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) -> Record:
     """Data for the script of the page."""
     # By attributes: to import the classes would close a circle with `simulation`.
     # One place at a time: a branch has a page of its own.
@@ -191,7 +194,7 @@ def _picked(times: np.ndarray, rate: float) -> np.ndarray:
     return np.unique(np.searchsorted(times, even).clip(0, len(times) - 1))
 
 
-def _frames(system: "AbstractSystem", ts: Any, states: "State") -> dict[str, np.ndarray]:
+def _frames(system: "AbstractSystem", ts: ArrayLike, states: "State") -> dict[str, np.ndarray]:
     """The blocks of the states that can be seen, each (components, times), finite ones alone."""
     direction = getattr(states, "direction", None)
     position = getattr(states, "position", None) if direction is None else direction
@@ -226,7 +229,7 @@ def _continuous(wxyz: np.ndarray) -> np.ndarray:
     return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])
 
 
-def _momentum(system: Any, ts: Any, states: Any) -> Any:
+def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Any:
     """The angular momentum of what turns, (3, times); `None` where it is not known: with wheels and
     other parts the system states it where they alone change that of the body."""
     if not getattr(states, "parts", None):
@@ -236,7 +239,7 @@ def _momentum(system: Any, ts: Any, states: Any) -> Any:
     return invariants.get("rotational_momentum")
 
 
-def _inertia(system: Any, states: Any) -> Any:
+def _inertia(system: PyTree, states: PyTree) -> Any:
     """The inertia of what turns, at the masses of the states; `None` where the system has none."""
     body = getattr(system, "body", system)
     if getattr(body, "has_inertia", lambda: False)():
@@ -245,7 +248,7 @@ def _inertia(system: Any, states: Any) -> Any:
     return result if hasattr(result, "times") else None
 
 
-def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[str, Any]:
+def _orbit(phase: "Trajectory", blocks: dict, rows: dict, planet: float | None) -> Record:
     """The path, and what stands at the origin."""
     if "position" not in blocks:
         return {"position": None}
@@ -266,14 +269,14 @@ def _orbit(phase: Any, blocks: dict, rows: dict, planet: float | None) -> dict[s
     }
 
 
-def _ground(system: Any) -> float | None:
+def _ground(system: object) -> float | None:
     """The radius of the ground that an effect states, m: one that is meant above it knows."""
     effects = getattr(system, "effects", ())
     grounds = [g for x in effects if (g := getattr(x, "ground", lambda: None)()) is not None]
     return float(np.max(grounds)) if grounds else None
 
 
-def _flight(phase: Any, joined: dict, planet: float | None, pick: np.ndarray) -> dict[str, Any]:
+def _flight(phase: "Trajectory", joined: dict, planet: float | None, pick: np.ndarray) -> Record:
     """Altitude and speed at the frames, and where propellant leaves."""
     shown = readings(joined, _ground(phase.system) if planet is None else planet)
     lit = burns(joined["mass"][0][pick] if "mass" in joined else None)
@@ -283,7 +286,9 @@ def _flight(phase: Any, joined: dict, planet: float | None, pick: np.ndarray) ->
     }
 
 
-def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndarray) -> dict:
+def _body(
+    phase: "Trajectory", drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndarray
+) -> dict:
     """The body with its wheels, and the traces of its vectors, each in units of its greatest."""
     if "attitude" not in rows:
         return {"attitude": None, "traces": {}, "faces": [], "wheels": [], "reach": 1.2}
@@ -312,7 +317,7 @@ def _body(phase: Any, drawn: Drawn, rows: dict, times: np.ndarray, pick: np.ndar
     )
 
 
-def _sun(system: Any, times: np.ndarray) -> list | None:
+def _sun(system: object, times: np.ndarray) -> list | None:
     """The directions of the sun from the origin at the times; `None` where no effect states it."""
     paths = [effect.sun for effect in getattr(system, "effects", ()) if hasattr(effect, "sun")]
     if not paths:
@@ -321,7 +326,7 @@ def _sun(system: Any, times: np.ndarray) -> list | None:
     return _listed(place / np.linalg.norm(place, axis=0))
 
 
-def _faces(phase: Any) -> list[dict[str, Any]]:
+def _faces(phase: Any) -> list[Face]:
     """The shape of the body from its inertia; a top on its tip; a box if nothing is known."""
     if hasattr(phase.system, "weight_moment"):
         return top_faces()
@@ -338,7 +343,7 @@ def _faces(phase: Any) -> list[dict[str, Any]]:
     return faces_of(*np.linalg.eigh(tensor))
 
 
-def _wheels(system: Any, drawn: Drawn, times: np.ndarray, pick: np.ndarray) -> list[dict[str, Any]]:
+def _wheels(system: object, drawn: Drawn, times: np.ndarray, pick: np.ndarray) -> list[Record]:
     """Axis, place and angle of every wheel of the effects that state the speeds of wheels."""
     result = []
     for effect in getattr(system, "effects", ()):

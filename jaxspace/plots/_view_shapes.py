@@ -1,8 +1,22 @@
 """Faces of simple bodies for the three-dimensional view: boxes, solids of revolution, wheels."""
 
-from typing import Any
+from collections.abc import Sequence
+from typing import NotRequired, TypedDict
 
 import numpy as np
+
+
+class Face(TypedDict):
+    """A polygon of the view by its corners, (x, y, z) each.
+
+    - `kind`: "face", "mark" for a darker one, or "wheel", which turns by the angle of the `wheel`.
+    - `both`: whether it is seen from both sides."""
+
+    points: Sequence[Sequence[float]]
+    kind: NotRequired[str]
+    wheel: NotRequired[int]
+    both: NotRequired[bool]
+
 
 SIDES = 28
 """Sides of the polygon that stands for a circle."""
@@ -10,7 +24,7 @@ THINNEST = 0.02
 """Half-thickness of a flat body, or radius of a rod, in units of the half-length."""
 
 
-def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[dict[str, Any]]:
+def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[Face]:
     """The homogeneous body with these principal moments: a box, or a cylinder where two are equal.
 
     **Arguments**
@@ -38,21 +52,23 @@ def faces_of(moments: np.ndarray, axes: np.ndarray) -> list[dict[str, Any]]:
     return _moved(_box(np.maximum(size / np.max(size), THINNEST)), axes)
 
 
-def top_faces() -> list[dict[str, Any]]:
+def top_faces() -> list[Face]:
     """A top that stands on its tip at the origin, along z."""
     profile = [(0.0, 0.0), (0.03, 0.12), (0.06, 0.42), (0.5, 0.6), (0.5, 0.7), (0.06, 0.78)]
     return revolved([*profile, (0.04, 1.0), (0.0, 1.0)])
 
 
-def wheel_faces(wheel: int, axis: np.ndarray) -> list[dict[str, Any]]:
+def wheel_faces(wheel: int, axis: np.ndarray) -> list[Face]:
     """A spoked wheel about an axis through the origin, which the view turns by its angle."""
     towards = axis / np.linalg.norm(axis)
     # With the base axis farthest from it: a near one leaves no digits.
     aside = np.cross(towards, np.eye(3)[np.argmin(np.abs(towards))])
     aside = aside / np.linalg.norm(aside)
     frame = np.stack([aside, np.cross(towards, aside), towards], axis=1)
-    rim = revolved([(0.15, -0.03), (0.18, -0.03), (0.18, 0.03), (0.15, 0.03), (0.15, -0.03)])
-    spokes = [
+    rim: list[Face] = revolved(
+        [(0.15, -0.03), (0.18, -0.03), (0.18, 0.03), (0.15, 0.03), (0.15, -0.03)]
+    )
+    spokes: list[Face] = [
         {
             "points": [
                 (0.15 * np.cos(a), 0.15 * np.sin(a), 0.0),
@@ -67,7 +83,7 @@ def wheel_faces(wheel: int, axis: np.ndarray) -> list[dict[str, Any]]:
     return [{**face, "kind": "wheel", "wheel": wheel} for face in _moved(rim + spokes, frame)]
 
 
-def revolved(profile: list[tuple[float, float]]) -> list[dict[str, Any]]:
+def revolved(profile: list[tuple[float, float]]) -> list[Face]:
     """The surface of a profile (radius, height) that turns about z, seen from the side on the left
     of its direction. One side in seven is darker, so that a spin is seen."""
     a = np.arange(SIDES + 1) * 2.0 * np.pi / SIDES
@@ -84,7 +100,7 @@ def revolved(profile: list[tuple[float, float]]) -> list[dict[str, Any]]:
     return faces
 
 
-def _box(half: np.ndarray) -> list[dict[str, Any]]:
+def _box(half: np.ndarray) -> list[Face]:
     """A box along the axes with these half-lengths; the face towards +x is marked."""
     faces = []
     for k in range(3):
@@ -100,7 +116,7 @@ def _box(half: np.ndarray) -> list[dict[str, Any]]:
     return faces
 
 
-def _moved(faces: list[dict[str, Any]], axes: np.ndarray) -> list[dict[str, Any]]:
+def _moved(faces: list[Face], axes: np.ndarray) -> list[Face]:
     """Faces whose corners are given along the columns of `axes`."""
     # A reflection would turn the faces inside out.
     sign = np.linalg.det(axes)

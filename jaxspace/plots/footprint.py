@@ -3,7 +3,7 @@
 __all__ = ["wind_rose"]
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,6 +11,9 @@ from numpy.typing import ArrayLike
 from ..core import InputError
 from ..core.extras import extra
 from ._style import BAD, COLOURS, GRID, dress, headline
+
+# A function of the numbers along an axis.
+Scaling: TypeAlias = Callable[[np.ndarray], np.ndarray]
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -8,6 +8,7 @@ import dataclasses
 from typing import Any, TypeVar
 
 import numpy as np
+from jaxtyping import PyTree
 
 from ..core import Scalar, check, quantity
 from ..core.checks import is_concrete
@@ -26,14 +27,14 @@ def delay_field() -> Any:
     )
 
 
-def check_ignition(motor: Any) -> None:
+def check_ignition(motor: PyTree) -> None:
     """Raise `InputError` for a motor with both a time of ignition and a delay."""
     if motor.delay is not None and is_concrete(motor.ignition):
         name = f"{type(motor).__name__}.ignition"
         check(np.asarray(motor.ignition) == 0.0, name, motor.ignition, "left out beside a delay")
 
 
-def ignition_of(motor: Any) -> Scalar:
+def ignition_of(motor: PyTree) -> Scalar:
     """The time, s, at which a motor ignites."""
     return motor.ignition if motor.delay is None else motor.delay
 

@@ -35,7 +35,7 @@ from typing import Any, final
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity, reference
@@ -188,7 +188,7 @@ class JetDamping(AbstractEffect):
         carried = across + (along - across) * axis(2, across)
         return Load(torque_B=rate * (carried * y.omega - kept))
 
-    def _carried_by(self, lever: Scalar, centre: Any, omega: Vector) -> Vector:
+    def _carried_by(self, lever: Scalar, centre: PyTree, omega: Vector) -> Vector:
         """The mean of r x (omega x r) over the nozzles."""
         assert self.nozzles is not None
         x, y = (with_rank(n, omega.ndim - 1) for n in self.nozzles)

@@ -13,13 +13,13 @@ Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations 
 import functools
 import operator
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
 from ..bodies.effects import with_parts
@@ -48,7 +48,7 @@ from .ground_check import ground_warning, lowest_below_ground
 from .reading import ROTATION, TRANSLATION, Reading, read_effects
 
 
-def _as_effects(x: Any) -> tuple[AbstractEffect, ...]:
+def _as_effects(x: PyTree) -> tuple[AbstractEffect, ...]:
     if isinstance(x, AbstractEffect):
         raise InputError(f"Scene.effects is a {type(x).__name__}: it must be a list of effects.")
     effects = tuple(x)

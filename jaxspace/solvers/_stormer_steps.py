@@ -5,12 +5,12 @@ Equations and symbols: `_stormer.py`.
 
 import functools
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
@@ -49,7 +49,9 @@ def _weighted(row: Float[Array, " k"], ring: Ring) -> Array:
 
 
 @functools.partial(_weighted.defjvp, symbolic_zeros=True)
-def _weighted_jvp(primals: tuple[Array, Array], tangents: tuple[Any, Any]) -> tuple[Array, Array]:
+def _weighted_jvp(
+    primals: tuple[Array, Array], tangents: tuple[PyTree, PyTree]
+) -> tuple[Array, Array]:
     # A sum over the axis, because reverse mode then distributes the result over the ring at once,
     # and not slot by slot. The row is one of a table of constants and has no tangent.
     row, ring = primals

@@ -14,7 +14,7 @@ that jumps there has the value of this step.
 import dataclasses
 import functools
 from collections.abc import Callable, Sequence
-from typing import Any, ClassVar, NamedTuple, TypeAlias, final
+from typing import ClassVar, NamedTuple, TypeAlias, final
 
 import diffrax
 import equinox as eqx
@@ -418,7 +418,7 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
         return Advance(y1, error, self._within(h, y0, ks), carried=ks[-1], projected=True)
 
-    def _within(self, h: Array, y0: State, ks: list[State] | State) -> dict[str, Any]:
+    def _within(self, h: Array, y0: State, ks: list[State] | State) -> dict[str, object]:
         """What the dense output reads: the coefficients once for all times within the step."""
         if not self.dense:
             return dict(y0=y0, coefficients=None)

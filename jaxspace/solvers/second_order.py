@@ -9,7 +9,7 @@ these two keys.
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -37,7 +37,7 @@ def _names(y: PyTree) -> list[str | None]:
     ]
 
 
-def parts_of(y: PyTree) -> tuple[Any, Any] | None:
+def parts_of(y: PyTree) -> tuple[PyTree, PyTree] | None:
     """Position and velocity of a state, or of its shapes; `None` if one is absent, or if it holds
     anything else."""
     named = dict(zip(_names(y), jax.tree.leaves(y), strict=True))

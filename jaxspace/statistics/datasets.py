@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ..core.extras import extra
+from ..core.record import Record
 from ..integration.status import Status
 
 if TYPE_CHECKING:
@@ -38,7 +39,7 @@ def as_dataset(
     status: np.ndarray,
     evaluations: np.ndarray,
     numbers: np.ndarray,
-    attributes: dict[str, Any],
+    attributes: Record,
 ) -> "xarray.Dataset":
     """A variable for each value along `run`, whose coordinate are the `numbers` of the runs.
 
@@ -53,9 +54,7 @@ def as_dataset(
     return xarray.Dataset(variables, {"run": ("run", numbers, own["run"])}, attributes)
 
 
-def described(
-    kinds: Mapping[str, Iterable[str]], units: Mapping[str, str]
-) -> dict[str, dict[str, Any]]:
+def described(kinds: Mapping[str, Iterable[str]], units: Mapping[str, str]) -> dict[str, Record]:
     """The attributes of the arrays of a campaign in datasets and stores, by name.
 
     `kinds`: the names of inputs and outputs, as "input" and "output"."""

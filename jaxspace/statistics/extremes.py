@@ -23,7 +23,7 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError
 from ..core.printing import printed
@@ -86,7 +86,9 @@ def least(
     return Extreme(-result.value, result.time)
 
 
-def _phases(times: Any, values: Any, slopes: Any) -> list[tuple[Array, Array, Array | None]]:
+def _phases(
+    times: PyTree, values: PyTree, slopes: PyTree
+) -> list[tuple[Array, Array, Array | None]]:
     """Times, values and slopes of each phase, of one shape."""
     several = isinstance(times, list | tuple) and isinstance(values, list | tuple)
     pairs: list[Any] = list(zip(times, values, strict=True)) if several else [(times, values)]

@@ -8,10 +8,10 @@ changes `zarr.json` alone.
 import hashlib
 import json
 import time
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from ..core.record import Record
 from ._lock import StoreError
 
 HEAD, COPY = "zarr.json", ".manifest/head"
@@ -54,7 +54,7 @@ def read_head(folder: Path) -> tuple[bytes, str]:
     return copy, ""
 
 
-def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
+def damaged_arrays(folder: Path, arrays: Record) -> list[str]:
     """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
     theirs."""
     result = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
@@ -64,7 +64,7 @@ def damaged_arrays(folder: Path, arrays: Mapping[str, Any]) -> list[str]:
     return [name for name in result if _parsed(folder / name / HEAD) != arrays[name]]
 
 
-def is_longer(folder: Path, name: str, head: Mapping[str, Any]) -> bool:
+def is_longer(folder: Path, name: str, head: Record) -> bool:
     """Whether an array's own file of metadata differs from its `head` in more runs alone."""
     own = _parsed(folder / name / HEAD)
     if not isinstance(own, dict) or own | {"shape": head["shape"]} != head:

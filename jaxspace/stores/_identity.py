@@ -1,8 +1,8 @@
 """The identity of a campaign: whether a store belongs to it, and the sentence for a difference."""
 
 from collections.abc import Mapping
-from typing import Any
 
+from ..core.record import Record
 from .columns import Column
 from .store import Store
 
@@ -26,7 +26,7 @@ IDENTITY = {
 """In the order in which a difference is named."""
 
 
-def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> str:
+def difference(store: Store, columns: Mapping[str, Column], attributes: Record) -> str:
     """Difference between a store and a campaign, in a sentence; empty if there is none."""
     there = store.attributes
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
@@ -45,7 +45,7 @@ def difference(store: Store, columns: Mapping[str, Column], attributes: Mapping[
     return f"{IDENTITY[changed[0]]}: {was} in the store, {now} here."
 
 
-def _texts(modules: Mapping[str, Any] | None) -> dict[str, str]:
+def _texts(modules: Mapping[str, Record] | None) -> dict[str, str]:
     """The texts of modules by name, from their entry in a record."""
     return {name: module["text"] for name, module in (modules or {}).items()}
 
@@ -60,7 +60,7 @@ def _file(kind: str, there: Mapping[str, str], here: Mapping[str, str]) -> str:
     return f"the {kind} {name} of the scene: {was} in the store, {now} here."
 
 
-def _cause(there: Mapping[str, Any], here: Mapping[str, Any]) -> str:
+def _cause(there: Record, here: Record) -> str:
     """The likely cause of different results with the same settings."""
     # Versions first, which are the more likely cause.
     for kind in ("versions", "machine"):

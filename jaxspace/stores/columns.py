@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.extras import extra
+from ..core.record import Record
 from ..statistics.datasets import PENDING, described
 from ._lock import StoreError
 from .results import RunResults
@@ -22,7 +23,7 @@ class Column(NamedTuple):
     attributes: dict[str, Any]
 
     @classmethod
-    def of(cls, head: Mapping[str, Any]) -> "Column":
+    def of(cls, head: Record) -> "Column":
         """The array with these metadata of Zarr."""
         dtype = np.dtype(head["data_type"]).str
         dims = tuple(head["dimension_names"])

@@ -10,7 +10,7 @@ metadata have a copy there, with its checksum (`_head.py`).
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import numpy as np
 
 import jaxspace
 
+from ..core.record import Record
 from ._head import HEAD, damaged_arrays, read_head
 from ._lock import StoreError
 from .columns import Column
@@ -30,7 +31,7 @@ ENOUGH = "enough_runs"
 """The attribute of a campaign that ended itself: how many runs were enough."""
 
 
-def runs_of(attributes: Mapping[str, Any]) -> int:
+def runs_of(attributes: Record) -> int:
     """Number of runs that a campaign with these attributes has when complete."""
     return int(attributes.get(ENOUGH) or attributes["planned_runs"])
 
@@ -110,7 +111,7 @@ class Store:
             ) from error
         return self
 
-    def _another_form(self, form: Any) -> str:
+    def _another_form(self, form: object) -> str:
         """The message that a store has another form: which version wrote it, and how to read it."""
         writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
         return (
@@ -129,7 +130,7 @@ class Store:
         ]
         return ([self.head_damage] if self.head_damage else []) + arrays
 
-    def entry(self, chunk: int) -> dict[str, Any] | None:
+    def entry(self, chunk: int) -> Record | None:
         """Entry of a chunk in the manifest; `None` for an unfinished chunk."""
         try:
             entry = json.loads((self.path / MANIFEST / f"{chunk}.json").read_bytes())

@@ -4,10 +4,11 @@ import os
 import warnings
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
-from typing import Any, final
+from typing import final
 
 import numpy as np
 
+from ..core.record import Record
 from ..statistics import Dispersion
 from .store import DamagedStore, Store
 
@@ -62,7 +63,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     return result
 
 
-def _computing(entries: list[dict[str, Any]]) -> float:
+def _computing(entries: list[Record]) -> float:
     """Time, s, that it took to compute the chunks with these entries."""
     seconds: dict[int | None, float] = defaultdict(float)
     for entry in entries:

@@ -16,6 +16,7 @@ import numpy as np
 
 from ..core.extras import extra
 from ..core.processors import cores
+from ..core.record import Record
 from ._head import COPY, HEAD, is_longer, read_head, sealed
 from ._identity import difference
 from ._lock import NAME, Lock, StoreError
@@ -121,7 +122,7 @@ class StoreWriter:
         for name in store.damaged_arrays:
             write_whole(store.path / name / HEAD, json.dumps(heads[name]).encode())
 
-    def _write_head(self, root: Mapping[str, Any]) -> None:
+    def _write_head(self, root: Record) -> None:
         """Write the copy of the head with its checksum, then the head."""
         head = json.dumps(root).encode()
         with _disk(self.store):
@@ -129,7 +130,7 @@ class StoreWriter:
             write_whole(self.store.path / HEAD, head)
         self.store.attributes = root["attributes"]
 
-    def prepare(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
+    def prepare(self, columns: Mapping[str, Column], attributes: Record) -> Store:
         """The store for these arrays and attributes: made, or the one that is there.
 
         **Raises** `StoreError` where that is of another campaign, naming the difference, and where
@@ -151,7 +152,7 @@ class StoreWriter:
         self._write_head(head)
         return store
 
-    def join(self, columns: Mapping[str, Column], attributes: Mapping[str, Any]) -> Store:
+    def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
         """The store that another process has prepared, and holds.
 
         **Raises** `StoreError` where its runs come out differently there."""
@@ -244,7 +245,7 @@ class StoreWriter:
                     for name in store.columns:
                         store.file(name, int(entry.stem)).unlink(missing_ok=True)
 
-    def note(self, **attributes: Any) -> None:
+    def note(self, **attributes: object) -> None:
         """Add to the attributes of the store."""
         root = json.loads(read_head(self.store.path)[0])
         root["attributes"] |= attributes
@@ -265,7 +266,7 @@ class _disk:
     def __enter__(self) -> None:
         return None
 
-    def __exit__(self, kind: Any, error: BaseException | None, trace: Any) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
         if isinstance(error, OSError):
             store = self.store
             done = sum(store.extent(k)[1] for k in store.finished())

@@ -1,7 +1,7 @@
 """A run in one precision, as functions of its arrays and the tolerance: they compile once."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -32,7 +32,7 @@ class Case(NamedTuple):
         parts = eqx.partition(in_precision((system, y0, ts), precision), eqx.is_array)
         return cls(*parts, max_steps)
 
-    def restored(self, arrays: PyTree[Array]) -> tuple[Any, State, Array]:
+    def restored(self, arrays: PyTree[Array]) -> tuple[PyTree, State, Array]:
         """System, initial state and times, with these arrays."""
         return eqx.combine(arrays, self.static)
 

@@ -19,12 +19,12 @@ saltation matrix); Maybeck, Stochastic Models, Estimation, and Control, 4.9.
 """
 
 from collections.abc import Callable, Sequence
-from typing import Any, NamedTuple, final
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.printing import printed
@@ -107,7 +107,7 @@ class _Mapped(eqx.Module):
         return jnp.where(slope != 0.0, -along / jnp.where(slope != 0.0, slope, 1.0), 0.0)
 
 
-def uncertain_mission(mission: Mission, noises: Sequence[Any]) -> Mission:
+def uncertain_mission(mission: Mission, noises: Sequence[PyTree]) -> Mission:
     """A mission whose states are means with their covariance and the delay of the phase.
 
     `noises`: the spectral density of the process noise in each phase, as of `Uncertain`."""

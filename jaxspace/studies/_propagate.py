@@ -2,10 +2,10 @@
 
 import functools
 from collections.abc import Sequence
-from typing import Any, overload
+from typing import overload
 
 import jax.numpy as jnp
-from jaxtyping import Array, ArrayLike, Float
+from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, State
 from ..integration.layout import broadcast_state
@@ -141,7 +141,7 @@ def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Arra
     return jnp.pad(P, ((0, more), (0, more), *((0, 0),) * len(runs)))
 
 
-def _density(noise: Any, size: Coordinates) -> Any:
+def _density(noise: PyTree, size: Coordinates) -> PyTree:
     """The process noise in the precision of the state."""
     if noise is None or callable(noise):
         return noise

@@ -26,7 +26,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float
 
-from ..core import AbstractSystem, Scalar, State
+from ..core import AbstractSystem, Flag, Scalar, State
 from ..core.printing import printed
 from .coordinates import Coordinates
 
@@ -78,7 +78,7 @@ class Uncertain(AbstractSystem):
     def breaks(self) -> Float[Array, "times *#runs"] | None:
         return self.system.breaks()
 
-    def outside(self, t: Scalar, y: MeanCovariance) -> Any:
+    def outside(self, t: Scalar, y: MeanCovariance) -> Flag | None:
         return self.system.outside(t, y.mean)
 
 

@@ -34,11 +34,12 @@ Source: MIL-F-8785C, 3.7.1 and 3.7.2; MIL-HDBK-1797, 4.9; Beal, Digital Simulati
 Turbulence for Dryden and von Karman Models, J. Guidance 16, 1993, 132.
 """
 
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import (
@@ -163,7 +164,7 @@ class DrydenGusts(AbstractParameters):
         self,
         seed: Scalar,
         wind_20_feet: Scalar,
-        rms_aloft: Any,
+        rms_aloft: npt.ArrayLike,
         top: float = 12e3,
         per_length: float = 16.0,
     ):

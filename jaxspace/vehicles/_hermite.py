@@ -35,6 +35,7 @@ Geometric Design, 1974, 317 (chords); Fritsch, Butland, SIAM J. Sci. Stat. Compu
 
 import itertools
 from collections.abc import Sequence
+from types import ModuleType
 from typing import Any, TypeAlias
 
 import jax.numpy as jnp
@@ -91,7 +92,7 @@ def _mean_slopes(x: Known, y: Known) -> tuple[Known, Known]:
 
 
 def _end_slope(
-    xp: Any, h: Known | float, next_h: Known | float, m: Known | float, next_m: Known | float
+    xp: ModuleType, h: Known | float, next_h: Known | float, m: Known | float, next_m: Known | float
 ) -> Known | float:
     d = ((2.0 * h + next_h) * m - h * next_m) / (h + next_h)
     d = xp.where(d * m <= 0.0, 0.0, d)

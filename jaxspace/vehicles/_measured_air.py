@@ -19,10 +19,11 @@ Organization, Guide to Instruments, I.12 (soundings).
 """
 
 import os
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractAtmosphere, Air
@@ -53,9 +54,9 @@ class MeasuredAtmosphere(AbstractAtmosphere):
 
     def __init__(
         self,
-        heights: Any,
-        pressure: Any,
-        temperature: Any,
+        heights: npt.ArrayLike,
+        pressure: npt.ArrayLike,
+        temperature: npt.ArrayLike,
         density_factor: Scalar = 1.0,
     ):
         self.heights, self.pressure = as_float(heights), as_float(pressure)
@@ -103,7 +104,7 @@ class MeasuredWind(AbstractWind):
     east: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the east at these heights")
     north: Float[Array, "nodes *#runs"] = quantity("m/s", doc="towards the north")
 
-    def __init__(self, heights: Any, east: Any, north: Any):
+    def __init__(self, heights: npt.ArrayLike, east: npt.ArrayLike, north: npt.ArrayLike):
         self.heights = as_float(heights)
         self.east = as_float(east)
         self.north = as_float(north)

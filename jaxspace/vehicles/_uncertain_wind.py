@@ -15,10 +15,11 @@ linear in m, s and z (`_hermite.py`).
 Source: Gardiner, Handbook of Stochastic Methods, 4.4.
 """
 
-from typing import Any, final
+from typing import final
 
 import equinox as eqx
 import jax.numpy as jnp
+import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import NumberField, Scalar, argument, constructor, quantity
@@ -57,13 +58,13 @@ class UncertainWind(AbstractWind):
 
     def __init__(
         self,
-        heights: Any,
-        east: Any,
-        north: Any,
-        deviation: Any,
+        heights: npt.ArrayLike,
+        east: npt.ArrayLike,
+        north: npt.ArrayLike,
+        deviation: npt.ArrayLike,
         correlation_length: Scalar,
-        east_numbers: Any,
-        north_numbers: Any,
+        east_numbers: npt.ArrayLike,
+        north_numbers: npt.ArrayLike,
     ):
         self.heights = as_float(heights)
         self.east = as_float(east)
@@ -92,10 +93,10 @@ class UncertainWind(AbstractWind):
     )
     def of_seed(
         cls,
-        heights: Any,
-        east: Any,
-        north: Any,
-        deviation: Any,
+        heights: npt.ArrayLike,
+        east: npt.ArrayLike,
+        north: npt.ArrayLike,
+        deviation: npt.ArrayLike,
         correlation_length: Scalar,
         seed: Scalar,
     ) -> "UncertainWind":

@@ -5,7 +5,7 @@ Linear between the points and constant outside; one point is a constant coeffici
 __all__ = ["MachTable"]
 
 from collections.abc import Sequence
-from typing import Any, final
+from typing import final
 
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -35,7 +35,7 @@ class MachTable(AbstractParameters):
         return polygon(mach, self.mach, self.values)
 
 
-def as_coefficient(x: Any) -> MachTable:
+def as_coefficient(x: object) -> MachTable:
     """A table as it is; a pair of Mach numbers and values as a table; a number as a constant."""
     if isinstance(x, MachTable):
         return x
@@ -50,7 +50,7 @@ def as_coefficient(x: Any) -> MachTable:
     return MachTable(jnp.zeros((1,), value.dtype), value[None])
 
 
-def as_optional_coefficient(x: Any) -> MachTable | None:
+def as_optional_coefficient(x: object) -> MachTable | None:
     """Convert a coefficient by `as_coefficient`; `None`, for no coefficient, stays `None`."""
     return None if x is None else as_coefficient(x)
 

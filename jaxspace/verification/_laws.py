@@ -28,6 +28,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
 from ..core.text import aligned
 from ..simulation import Accuracy, Status, Trajectory, simulate, simulate_batch
+from ..solvers import DOP853
 
 Tree = TypeVar("Tree")
 
@@ -157,8 +158,6 @@ class _Check(eqx.Module):
         motion = self.system.closed_form()
         if motion is None:
             return Law("closed form", 0.0, 0.0, "has none")
-        from ..solvers import DOP853
-
         steps = Accuracy(rtol=RTOL, method=DOP853())
         ts = jnp.stack([0.0 * self.duration, self.duration])
         stepped = simulate(self.system, self.y0, ts, accuracy=steps).final
