@@ -116,6 +116,8 @@ HEAVY = {
 }
 MAY_BE_HEAVY = {
     *("simulation", "studies", "statistics", "stores", "dispersion", "io", "plots", "cli"),
+    # Its cases are a table in TOML.
+    "verification",
 }
 LIGHT = HEAVY - {"tomllib"}
 

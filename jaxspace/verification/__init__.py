@@ -4,10 +4,10 @@ from typing import TYPE_CHECKING
 
 from ..core.modules import modules_of as _modules_of
 from ._case import Case as Case
+from ._cases import CASES as CASES
 from ._laws import Law as Law
 from ._laws import LawReport as LawReport
 from ._laws import verify as verify
-from ._runner import CASES as CASES
 from ._runner import run_cases as run_cases
 
 if TYPE_CHECKING:

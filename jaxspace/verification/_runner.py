@@ -9,24 +9,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError
-from . import (
-    _attitude_cases,
-    _core_cases,
-    _orbit_cases,
-    _rocket_cases,
-    _simulation_cases,
-)
 from ._case import Case, CaseFunction
+from ._cases import CASES
 from .report import CaseResult, Verification
-
-CASES: tuple[Case, ...] = (
-    *_core_cases.CASES,
-    *_orbit_cases.CASES,
-    *_attitude_cases.CASES,
-    *_rocket_cases.CASES,
-    *_simulation_cases.CASES,
-)
-"""Every case that the library ships."""
 
 PRECISIONS = ("float64", "float32")
 # Programs compile in parallel; more threads than cores only wait for each other.

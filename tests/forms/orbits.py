@@ -21,8 +21,8 @@ from jaxspace.orbits.outputs import (
     velocity_error,
 )
 from jaxspace.orbits.point_gravity import point_gravity, point_gravity_potential
-from jaxspace.verification._orbit_cases import CIRCLE, on_conic
 
+from .conics import CIRCLE, on_conic
 from .form import Form
 
 

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 
 from jaxspace import orbits as o
 from jaxspace.bodies import BodyState
-from jaxspace.verification._orbit_cases import CIRCLE, on_conic
 
+from .conics import CIRCLE, on_conic
 from .form import Form
 from .mechanics import numbers
 

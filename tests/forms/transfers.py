@@ -5,8 +5,8 @@ import twins
 
 from jaxspace import orbits as o
 from jaxspace.core.vectors import norm
-from jaxspace.verification._orbit_cases import CIRCLE, on_conic
 
+from .conics import CIRCLE, on_conic
 from .form import Form
 
 

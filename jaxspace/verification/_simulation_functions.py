@@ -1,4 +1,6 @@
-"""Hard cases of runs: events, phases, burnouts, failures; and of dispersions."""
+"""Functions of the hard cases of runs: events, phases, burnouts, failures; and of dispersions.
+
+Each takes the inputs of a case in one array, (inputs,), and returns its outputs, (outputs,)."""
 
 import math
 
@@ -15,7 +17,6 @@ from ..rotations import Quaternion
 from ..scene import Scene
 from ..simulation import Accuracy, Event, Status, simulate, simulate_batch
 from ..solvers import DOP853
-from ._case import Case
 
 
 def tight() -> Accuracy:
@@ -118,71 +119,3 @@ def tails(x: Array) -> Array:
         Uniform(zero, 2.0 * limit),
     )
     return jnp.asarray([law.outside(-math.inf, float(limit)) for law in laws])
-
-
-STEPS = "tolerance 1e-12 of each step"
-SINGLE = "float32 holds no tolerance of 1e-12"
-V = 1.3
-# The ellipse of the speed V at a periapsis of radius 1: axis, half of its period, and the slope of
-# that by V.
-AXIS = 1.0 / (2.0 - V * V)
-HALF = math.pi * AXIS**1.5
-SLOPE = 3.0 * math.pi * V * AXIS**2.5
-
-CASES = (
-    Case(
-        "simulation: ellipse of e = 0.9 by steps",
-        stepped,
-        (0.1, 0.0, 0.0, 0.0, 4.358898943540674, 0.3, 9.0, 1.0),
-        STEPS,
-        1e5,
-        1e7,
-        single=SINGLE,
-    ),
-    Case(
-        "simulation: time of apoapsis",
-        time_of_apoapsis,
-        (V, 40.0),
-        STEPS,
-        1e5,
-        1e6,
-        (HALF,),
-        ((SLOPE, 0.0),),
-        SINGLE,
-    ),
-    Case(
-        "simulation: apoapsis before, from a zero",
-        time_of_apoapsis,
-        (V, -40.0),
-        STEPS,
-        1e5,
-        1e6,
-        (-HALF,),
-        ((-SLOPE, 0.0),),
-        SINGLE,
-    ),
-    Case("simulation: burnout", burnt, (50.0, 3000.0, 100.0, 4.0), STEPS, 1e5, 1e6, single=SINGLE),
-    Case(
-        "simulation: fall into the centre",
-        fall_into_the_centre,
-        (1.0, 0.0, 0.0),
-        "exact",
-        value=(1.0, 1.0),
-    ),
-    # 3 is `Status.MAX_STEPS`: a case returns numbers.
-    Case("simulation: out of steps", out_of_steps, (1.0,), "exact", value=(3.0, 1.0)),
-    Case(
-        "simulation: batch beside a failure",
-        beside_a_failure,
-        (1.0, 0.0, 1.2),
-        "exact",
-        value=(0.0, 1.0, 0.0),
-    ),
-    Case(
-        "dispersion: tail beyond 8 deviations",
-        tails,
-        (8.0,),
-        value=(6.22096057427178e-16, 6.22096057427178e-16, 0.5),
-        roundings=64.0,
-    ),
-)
