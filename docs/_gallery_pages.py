@@ -60,8 +60,8 @@ GOALS = {
         "fig_8_4_2 fig_8_4_3 fig_8_4_4"
     ),
     "Land inside a circle": (
-        "upright_landing branches booster_return air_brake roll_control "
-        "fig_4_17_2 envelope"
+        "windy_landing upright_landing branches booster_return air_brake "
+        "roll_control fig_4_17_2 envelope"
     ),
     "Keep a spinning stage pointing": (
         "epicycle converging_spiral fig_7_9_3 fig_7_8_2 fig_7_3_2 fig_7_4_3"

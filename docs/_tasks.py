@@ -77,7 +77,7 @@ TASKS = {
     "rockets": {
         "Push": "Thrust SteeredThrust GimballedThrust Gimbal ThrottledEngine ColdGasThrusters "
         "AttitudeControl servo",
-        "Describe a motor": "read_motor Motor ThrustProfile BackPressure",
+        "Describe a motor": "read_motor Motor ThrustProfile ThrottleTable BackPressure",
         "Steer": "steering PitchKick GravityTurn GravityTurnState gravity_turn",
         "Lose mass": "Separation PropellantDepletion JetDamping jet_damping MassStream "
         "variable_mass sprinkler",

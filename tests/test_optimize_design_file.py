@@ -98,6 +98,11 @@ def test_what_is_wrong_is_said(path):
         ('at_least = "8000 km"', 'equal = "8000 km"', "must be at_least or at_most"),
         ('share = "99 %"', 'share = "199 %"', "between 0 and 1, both excluded"),
         (
+            'over = "dispersion"\n',
+            'over = "dispersion"\nmay_fail = 0.9\n',
+            "optimize.may_fail is 0.9",
+        ),
+        (
             '"initial.velocity.1" = { low',
             '"initial.velocity.0" = { low = 0.0, high = "2 km/s" }\n"initial.velocity.1" = { low',
             "initial.velocity.0 is an input of dispersion: a number cannot be free and random",

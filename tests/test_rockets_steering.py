@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace import BodyState, Scene, simulate
+from jaxspace import BodyState, Scene, simulate, simulate_mission
 from jaxspace.bodies import Load, RigidBody
+from jaxspace.core import InputError
 from jaxspace.core.vectors import axis
 from jaxspace.io import SceneError
 from jaxspace.optimization.ascent import Ascent, ConstantMassFlow, burnout_state
 from jaxspace.optimization.steering import LinearTangentSteering
-from jaxspace.orbits import PointGravity
+from jaxspace.orbits import PointGravity, UniformGravity
 from jaxspace.rockets import (
     AttitudeControl,
     BackPressure,
@@ -24,6 +25,7 @@ from jaxspace.rockets import (
     PitchKick,
     Separation,
     SteeredThrust,
+    ThrottleTable,
     Thrust,
     ThrustProfile,
 )
@@ -38,6 +40,8 @@ from jaxspace.rockets.steering import (
 )
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
+from jaxspace.simulation import Accuracy, Mission, Phase
+from jaxspace.solvers import Tsit5
 
 FLAT = FlightPlane(up=jnp.array([0.0, 0.0, 1.0]))
 Y = BodyState(jnp.array([0.0, 300.0, 6.4e6]), jnp.array([40.0, 0.0, 30.0]), mass=jnp.array(1000.0))
@@ -180,6 +184,47 @@ def test_a_steered_burn_is_that_of_the_quadrature():
     np.testing.assert_allclose(
         found, [expected.x, expected.y, expected.u, expected.w, 400.0], rtol=1e-9
     )
+
+
+def test_a_schedule_throttles_over_the_burn():
+    """By Tsiolkovsky's formula with the area of the table, in a phase that ignites after another;
+    and the derivative of the mass by each throttle, which is the area of its hat."""
+    u, full, delay = 3000.0, 2e4, 1.0
+    times, throttles = np.array([0.0, 1.0, 4.0, 5.0]), np.array([0.5, 1.0, 0.4, 0.8])
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3), mass=jnp.array(1000.0))
+
+    def burnt(x):
+        engine = SteeredThrust(
+            FixedDirection([1.0, 0.0, 0.0]),
+            mean_thrust=full,
+            exhaust_velocity=u,
+            burn_time=7.0,
+            delay=delay,
+            schedule=ThrottleTable(times, x),
+        )
+        coast = Phase(Scene([UniformGravity([0.0, 0.0, 0.0])], carry=("mass",)), 2.0, name="coast")
+        mission = Mission([coast, Phase(Scene([engine]), 10.0)])
+        end = simulate_mission(mission, y0, accuracy=Accuracy(1e-9, method=Tsit5())).final
+        return end.mass, (end.mass, end.velocity[0])
+
+    slope, (mass, speed) = jax.jacfwd(burnt, has_aux=True)(jnp.asarray(throttles))
+    hats = np.array([0.5, 2.0, 2.0, 0.5])
+    # The last throttle stays from 5 s to the end of the burn, at 7 s.
+    hats[-1] += 2.0
+    expected = 1000.0 - full / u * (hats @ throttles)
+    np.testing.assert_allclose(mass, expected, rtol=1e-9)
+    np.testing.assert_allclose(speed, u * np.log(1000.0 / expected), rtol=1e-8)
+    np.testing.assert_allclose(slope, -full / u * hats, rtol=1e-9)
+
+
+def test_what_is_wrong_with_a_schedule_is_said():
+    for times, throttles, sentence in (
+        ([0.0, 1.0], [0.5], "2 times and 1 throttles"),
+        ([1.0, 0.0], [0.5, 0.5], "ThrottleTable.times"),
+        ([0.0, 1.0], [0.5, 1.5], "ThrottleTable.throttles"),
+    ):
+        with pytest.raises(InputError, match=sentence):
+            ThrottleTable(times, throttles)
 
 
 def test_control_of_the_attitude():

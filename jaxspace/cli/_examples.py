@@ -31,6 +31,7 @@ GOALS: dict[str, tuple[str, ...]] = {
     ),
     "control a vehicle": (
         "powered_landing",
+        "windy_landing",
         "upright_landing",
         "air_brake",
         "roll_control",

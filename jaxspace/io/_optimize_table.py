@@ -45,6 +45,7 @@ NOMINAL_RUN, DISPERSION = OVER = ("nominal", "dispersion")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
 RATE = Number(argument("", positive=True, fixed=True, doc="rate"))
+MAY_FAIL = Number(argument("", low=0.0, high=0.5, fixed=True, doc="share of the runs"))
 ALTITUDE = Number(argument("m", fixed=True, doc="altitude"))
 
 
@@ -129,6 +130,9 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
             ),
             # As many as the shares need.
             "runs": Entry(Whole(), None, doc="how many runs of [dispersion] the search has"),
+            "may_fail": Entry(
+                MAY_FAIL, 0.0, doc="share of these runs that may fail, and are left out"
+            ),
             "free": Entry(AnyTable(), doc="free numbers, by path, each with low, high and scale"),
             "constraint": Entry(
                 ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."

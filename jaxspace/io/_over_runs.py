@@ -58,7 +58,8 @@ def optimise_over_runs(
     }
     if nominal:
         return optimise_nominal(campaign, start, **common)
-    common |= {"runs": table["runs"], "seed": file.dispersion["seed"]}
+    common |= {name: table[name] for name in ("runs", "may_fail")}
+    common["seed"] = file.dispersion["seed"]
     return optimise_design(campaign, start, store=store, resume=resume, **common)
 
 

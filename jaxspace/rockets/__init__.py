@@ -16,6 +16,7 @@ from ._propellant_depletion import PropellantDepletion as PropellantDepletion
 from ._spinning_rocket import SpinningRocket as SpinningRocket
 from ._steered_thrust import Separation as Separation
 from ._steered_thrust import SteeredThrust as SteeredThrust
+from ._throttle_table import ThrottleTable as ThrottleTable
 from ._throttled_engine import ThrottledEngine as ThrottledEngine
 from ._thrust import Thrust as Thrust
 from ._thrust_profile import ThrustProfile as ThrustProfile

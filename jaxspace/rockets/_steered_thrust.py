@@ -1,10 +1,12 @@
 """Thrust along a steering law: the flight of a rocket as a point, without any rotation.
 
-    a = F d/m,   F = s F_m f(x) - p A,   m' = -s F_m f(x)/u
+    a = F d/m,   F = s F_m f(x) - p A,   m' = -s F_m f(x)/u,   s = s_0 s_1(t - t_0)
 
     symbol  meaning                                                           unit
     F_m, f  mean thrust in vacuum, profile over the burn                      N, 1
     s, u    throttle, exhaust velocity in vacuum                              1, m/s
+    s_0     constant part of the throttle                                     1
+    s_1     its table over the time since the ignition t_0                    1
     p, A    pressure of the air, area of the nozzle's exit                    Pa, m^2
     d       direction of the thrust by its law                                1
 
@@ -15,6 +17,7 @@ import os
 from typing import Any, ClassVar, final
 
 import equinox as eqx
+import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, AbstractJump, BodyState, Load
@@ -27,10 +30,12 @@ from ..core import (
     known_time,
     quantity,
 )
+from ..core.shapes import with_rank
 from ..core.types import as_float
 from ._back_pressure import BackPressure
 from ._ignition import check_ignition, delay_field, ignited, ignition_of
 from ._motor_file import read_motor_file
+from ._throttle_table import ThrottleTable
 from ._thrust import FILE_PROPELLANT, MOTOR_FILE, Thrust
 from ._thrust_profile import ThrustProfile
 from .steering import AbstractSteering, joined_breaks
@@ -66,6 +71,9 @@ class SteeredThrust(AbstractEffect):
         doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
     )
     delay: OptionalNumberField = delay_field()
+    schedule: ThrottleTable | None = eqx.field(
+        default=None, metadata={"doc": "factor on the throttle over the burn; 1 by default"}
+    )
 
     @classmethod
     @constructor(
@@ -163,11 +171,11 @@ class SteeredThrust(AbstractEffect):
 
     def thrust(self, t: Scalar, mass: Scalar) -> Scalar:
         """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
-        return self._motor().thrust(t, mass)
+        return self._share(t) * self._motor().thrust(t, mass)
 
     def mass_rate(self, t: Scalar, mass: Scalar) -> Scalar:
         """Rate of the mass, kg/s, negative while the motor burns."""
-        return self._motor().mass_rate(t, mass)
+        return self._share(t) * self._motor().mass_rate(t, mass)
 
     def propellant_left(self, y: BodyState) -> Scalar:
         """Mass above the burnout mass, kg; its zero is the end of the burn. Raises `InputError`
@@ -178,7 +186,7 @@ class SteeredThrust(AbstractEffect):
         del body
         # The flow follows the thrust in vacuum: the pressure of the air takes thrust, not mass.
         motor = self._motor()
-        thrust = motor.thrust(t, y.mass)
+        thrust = self._share(t) * motor.thrust(t, y.mass)
         return Load(
             force_N=motor.net_thrust(thrust, y) * self.steering.direction(t, y),
             mass_rate=-thrust / self.exhaust_velocity,
@@ -189,9 +197,17 @@ class SteeredThrust(AbstractEffect):
         return {} if self.burnout_mass is None else {"SteeredThrust.burnout_mass": "mass"}
 
     def breaks(self) -> Float[Array, "times *#runs"]:
-        motor_breaks = self._motor().breaks()
+        breaks = self._motor().breaks()
+        if self.schedule is not None:
+            lit = ignition_of(self)
+            times = with_rank(self.schedule.times, jnp.ndim(lit))
+            breaks = joined_breaks(breaks, lit + times)
         law = self.steering.breaks()
-        return motor_breaks if law is None else joined_breaks(motor_breaks, law)
+        return breaks if law is None else joined_breaks(breaks, law)
+
+    def _share(self, t: Scalar) -> Scalar | float:
+        """The factor of the schedule."""
+        return 1.0 if self.schedule is None else self.schedule.at(t - ignition_of(self))
 
     def _motor(self) -> Thrust:
         # A throttle that is always there is a factor; the flow falls with the thrust.

@@ -1,0 +1,38 @@
+"""Land softly in 99 % of all winds
+A landing in the wind
+
+A stage lands by a throttle that only the clock knows, while thrust, drag,
+speed and wind scatter. Nine throttles and the altitude of the ignition that
+are best for the nominal run let 99 % of all runs touch the ground at up to
+49 m/s; those that are best for the runs themselves at up to 18 m/s."""
+
+from pathlib import Path
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+import jaxspace
+from jaxspace.robust import judge_designs
+
+jaxspace.enable_x64()
+file = jaxspace.load(Path("examples") / "scenes" / "windy_landing.toml")
+best = file.optimize_design()
+nominal = file.optimize_design(nominal=True)
+judged = judge_designs(best, {"nominal": nominal.x})
+print(judged)
+
+figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
+times = np.asarray(
+    file.values["effects"]["steered_thrust"]["schedule"]["times"]
+)
+for name, design in judged.designs.items():
+    speed = design.runs.outputs["speed"]
+    left.hist(speed, np.linspace(0.0, 60.0, 80), alpha=0.5, label=name)
+    throttles = [x for path, x in design.x.items() if "throttles" in path]
+    altitude = design.x["phase.0.until.at_altitude.altitude"]
+    right.plot(times, throttles, label=f"ignited at {float(altitude):.0f} m")
+left.set(xlabel="speed at the ground, m/s", ylabel="runs of 4,096")
+right.set(xlabel="time since the ignition, s", ylabel="throttle")
+left.legend()
+right.legend()
+plt.show()
