@@ -98,7 +98,7 @@ def _turned(duration: Scalar, tensor: Matrix, omega: Vector) -> tuple[Quaternion
     local, axes = _principal_frame(tensor)
     # The elements off the diagonal are rounding here: only the rule of derivatives needs them.
     moments = jnp.stack([local[k, k] for k in range(3)])
-    turn, later = _in_given_axes(
+    turn, later = _in_axes(
         axes, *free_rotation(duration, moments, matvec(_transposed(axes), omega))
     )
     # The tensor rebuilt from its principal axes equals the given one to rounding only.
@@ -118,7 +118,7 @@ def _turned_tangent(
         for k, x in zip(moving, moved, strict=True):
             given[k] = x
         local, axes = _principal_frame(given[1])
-        return _in_given_axes(
+        return _in_axes(
             axes, *_near_principal(given[0], local, matvec(_transposed(axes), given[2]))
         )
 
@@ -135,7 +135,7 @@ def _principal_frame(tensor: Matrix) -> tuple[Matrix, Matrix]:
     return _transformed(tensor, axes), axes
 
 
-def _in_given_axes(axes: Matrix, turn: Quaternion, later: Vector) -> tuple[Quaternion, Vector]:
+def _in_axes(axes: Matrix, turn: Quaternion, later: Vector) -> tuple[Quaternion, Vector]:
     return Quaternion(jnp.concatenate([turn.wxyz[:1], matvec(axes, turn.wxyz[1:])])), matvec(
         axes, later
     )

@@ -71,7 +71,7 @@ def crossed(
     bad = stop.bad | (~still & ~jnp.all(jnp.isfinite(values), axis=0))
     any_hit = jnp.any(hits, axis=0)
 
-    def found(_: None) -> tuple[State, Array, Array]:
+    def located(_: None) -> tuple[State, Array, Array]:
         parts = []
         for k, event in enumerate(events):
             parts.append(
@@ -91,10 +91,10 @@ def crossed(
         te, ye = newton_correct(held, events, which, t + dt, y)
         return select(any_hit, ye, y1), jnp.where(any_hit, te, stop.t), which
 
-    def passed(_: None) -> tuple[State, Array, Array]:
+    def uncrossed(_: None) -> tuple[State, Array, Array]:
         return y1, jnp.where(still, stop.t, t + duration), jnp.full(still.shape, -1, jnp.int32)
 
-    y, te, which = jax.lax.cond(jnp.any(hits), found, passed, None)
+    y, te, which = jax.lax.cond(jnp.any(hits), located, uncrossed, None)
     te = jnp.where(still | any_hit, te, t + duration)
     number = jnp.where(any_hit, which, stop.number)
     return y, Stop(number, te, jnp.where(still, stop.values, values), bad)

@@ -96,7 +96,7 @@ def kind_of(annotation: object, unit: str = "") -> Kind | None:
     """The kind that an annotation declares; `None` where it says nothing that is checked."""
     parts = typing.get_args(annotation)
     if isinstance(annotation, types.UnionType) or typing.get_origin(annotation) is typing.Union:
-        return _either([kind_of(part, unit) for part in parts])
+        return _union([kind_of(part, unit) for part in parts])
     if annotation is None or annotation is types.NoneType:
         return Kind(lambda x: x is None, "None")
     if hasattr(annotation, "dim_str") or annotation in (jax.Array, np.ndarray, float):
@@ -151,7 +151,7 @@ def _below(cls: type) -> list[type]:
     return list(dict.fromkeys(found))
 
 
-def _either(kinds: Sequence[Kind | None]) -> Kind | None:
+def _union(kinds: Sequence[Kind | None]) -> Kind | None:
     """What one of several kinds takes; `None` where one of them is not checked."""
     known = [kind for kind in kinds if kind is not None]
     if len(known) < len(kinds):

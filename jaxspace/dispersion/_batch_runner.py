@@ -30,15 +30,15 @@ from ..integration.exact_part import exact
 from ..integration.status import Status
 from ..simulation.blocks import Blocks
 from ..stores.results import RunResults
-from ._along import Kept
 from ._campaign import Campaign
-from ._chosen_times import warn_of_unreached
+from ._chosen_times import warn_of_times_outside
 from ._isolation import isolate
 from ._outputs import check_apart, outputs_to_check
 from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
 from ._planned import PlannedCampaign
 from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
 from ._program import Drawn, draw_inputs, drawn_by, program
+from ._saved_states import StatesToStore
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
 CALL = 512
@@ -83,7 +83,7 @@ class BatchRunner:
         accuracy: Accuracy,
         seed: int,
         devices: Sequence[jax.Device],
-        samples: Kept,
+        samples: StatesToStore,
         runs: int,
     ) -> "BatchRunner":
         """Plan a campaign of so many runs by its pilots and a trial, and compile their program.
@@ -150,7 +150,7 @@ class BatchRunner:
         runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
         # Runs without a plan take the same steps again.
         runner.trial = results if unplanned else None
-        warn_of_unreached(campaign, samples, results.trajectories)
+        warn_of_times_outside(campaign, samples, results.trajectories)
         return runner
 
     def chunk(self, wished: int) -> int:
@@ -216,7 +216,7 @@ class BatchRunner:
 
         def call(used: np.ndarray) -> PyTree:
             drawn = self._draw(numbers, used, k)
-            return jax.tree.map(np.asarray, self._program(*self._given(drawn, plans, blocks)))
+            return jax.tree.map(np.asarray, self._program(*self._arguments(drawn, plans, blocks)))
 
         return isolate(call, numbers.size)
 
@@ -232,7 +232,7 @@ class BatchRunner:
         # Those of the runs say that they were not used.
         zeros = np.zeros(size, drawn.status.dtype)
         drawn = drawn._replace(status=jax.device_put(zeros, self.devices[0]))
-        given = self._given(drawn, plans, self.blocks)
+        given = self._arguments(drawn, plans, self.blocks)
         results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
         outputs = {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
         finite = {name: x for name, x in outputs.items() if np.isfinite(x)}
@@ -248,7 +248,7 @@ class BatchRunner:
             zeros = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), drawn)
             # On a device, as what is drawn: elsewhere the program would be another one.
             drawn = jax.device_put(zeros, self.devices[0])
-            given = self._given(drawn, self.planned.plans[0], self.blocks)
+            given = self._arguments(drawn, self.planned.plans[0], self.blocks)
             traced = self._program.lower(*given)
         except BaseException as error:
             lowered.set_exception(error)
@@ -266,7 +266,7 @@ class BatchRunner:
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
         return self.planned.campaign, self.key, *given
 
-    def _given(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[PyTree, ...]:
+    def _arguments(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[PyTree, ...]:
         """Arguments of the compiled program of the missions."""
         planned = self.planned
         given = planned.campaign, planned.accuracy, drawn, plans, blocks

@@ -14,8 +14,8 @@ from ..simulation import Event, Phase
 from ..simulation.legs import legs_of
 from ..simulation.phase_runs import OwnTimes
 from ..simulation.runnable import AbstractRunnable
-from ._along import ChosenTimes, Kept
 from ._campaign import Campaign
+from ._saved_states import ChosenTimes, StatesToStore
 
 # Rounding of a sum of durations, by which a user's time can lie beyond the end of a phase.
 ROUNDING = 8.0 * np.finfo(float).eps
@@ -95,8 +95,8 @@ def _chosen_in(
     return chosen, _Left(left[~here], start + duration, known)
 
 
-def warn_of_unreached(
-    campaign: Campaign, kept: Kept, trajectories: Mapping[str, np.ndarray]
+def warn_of_times_outside(
+    campaign: Campaign, kept: StatesToStore, trajectories: Mapping[str, np.ndarray]
 ) -> None:
     """Warn of times that no run of the trial reaches, in phases whose times differ between runs."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):

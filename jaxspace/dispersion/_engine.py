@@ -21,7 +21,6 @@ from ..statistics.spread import StopRule
 from ..stores.results import RunResults
 from ..stores.store import ENOUGH, DamagedStore
 from ..stores.writer import StoreWriter
-from ._along import Kept
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose
 from ._campaign import Campaign
@@ -30,6 +29,7 @@ from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
 from ._engines import MultiHost, as_engine
 from ._record import record
+from ._saved_states import StatesToStore
 from ._whole import check_whole
 from ._work import AbstractEngine
 from .covariance import MONTE_CARLO, Moments, moments
@@ -170,7 +170,7 @@ def disperse(
     started = time.perf_counter()
     asked = as_campaign_accuracy(campaign.accuracy if accuracy is None else accuracy)
     accuracy = _resolved(campaign.accuracy_for(asked))
-    kept_states = _kept_states(campaign, samples, times, store)
+    kept_states = _states_to_store(campaign, samples, times, store)
     using = as_engine(engine)
     local = _devices(devices)
     if isinstance(using, MultiHost) and store is None:
@@ -258,12 +258,12 @@ def _planned(
     return runner, recorded(errors_at(given, runner.run(0, runner.call), simulated))
 
 
-def _kept_states(
+def _states_to_store(
     campaign: Campaign,
     samples: int,
     times: Sequence[float] | None,
     store: str | os.PathLike[str] | None,
-) -> Kept:
+) -> StatesToStore:
     """The states that the store saves. Raises `InputError` without a store, or for both options."""
     if samples and (samples < 2 or store is None):
         raise InputError(f"samples is {samples}: it must be 0, or at least 2 with a store.")

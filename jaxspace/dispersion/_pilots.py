@@ -23,13 +23,13 @@ from ..simulation.mission_runs import run_mission
 from ..simulation.phase_runs import OwnTimes, SaveTimes, ends_on_the_way
 from ..simulation.phases import resolve_and_count, resolve_phases
 from ..simulation.runnable import AbstractRunnable
-from ._along import Kept, saved_of
 from ._campaign import Campaign
 from ._exact_parts import for_turns
 from ._isolation import isolate
 from ._outputs import PilotRuns
 from ._plans import nodes_of
 from ._program import Drawn
+from ._saved_states import StatesToStore, saved_of
 
 # Number of pilots besides the nominal run.
 PILOTS = 15
@@ -47,7 +47,7 @@ def _pilots(
     campaign: Campaign,
     accuracy: Accuracy,
     drawn: dict[str, Float[Array, " runs"]],
-    kept: Kept,
+    kept: StatesToStore,
 ) -> tuple[list[Array | None], PilotRuns]:
     """Adaptive runs of the pilots, the nominal one first and then the first runs of those drawn.
 
@@ -68,7 +68,7 @@ def _pilots(
     return [run.step_ends for run in result.phases], PilotRuns(_as_run(result), samples)
 
 
-def _saved(campaign: Campaign, kept: Kept, phases: int) -> list[SaveTimes]:
+def _saved(campaign: Campaign, kept: StatesToStore, phases: int) -> list[SaveTimes]:
     """What the runs of the campaign save of each phase."""
     saved = saved_of(campaign.along, kept)
     return [saved] * phases if isinstance(saved, int) else saved
@@ -116,7 +116,7 @@ def _breaks_differ(phase: Phase) -> bool:
 
 
 def expected_steps(
-    campaign: Campaign, accuracy: Accuracy, kept: Kept, block: int, runs: int
+    campaign: Campaign, accuracy: Accuracy, kept: StatesToStore, block: int, runs: int
 ) -> tuple[list[PyTree], bool]:
     """Shape and type of the number that records each phase's steps, `None` for one without a plan;
     and whether the steps of this many planned `runs` are a small program.
@@ -149,7 +149,7 @@ def pilot_plans(
     accuracy: Accuracy,
     draw: Callable[[np.ndarray], Drawn],
     runs: int,
-    kept: Kept,
+    kept: StatesToStore,
 ) -> tuple[list[np.ndarray | None], PilotRuns]:
     """The nodes at which the steps of the pilots ended, phase by phase; and the pilots.
 

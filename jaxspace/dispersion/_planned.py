@@ -3,9 +3,9 @@
 from typing import NamedTuple
 
 from ..integration.accuracy import Accuracy
-from ._along import Kept
 from ._campaign import Campaign
 from ._plans import Plans
+from ._saved_states import StatesToStore
 
 
 class PlannedCampaign(NamedTuple):
@@ -22,5 +22,5 @@ class PlannedCampaign(NamedTuple):
     seed: int
     plans: tuple[Plans, ...]
     small: bool
-    samples: Kept
+    samples: StatesToStore
     digest: str

@@ -24,10 +24,10 @@ from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ..simulation.trajectory import Trajectory
 from ..stores.results import RunResults
-from ._along import Kept, for_outputs, for_store, saved_of
 from ._campaign import Campaign
 from ._outputs import outputs_of
 from ._plans import Plans
+from ._saved_states import StatesToStore, for_outputs, for_store, saved_of
 
 
 class Drawn(NamedTuple):
@@ -78,14 +78,14 @@ def _run(
     drawn: Drawn,
     plans: Plans,
     blocks: Blocks,
-    samples: Kept,
+    samples: StatesToStore,
     small: bool,
 ) -> tuple[RunResults, Float[Array, "phases runs"]]:
     """The runs with these inputs, and the largest local error of each phase of each run."""
 
     def block(
         batched: tuple[dict[str, Array], Array],
-        arguments: tuple[Campaign, Accuracy, Plans, Kept],
+        arguments: tuple[Campaign, Accuracy, Plans, StatesToStore],
     ) -> tuple[RunResults, Array]:
         return _block(*arguments, *batched, small)
 
@@ -98,7 +98,7 @@ def _block(
     campaign: Campaign,
     accuracy: Accuracy,
     plans: Plans,
-    samples: Kept,
+    samples: StatesToStore,
     inputs: dict[str, Float[Array, " runs"]],
     not_run: Integer[Array, " runs"],
     small: bool,

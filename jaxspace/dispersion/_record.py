@@ -7,8 +7,8 @@ from pathlib import Path
 import jax
 import numpy as np
 
-from ..core.own_code import text_hash
 from ..core.processors import cores
+from ..core.user_code import text_hash
 from ..integration.accuracy import Accuracy
 from ..statistics.requirements import requirement_of
 from ._campaign import Campaign

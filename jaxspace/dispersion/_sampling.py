@@ -208,7 +208,7 @@ def draw(
     def one(number: Array) -> dict[str, Array]:
         run_key = jax.random.fold_in(key, number)
         result = {}
-        for names in _alike(inputs):
+        for names in _of_equal_structure(inputs):
             tags = [zlib.crc32((inputs[name].source or name).encode()) for name in names]
             # One program for all of a kind, which compiles sooner than one for each.
             kind = jax.tree.map(lambda *x: jnp.stack(x), *(inputs[name] for name in names))
@@ -223,7 +223,7 @@ def draw(
     return jax.vmap(one)(numbers)
 
 
-def _alike(inputs: Mapping[str, AbstractDistribution]) -> list[list[str]]:
+def _of_equal_structure(inputs: Mapping[str, AbstractDistribution]) -> list[list[str]]:
     """The names of the inputs whose distributions differ in their numbers alone."""
     kinds: dict[Any, list[str]] = {}
     for name, d in inputs.items():

@@ -14,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 import jax
 
 from ..core import InputError
-from ..core.own_code import run_module
+from ..core.user_code import run_module
 from ..stores.results import RunResults
 from ._batch_runner import BatchRunner
 from ._planned import PlannedCampaign

@@ -18,11 +18,11 @@ from ..simulation import MissionTrajectory
 from ..simulation.finish import with_calls
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
-from ._along import saved_states, thinned
 from ._exact_parts import for_turns
 from ._interface import AbstractCampaign, OutputFunction
 from ._isolation import RAISED, callbacks, reason
 from ._outputs import outputs_of, raised
+from ._saved_states import saved_states, thinned
 
 
 @final

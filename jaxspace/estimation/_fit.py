@@ -173,7 +173,7 @@ def _search(
         options={"jac": "fwd"},
     )
     solved = result.result == optimistix.RESULTS.successful
-    return _found(
+    return _fit_of(
         task, scale * result.value.astype(dtype), solved, result.stats["num_steps"], stated
     )
 
@@ -235,7 +235,7 @@ class _Task(NamedTuple):
         return jax.jacfwd(lambda x: _twice(self.residuals(x)), has_aux=True)(x)
 
 
-def _found(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
+def _fit_of(task: _Task, x: Array, solved: Array, steps: Array, stated: bool) -> Fit:
     """The result of a search that ended at the coordinates x."""
     jacobian, (r, tree) = task.linear(x)
     count = task.coordinates.count if task.beforehand is None else 0

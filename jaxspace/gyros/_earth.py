@@ -61,7 +61,7 @@ class Earth(NamedTuple):
         # Nothing to the east: the field is the same all around the axis.
         return jnp.stack(jnp.broadcast_arrays(0.0 * up, north, up))
 
-    def own_rate(self, latitude: Scalar) -> Vector:
+    def angular_velocity(self, latitude: Scalar) -> Vector:
         """The earth's angular velocity, rad/s, in level axes."""
         east = 0.0 * latitude
         parts = (east, self.rate * jnp.cos(latitude), self.rate * jnp.sin(latitude))

@@ -112,7 +112,7 @@ class InertialNavigator(AbstractSystem):
         # Shared parameters broadcast against those of each run.
         rank = max(force.ndim, turn.ndim, y.velocity.ndim, jnp.ndim(y.latitude) + 1) - 1
         velocity = with_rank(y.velocity, rank)
-        earth_rate = with_rank(earth.own_rate(y.latitude), rank)
+        earth_rate = with_rank(earth.angular_velocity(y.latitude), rank)
         transport = with_rank(earth.transport_rate(y.latitude, y.height, y.velocity), rank)
         gravity = with_rank(earth.gravity(y.latitude, y.height), rank)
         rate = with_rank(force, rank) + gravity - cross(2.0 * earth_rate + transport, velocity)

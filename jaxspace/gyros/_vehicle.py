@@ -95,7 +95,7 @@ def felt_on(path: Path, earth: Earth, t: Scalar) -> Felt:
     # rates.
     v, v_rate, (place, rate) = jax.jvp(velocity, (t,), (one,), has_aux=True)
     rank = v.ndim - 1
-    turn = with_rank(earth.own_rate(place.latitude), rank)
+    turn = with_rank(earth.angular_velocity(place.latitude), rank)
     transport = with_rank(earth.transport_rate(place.latitude, place.height, v), rank)
     gravity = with_rank(earth.gravity(place.latitude, place.height), rank)
     force = v_rate + cross(2.0 * turn + transport, v) - gravity

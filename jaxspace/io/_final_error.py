@@ -93,7 +93,7 @@ def final_error_errors(file: Parsed, parts: Set[str], with_accuracy: bool) -> li
         ]
     if not isinstance(asked, Mapping):
         return []
-    given = _given(asked)
+    given = _named_blocks(asked)
     if not given:
         return ["final_error is {}: it must name a part of the state, such as position."]
     return [
@@ -103,14 +103,14 @@ def final_error_errors(file: Parsed, parts: Set[str], with_accuracy: bool) -> li
     ]
 
 
-def asked_of(value: Value, accuracy: Accuracy) -> FinalError | None:
+def requested_error(value: Value, accuracy: Accuracy) -> FinalError | None:
     """The error that is asked for by the value of `final_error`; `accuracy` has method and limits
     of the steps."""
     if value is None:
         return None
     if not isinstance(value, Mapping):
         return FinalError(float(value), accuracy=accuracy)
-    return FinalError(None, accuracy=accuracy, **_given(value))
+    return FinalError(None, accuracy=accuracy, **_named_blocks(value))
 
 
 def tolerance_of(run: Trajectory) -> float:
@@ -140,7 +140,7 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
     def listed(factor: float) -> str:
         if isinstance(value, Written):
             return f"{value.text(factor)} of every part of the state"
-        return ", ".join(f"{name} {x.text(factor)}" for name, x in _given(value).items())
+        return ", ".join(f"{name} {x.text(factor)}" for name, x in _named_blocks(value).items())
 
     rows = [("final error asked for", listed(1.0))]
     if runs == 1:
@@ -156,6 +156,6 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
     return rows
 
 
-def _given(blocks: Mapping[str, Written | None]) -> dict[str, Any]:
+def _named_blocks(blocks: Mapping[str, Written | None]) -> dict[str, Any]:
     """The errors of the blocks that the file names."""
     return {name: x for name, x in blocks.items() if x is not None}

@@ -91,7 +91,7 @@ def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | Made
     return result, errors
 
 
-def with_given(
+def with_distributions(
     known: Mapping[str, Input | MadeInput],
     given: Mapping[str, object],
     file: Parsed,
@@ -276,11 +276,11 @@ def _declared(entry: Entry) -> Quantity:
 
 def _expected(nominal: Measure, entry: Entry) -> str:
     """What a field of a distribution must be, for a sentence."""
-    one = expected(_own_quantity(nominal, _declared(entry)))
+    one = expected(_quantity_in_unit(nominal, _declared(entry)))
     return f"a list of one or more entries, each {one}" if isinstance(entry.kind, ListOf) else one
 
 
-def _own_quantity(nominal: Measure, declared: Quantity) -> Quantity:
+def _quantity_in_unit(nominal: Measure, declared: Quantity) -> Quantity:
     """The quantity of a number of a distribution: that of the nominal value, in its own range."""
     # A pure number, such as a weight, does not have the unit of the input.
     if declared.unit == "1":
@@ -290,7 +290,7 @@ def _own_quantity(nominal: Measure, declared: Quantity) -> Quantity:
 
 def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> float:
     """A number in the unit of the nominal value; a difference may be a percentage of it."""
-    quantity = _own_quantity(nominal, declared)
+    quantity = _quantity_in_unit(nominal, declared)
     try:
         share = declared.unit == SHARE_OF_INPUT
         # A difference may be relative; a value of the input, such as a limit, may not.

@@ -23,7 +23,7 @@ from ._kinds import Reading, Value, Values
 from ._modules import missing_module, read_modules
 from ._named_files import NamedFiles
 from ._optimize_table import dispersed_and_free, read_task
-from ._output_entries import given_parts, read_outputs
+from ._output_entries import parts_of_state, read_outputs
 from ._output_spec import OutputSpec
 from ._parsed import Parsed
 from ._scene_file import SceneFile
@@ -90,7 +90,7 @@ def load(
     if file.kind == "flight" and not errors:
         errors = flight_errors(file)
     if not errors:
-        errors = final_error_errors(file, given_parts(file), "accuracy" in data)
+        errors = final_error_errors(file, parts_of_state(file), "accuracy" in data)
         errors += tolerance_errors(file)
     inputs = {}
     outputs = ()

@@ -11,7 +11,7 @@ from typing import Any
 
 from ..core import InputError
 from ..core.files import read_text
-from ..core.own_code import run_module, text_hash
+from ..core.user_code import run_module, text_hash
 from ._named_files import NamedFile
 
 

@@ -77,10 +77,10 @@ class Optimum:
     def sentence(self) -> str:
         """Why the search ended; value and target of each constraint that is not met, in the units
         of the file; and the `warning`."""
-        own = self._own_sentence()
+        own = self._reason()
         return f"{own} {self.warning}" if self.warning else own
 
-    def _own_sentence(self) -> str:
+    def _reason(self) -> str:
         if int(self.minimum.reason) == StopReason.NOT_FINITE:
             bad = [
                 f"{spec.name.replace('_', ' ')} is {value}"

@@ -58,7 +58,7 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     if take and take not in TAKES:
         raise ValueError(wrong(f"{key}.take", take, _one_of()))
     what = _what(key, entry, file, take)
-    phases = _phases_along(f"{key} = {name}", what, file) if take else ()
+    phases = _phases_of_extreme(f"{key} = {name}", what, file) if take else ()
     shared = () if what.function is None else tuple(what.function.output.shared.items())
     si = "s" if take.startswith("time") else what.si
     # By default in the unit in which the author wrote it, or quantities of this kind.
@@ -144,7 +144,7 @@ def _methods_of(name: str, file: Parsed) -> Mapping[str, OutputFunction]:
     return file.catalog.effect_outputs(name) if name in file.active_effects() else {}
 
 
-def _phases_along(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
+def _phases_of_extreme(what: str, found: _What, file: Parsed) -> tuple[int, ...]:
     """The numbers of the phases along which an extreme is sought: those in which the effect acts,
     if it is of one. Raises `ValueError` where there are none."""
     active = [phase["effects"] for phase in _phases(file)]
@@ -214,7 +214,7 @@ def state_of(file: Parsed) -> type:
     return state_class(file.catalog.systems[file.values["system"]["name"]])
 
 
-def given_parts(file: Parsed, place: int = -1) -> set[str]:
+def parts_of_state(file: Parsed, place: int = -1) -> set[str]:
     """The parts of the states of a run of the file, at the place of an output."""
     cls = state_of(file)
     if cls is not BodyState or "initial" in file.makers:
@@ -227,7 +227,7 @@ def given_parts(file: Parsed, place: int = -1) -> set[str]:
 
 def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> str:
     declared = quantities(state_of(file))
-    parts = given_parts(file, place)
+    parts = parts_of_state(file, place)
     if path[0] not in parts:
         raise ValueError(unknown(key, path[0], sorted(parts), "part of the state"))
     quantity = declared[path[0]]
@@ -246,7 +246,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> 
 
 def _lacking(name: str, function: OutputFunction, file: Parsed, place: int = -1) -> list[str]:
     """Errors for what an output needs and the file does not have at that place."""
-    parts = given_parts(file, place)
+    parts = parts_of_state(file, place)
     shared = function.output.shared
     result = []
     for argument in arguments_of(function):

@@ -37,11 +37,11 @@ from ..vehicles import LaunchSite
 from ._accuracy import steps_of
 from ._build import build_mission, replaced
 from ._file_content import FileContent
-from ._final_error import asked_of, rounded_down, tolerance_of
+from ._final_error import requested_error, rounded_down, tolerance_of
 from ._final_output import FinalOutput, function_of
 from ._flight import SITE
 from ._ground import warned_of_ground
-from ._inputs import with_given
+from ._inputs import with_distributions
 from ._kinds import Values
 from ._named_files import NamedFiles
 from ._nominal import nominal_states, outputs_of, with_run
@@ -115,7 +115,7 @@ class SceneFile(FileContent):
             return DEFAULT_RTOL["float64"]
         if self.final_error is None:
             return self.values["accuracy"]
-        samples = 2 if self.values["dispersion"] is None else self._along
+        samples = 2 if self.values["dispersion"] is None else self._states_read
         # The program of `nominal_mission` for campaigns, which follows.
         run = self._mission_run(self.final_error, samples, throw=True)
         return rounded_down(tolerance_of(run.phases[0]))
@@ -133,7 +133,7 @@ class SceneFile(FileContent):
     @functools.cached_property
     def final_error(self) -> FinalError | None:
         """The error that the file asks for at the end of its nominal run; `None` without."""
-        return asked_of(self.values["final_error"], steps_of(self.parsed, None))
+        return requested_error(self.values["final_error"], steps_of(self.parsed, None))
 
     @property
     def system(self) -> AbstractSystem | Mission:
@@ -266,7 +266,7 @@ class SceneFile(FileContent):
         asked = self.dispersion
         # A copy, because files given for one campaign do not belong to another.
         files = NamedFiles(self.files.folder, self.files.texts)
-        scatters = with_given(self.inputs, inputs or {}, self.parsed, files)
+        scatters = with_distributions(self.inputs, inputs or {}, self.parsed, files)
         for warning in warnings_of(scatters) if warn else ():
             warnings.warn(warning, stacklevel=2)
         if nominal is None and needs(self.outputs, NOMINAL):
@@ -276,11 +276,11 @@ class SceneFile(FileContent):
         every = own if outputs is None else MoreOutputs(own, outputs)
         design = design_of(asked["sampling"], self.runs if runs is None else runs)
         return campaign_of(
-            self, scatters, every, design, self._along, files.texts, self.campaign_accuracy
+            self, scatters, every, design, self._states_read, files.texts, self.campaign_accuracy
         )
 
     @property
-    def _along(self) -> int:
+    def _states_read(self) -> int:
         """Number of states of each phase that the outputs need."""
         # Without extremes, only the ends of the phases are read.
         extremes = any(spec.take for spec in self.outputs)
@@ -361,7 +361,7 @@ class SceneFile(FileContent):
         `final_error` where the factor is one; its status reports a failure.
 
         `samples`: states of each phase; by default as many as the outputs of [dispersion] need."""
-        samples = self._along if samples is None else samples
+        samples = self._states_read if samples is None else samples
         asked = self.final_error
         if asked is None or factor != 1.0:
             # A finer tolerance than rounding allows would be refused.

@@ -39,10 +39,10 @@ def symmetries(system: AbstractDescription) -> Symmetries:
     # Without the axes of runs: one number represents all.
     shapes = tuple(np.shape(x)[: max(k, 0)] for x, k in zip(leaves, axes, strict=True))
     try:
-        return _found(structure, shapes, _Static(static))
+        return _symmetries_of(structure, shapes, _Static(static))
     except TypeError:
         # A static field that cannot be hashed.
-        return _found.__wrapped__(structure, shapes, _Static(static))
+        return _symmetries_of.__wrapped__(structure, shapes, _Static(static))
 
 
 class _Static:
@@ -60,7 +60,9 @@ class _Static:
 
 
 @functools.lru_cache(maxsize=256)
-def _found(structure: object, shapes: tuple[tuple[int, ...], ...], static: _Static) -> Symmetries:
+def _symmetries_of(
+    structure: object, shapes: tuple[tuple[int, ...], ...], static: _Static
+) -> Symmetries:
     # A fixed seed: a system has the same invariants in every process.
     draw = np.random.default_rng(20260101)
     arrays = jax.tree.unflatten(structure, [draw.uniform(0.5, 1.5, shape) for shape in shapes])

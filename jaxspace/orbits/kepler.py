@@ -52,7 +52,7 @@ from ..core.special import stumpff
 from ..core.square_roots import sqrt
 from ..core.vectors import cross, dot
 from ._anomaly import Anomaly, anomaly_after
-from ._straight_motion import straight_motion
+from ._rectilinear import rectilinear_motion
 
 
 @formula(mu=NOT_NEGATIVE)
@@ -104,7 +104,7 @@ def _flow(
     other = jnp.sqrt(dot(position, position)) * dot(velocity, velocity)
     other = jax.lax.stop_gradient(jnp.where(other > 0.0, other, 1.0))
     r, v = _conic(position, velocity, duration, jnp.where(straight, other, mu))
-    line_r, line_v = straight_motion(position, velocity, duration, jnp.where(straight, mu, 0.0))
+    line_r, line_v = rectilinear_motion(position, velocity, duration, jnp.where(straight, mu, 0.0))
     return jnp.where(straight, line_r, r), jnp.where(straight, line_v, v)
 
 

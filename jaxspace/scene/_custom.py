@@ -20,7 +20,7 @@ KEPT = ("energy", "angular_momentum", "axial_angular_momentum", "rotational_mome
 VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
 
-def _as_kept(x: object) -> frozenset[str]:
+def _as_conserved(x: object) -> frozenset[str]:
     """The names of what an effect keeps. Raises `InputError` for anything else than names."""
     names = x if isinstance(x, Iterable) and not isinstance(x, str) else None
     if names is None or not all(isinstance(name, str) for name in names):
@@ -59,7 +59,7 @@ class Custom(AbstractEffect):
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
     # Of the instance and not of the class, because each function has its own.
     keeps: frozenset[str] = eqx.field(  # pyright: ignore
-        static=True, converter=_as_kept, default=frozenset()
+        static=True, converter=_as_conserved, default=frozenset()
     )
     energy: Callable[..., Scalar] | None = None
     break_times: Float[Array, "times *#runs"] | None = quantity(

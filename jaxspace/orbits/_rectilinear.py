@@ -26,7 +26,7 @@ from ..core.square_roots import sqrt
 from ..core.vectors import dot
 
 
-def straight_motion(
+def rectilinear_motion(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
     """The state a duration later for a `mu` that is zero, with the first derivatives by it.

@@ -26,7 +26,7 @@ class ChosenTimes(NamedTuple):
     kept: Int[Array, " chosen"]
 
 
-Kept: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
+StatesToStore: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
 """Number of states to store of each phase, evenly from its start to its end; or their places."""
 
 
@@ -40,7 +40,7 @@ def saved_states(along: int, kept: int) -> tuple[int, int]:
     return every_nth * (kept - 1) + 1, every_nth
 
 
-def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
+def saved_of(along: int, kept: StatesToStore) -> int | list[SaveTimes]:
     """The save times of each phase, for `run_mission`."""
     if isinstance(kept, int):
         return saved_states(along, kept)[0]
@@ -48,7 +48,7 @@ def saved_of(along: int, kept: Kept) -> int | list[SaveTimes]:
     return [along if x is None else x for x in fractions]
 
 
-def for_outputs(result: MissionTrajectory, kept: Kept) -> MissionTrajectory:
+def for_outputs(result: MissionTrajectory, kept: StatesToStore) -> MissionTrajectory:
     """The states that the outputs read: evenly spaced, from the start of each phase to its end."""
     if isinstance(kept, int):
         return result
@@ -65,7 +65,9 @@ def _even(phase: Trajectory, chosen: ChosenTimes | OwnTimes | None) -> Trajector
     return _picked(phase, chosen.outputs)
 
 
-def for_store(result: MissionTrajectory, along: int, kept: Kept) -> Sequence[Trajectory | None]:
+def for_store(
+    result: MissionTrajectory, along: int, kept: StatesToStore
+) -> Sequence[Trajectory | None]:
     """States of each phase that go into the store; `None` where there are none."""
     if isinstance(kept, int):
         return list(thinned(result, saved_states(along, kept)[1]).phases) if kept else []
