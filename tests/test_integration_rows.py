@@ -25,11 +25,11 @@ def expected() -> dict[str, np.ndarray]:
     return rows
 
 
-@pytest.mark.parametrize("shape", [(RUNS,), (3, 3)])
-def test_each_run_writes_and_reads_its_own_row(shape):
+@pytest.mark.parametrize(("shape", "whole"), [((RUNS,), jnp.int32), ((3, 3), jnp.int64)])
+def test_each_run_writes_and_reads_its_own_row(shape, whole):
     """Of runs on one axis and on two, and nothing of a run that is not due."""
     old, new = jax.tree.map(lambda x: jnp.asarray(x).reshape(*x.shape[:-1], *shape), (OLD, NEW))
-    index, due = jnp.asarray(INDEX).reshape(shape), jnp.asarray(DUE).reshape(shape)
+    index, due = jnp.asarray(INDEX, whole).reshape(shape), jnp.asarray(DUE).reshape(shape)
     rows = jax.jit(_rows.put_rows)(old, index, due, new)
     for name, row in expected().items():
         np.testing.assert_array_equal(rows[name].reshape(row.shape), row)

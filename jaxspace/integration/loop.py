@@ -64,6 +64,7 @@ class LoopState(NamedTuple):
     tangents: ProbeState | None
     limiting: Int[Array, "*runs"]
     left_out: Bool[Array, "*runs"]
+    going: Bool[Array, "*runs"]
 
 
 class Attempt(NamedTuple):
@@ -119,7 +120,7 @@ def integrate_loop(
         settings: LoopSettings, before: LoopState | None, left_out: Array | None = None
     ) -> LoopState:
         def unfinished(loop: LoopState) -> Bool[Array, ""]:
-            going = jnp.any(_going_on(settings, loop))
+            going = jnp.any(loop.going)
             return going if loop.location is None else going | jnp.any(loop.location.again)
 
         def by_motion(loop: LoopState) -> LoopState:
@@ -217,7 +218,7 @@ def _start(
     if settings.sought is not None:
         location = Location.none_yet(settings.sought, t, y0, settings.tolerance)
     first = field_of_part(field, t, t_next - t)[0]
-    return LoopState(
+    start = LoopState(
         t=t,
         t_next=t_next,
         y=y0,
@@ -234,7 +235,9 @@ def _start(
         tangents=None if control is None else control.probes.begin(settings.tolerance),
         limiting=jnp.zeros(alive.shape, jnp.int32),
         left_out=jnp.zeros_like(alive) if left_out is None else left_out,
+        going=jnp.zeros(t.shape, bool),
     )
+    return start._replace(going=_going_on(settings, start))
 
 
 def _carries(settings: LoopSettings) -> bool:
@@ -295,7 +298,7 @@ def _advance(
     loop: LoopState,
 ) -> LoopState:
     """The loop after one more pass."""
-    going = _going_on(settings, loop)
+    going = loop.going
     location = loop.location
     s, length, y0 = loop.t, jnp.where(going, loop.t_next - loop.t, 0.0), loop.y
     jumped = loop.jumped
@@ -338,7 +341,7 @@ def _advance(
     # The last step must not pass the end, where the vector field may not be defined.
     t_next = jnp.where(going, jnp.minimum(following.end, settings.end), loop.t_next)
     steps = jax.tree.map(lambda a, b: jnp.where(going, a, b), following.state, loop.control)
-    return loop._replace(
+    after = loop._replace(
         t=t,
         t_next=t_next,
         y=y,
@@ -354,6 +357,9 @@ def _advance(
         tangents=tangents,
         limiting=limiting,
     )
+    going = _going_on(settings, after)
+    # Beyond its end no run starts again: a stage for it would be one for all.
+    return after._replace(going=going, jumped=after.jumped & going)
 
 
 def _shared_error(settings: LoopSettings, error: Array, going: Array) -> Array:

@@ -155,58 +155,80 @@ def stage_loop(
 
 
 class _NestedProducts(AbstractDenseOutput):
-    """Dense output of DOP853: nested products of x and 1 - x, with the seven `coefficients` on the
-    first axis of the leaves, or as a list."""
+    """Dense output that has the state and its derivative at both ends of the step,
+
+        y(x) = y0 + x (d + (1 - x) (h k0 - d + x (2 d - h (k0 + k1) + (1 - x) (r_0 + x ...))))
+
+    with d = y1 - y0 and the fraction x of the step: factors x and 1 - x alternate.
+
+    - `y0`, `y1`, `k0`, `k1`: states and derivatives at both ends.
+    - `rest`: the coefficients r_i, a list, or on the first axis of the leaves for a small program;
+      `None` where no state within the step is needed."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]
     y0: State
-    coefficients: list[State] | State | None
+    y1: State | None
+    k0: State | None
+    k1: State | None
+    rest: list[State] | State | None
 
     def state(self, t: Float[Array, "*#runs"]) -> State:
-        assert self.coefficients is not None, "the step keeps nothing for states within it"
-        x = self.fraction(t)
+        assert self.rest is not None, "the step keeps nothing for states within it"
+        x, h = self.fraction(t), self.t1 - self.t0
 
-        def nested(y0: Array, *fs: Array) -> Array:
+        def ends(y0: Array, y1: Array, k0: Array, k1: Array) -> list[Array]:
+            change = y1 - y0
+            start = h.astype(y0.dtype) * k0 - change
+            return [change, start, change - h.astype(y0.dtype) * k1 - start]
+
+        def nested(y0: Array, y1: Array, k0: Array, k1: Array, *rest: Array) -> Array:
             total = jnp.zeros_like(y0)
-            # Factors x and 1 - x alternate: all terms but the first, the change, vanish at both
-            # ends.
-            for i, f in enumerate(reversed(fs)):
+            fs = [*ends(y0, y1, k0, k1), *rest]
+            for i, f in reversed(list(enumerate(fs))):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
 
-        if isinstance(self.coefficients, list):
-            return jax.tree.map(nested, self.y0, *self.coefficients)
-        # The same products as weights: one sum for each leaf, for a small program.
+        if isinstance(self.rest, list):
+            return jax.tree.map(nested, self.y0, self.y1, self.k0, self.k1, *self.rest)
+        # The same products as weights: one sum for each leaf.
         weights = [x]
-        for i in range(6):
+        for i in range(2 + jax.tree.leaves(self.rest)[0].shape[0]):
             weights.append(weights[-1] * ((1.0 - x) if i % 2 == 0 else x))
         w = jnp.stack(weights)
-        return jax.tree.map(
-            lambda y, f: y + weighted_rows(w.astype(f.dtype), f), self.y0, self.coefficients
-        )
+
+        def summed(y0: Array, y1: Array, k0: Array, k1: Array, rest: Array) -> Array:
+            rows = jnp.concatenate([jnp.stack(ends(y0, y1, k0, k1)), rest])
+            return y0 + weighted_rows(w.astype(y0.dtype), rows)
+
+        return jax.tree.map(summed, self.y0, self.y1, self.k0, self.k1, self.rest)
 
 
-class _Quartic(AbstractDenseOutput):
-    """Dense output of Tsit5: a polynomial of order four without a constant, whose four
-    `coefficients` are on the first axis of the leaves, or a list."""
+def within_step(
+    dense: bool,
+    h: Array,
+    ends: tuple[State, State],
+    ks: list[State] | State,
+    last: int,
+    rows: tuple[Weights, ...],
+) -> dict[str, object]:
+    """What the dense output reads, from the states at both `ends` and all derivatives: that at the
+    end is number `last`, and `rows` are the weights of the coefficients r_i."""
+    y0, y1 = ends
+    if not dense:
+        # Not left for the compiler to remove, because each first call would trace and lower it.
+        return dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
+    if isinstance(ks, list):
+        rest = [combine(None, h, row, ks) for row in rows]
+        return dict(y0=y0, y1=y1, k0=ks[0], k1=ks[last], rest=rest)
 
-    t0: Float[Array, ""]
-    t1: Float[Array, ""]
-    y0: State
-    coefficients: list[State] | State | None
+    def leaf(k: Array) -> Array:
+        hk = h.astype(k.dtype) * k
+        weights = dense_rows(rows, k.shape[0]).astype(k.dtype)
+        return jax.vmap(lambda w: weighted_rows(w, hk))(weights)
 
-    def state(self, t: Float[Array, "*#runs"]) -> State:
-        assert self.coefficients is not None, "the step keeps nothing for states within it"
-        x = self.fraction(t)
-
-        def polynomial(y0: Array, *cs: Array) -> Array:
-            change = functools.reduce(lambda total, c: total * x.astype(c.dtype) + c, reversed(cs))
-            return y0 + x.astype(y0.dtype) * change
-
-        if isinstance(self.coefficients, list):
-            return jax.tree.map(polynomial, self.y0, *self.coefficients)
-        return jax.tree.map(lambda y, cs: polynomial(y, *cs), self.y0, self.coefficients)
+    k0, k1 = (jax.tree.map(lambda k, i=i: k[i], ks) for i in (0, last))
+    return dict(y0=y0, y1=y1, k0=k0, k1=k1, rest=jax.tree.map(leaf, ks))
 
 
 class _AbstractStages(AbstractFieldSolver):
@@ -282,16 +304,13 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         )
         if not self.in_parts:
             error = whole_error(error)
-        # Not left for the compiler to remove, because each first call would trace and lower it.
-        within = None
-        if self.dense:
-            if isinstance(ks, list):
-                # Four evaluations in every step, also if few states are saved.
-                last = stages(f, t0, h, y1, (1.0,), ((),), [])
-                rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
-                ks = stages(f, t0, h, y0, *rest, [*ks, *last])
-            within = _dense_coefficients(h, y0, y1, ks)
-        return Advance(y1, error, dict(y0=y0, coefficients=within))
+        if self.dense and isinstance(ks, list):
+            # Four evaluations in every step, also if few states are saved.
+            last = stages(f, t0, h, y1, (1.0,), ((),), [])
+            rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
+            ks = stages(f, t0, h, y0, *rest, [*ks, *last])
+        within = within_step(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
+        return Advance(y1, error, within)
 
 
 class EmbeddedErrors(NamedTuple):
@@ -334,29 +353,6 @@ def blend(e5: Array, e3: Array) -> Array:
     return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
-def _dense_coefficients(
-    h: Array, y0: State, y1: State, ks: list[State] | State
-) -> list[State] | State:
-    """The seven coefficients of DOP853's dense output, from all sixteen stages."""
-    change = jax.tree.map(jnp.subtract, y1, y0)
-    if not isinstance(ks, list):
-        rows = dense_rows(tableau.DOP853_DENSE, 16)
-
-        def leaf(k: Array, d: Array) -> Array:
-            hk = h.astype(k.dtype) * k
-            start = hk[0] - d
-            end = 2.0 * d - (hk[0] + hk[12])
-            rest = jax.vmap(lambda w: weighted_rows(w, hk))(rows.astype(k.dtype))
-            return jnp.concatenate([jnp.stack([d, start, end]), rest])
-
-        return jax.tree.map(leaf, ks, change)
-    start = jax.tree.map(lambda k, d: h.astype(d.dtype) * k - d, ks[0], change)
-    end = jax.tree.map(
-        lambda d, k0, k1: 2.0 * d - h.astype(d.dtype) * (k0 + k1), change, ks[0], ks[12]
-    )
-    return [change, start, end, *(combine(None, h, row, ks) for row in tableau.DOP853_DENSE)]
-
-
 @final
 class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     """The method of Tsitouras of order 5, with an embedded error of order 4 and dense output of
@@ -374,7 +370,7 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
-    interpolation_cls: ClassVar = _Quartic
+    interpolation_cls: ClassVar = _NestedProducts
 
     @property
     def traits(self) -> SolverTraits:
@@ -404,7 +400,9 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             # The last row is the end of the step, and its stage the derivative there.
             ks = stages(f, t0, h, y0, tableau.TSIT5_C, tableau.TSIT5_A, [], in_loop=True)
             y1 = barrier(combine(y0, h, tableau.TSIT5_B, ks))
-            return Advance(y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, ks))
+            return Advance(
+                y1, combine(None, h, tableau.TSIT5_ERROR, ks), self._within(h, y0, y1, ks)
+            )
         # After a jump the last stage of the step before belongs to another vector field.
         jumped = jnp.asarray(f.made_jump)
         first = jax.lax.cond(jnp.any(jumped), lambda: f(t0, y0), lambda: carried)
@@ -416,20 +414,8 @@ class Tsit5(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         y1 = barrier(f.projected(t1, combine(y0, h, tableau.TSIT5_B, ks)))
         ks = [*ks, *stages(f, t0, h, y1, tableau.TSIT5_C[-1:], ((),), [])]
         error = combine(None, h, tableau.TSIT5_ERROR, ks)
-        return Advance(y1, error, self._within(h, y0, ks), carried=ks[-1], projected=True)
+        return Advance(y1, error, self._within(h, y0, y1, ks), carried=ks[-1], projected=True)
 
-    def _within(self, h: Array, y0: State, ks: list[State] | State) -> dict[str, object]:
-        """What the dense output reads: the coefficients once for all times within the step."""
-        if not self.dense:
-            return dict(y0=y0, coefficients=None)
-        # By stage, the weights of the powers of the fraction of the step.
-        rows = np.transpose(tableau.TSIT5_DENSE)
-        if isinstance(ks, list):
-            weights = [tuple((i, w) for i, w in enumerate(row) if w != 0.0) for row in rows]
-            return dict(y0=y0, coefficients=[combine(None, h, row, ks) for row in weights])
-
-        def leaf(k: Array) -> Array:
-            hk = h.astype(k.dtype) * k
-            return jax.vmap(lambda w: weighted_rows(w, hk))(rows.astype(k.dtype))
-
-        return dict(y0=y0, coefficients=jax.tree.map(leaf, ks))
+    def _within(self, h: Array, y0: State, y1: State, ks: list[State] | State) -> dict[str, object]:
+        """What the dense output reads."""
+        return within_step(self.dense, h, (y0, y1), ks, 6, (tableau.TSIT5_DENSE,))
