@@ -49,6 +49,7 @@ LONG = (
     "docs/howto/estimation.md",
     "docs/howto/what_accuracy_costs.md",
     "docs/tutorials/first_gradient.md",
+    "docs/tutorials/neural_steering.md",
     "docs/tutorials/physics_as_a_layer.md",
 )
 PACKAGES = [package.name for package in pkgutil.iter_modules(jaxspace.__path__) if package.ispkg]
