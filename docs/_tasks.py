@@ -117,7 +117,7 @@ TASKS = {
     "dispersion": {
         "Run a campaign": "disperse Campaign Dispersion StopRule",
         "Scatter an input": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
-        "Constant distributions AbstractDistribution ConeDirection Correlated MultivariateNormal "
+        "Constant AbstractDistribution ConeDirection Correlated MultivariateNormal "
         "AbstractJoint",
         "Choose the samples": "LatinHypercube Sobol AbstractDesign",
         "Know what causes the scatter": "sensitivity",
@@ -127,6 +127,12 @@ TASKS = {
         "Run one again": "run_paths RunPaths replay",
         "Keep the runs": "open_store DamagedStore StoreError",
         "Choose where they run": "ProcessPool DaskCluster MultiHost AbstractEngine",
+    },
+    "sampling": {
+        "Scatter an input": "Normal Uniform TruncatedNormal Triangular Lognormal Discrete Samples "
+        "Constant distributions AbstractDistribution",
+        "Scatter inputs together": "ConeDirection Correlated MultivariateNormal AbstractJoint",
+        "Choose the samples": "LatinHypercube Sobol AbstractDesign",
     },
     "statistics": {
         "Read the runs": "Dispersion Failure table requirements purpose",

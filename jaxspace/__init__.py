@@ -18,9 +18,10 @@ The packages, from the ground up:
     simulation      the runner: simulate one run or many, a system or a mission of phases
     studies         questions about a run: what accuracy costs, which effects matter, modes
     control         controllers that act at samples, sensors, environments (imported by name)
+    sampling        random inputs: distributions, designs (imported by name)
     statistics      of many runs: limits, joint spread, contributors, requirements
     stores          campaigns on disk (imported by name)
-    dispersion      campaigns of many runs: distributions, engines
+    dispersion      campaigns of many runs, by any engine
     optimization    staging, steering
     robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)

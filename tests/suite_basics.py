@@ -72,6 +72,7 @@ BASICS = {
         "rockets": "test_singular_places.py::test_the_spin_angle_without_burning",
         "rotations": "test_rotations.py::test_euler_angles_have_no_nan",
         "simulation": "test_simulation_results.py::test_a_failed_run_is_loud_under_jit",
+        "sampling": "test_sampling.py::test_direction_numbers_are_those_of_scipy",
         "statistics": "test_statistics.py::test_infinite_values_count_in_percentiles",
     },
     "file": {

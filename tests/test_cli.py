@@ -188,7 +188,7 @@ def test_disperse_prints_a_table_and_keeps_the_runs(dispersed):
     assert 28.0 < kept.outputs["inclination"].min() and kept.outputs["inclination"].max() < 29.0
 
 
-# `test_dispersion_sampling.py` asks the same of the draws.
+# `test_sampling.py` asks the same of the draws.
 @pytest.mark.sweep
 def test_runs_depend_on_the_seed_and_their_number_alone(dispersed, tmp_path):
     path = tmp_path / "coast.toml"

@@ -52,7 +52,8 @@ ALLOWED = {
     # Statistics are of plain arrays: who has some needs no campaign.
     "statistics": {"core", "integration"},
     "stores": {"core", "statistics"},
-    "dispersion": {"core", "integration", "simulation", "statistics", "stores"},
+    "sampling": {"core"},
+    "dispersion": {"core", "integration", "simulation", "sampling", "statistics", "stores"},
     "optimization": {"core", "orbits", "rockets", "integration", "simulation"},
     "robust": {
         *("core", "integration", "simulation", "statistics", "dispersion", "optimization"),
@@ -61,14 +62,14 @@ ALLOWED = {
     # The packages of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),
-        *("scene", "solvers", "simulation", "statistics", "stores", "dispersion", "optimization"),
-        *("vehicles", "control", "robust", "integration"),
+        *("scene", "solvers", "simulation", "sampling", "statistics", "stores", "dispersion"),
+        *("optimization", "vehicles", "control", "robust", "integration"),
     },
     "plots": {"core", "rotations"},
     # Hard cases of every package.
     "verification": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "scene"),
-        *("solvers", "simulation", "studies", "dispersion", "optimization"),
+        *("solvers", "simulation", "studies", "sampling", "optimization"),
     },
 }
 ALLOWED["cli"] = set(ALLOWED)
@@ -115,7 +116,8 @@ HEAVY = {
     *("scipy", "mpmath", "hypothesis", "pytest"),
 }
 MAY_BE_HEAVY = {
-    *("simulation", "studies", "statistics", "stores", "dispersion", "io", "plots", "cli"),
+    *("simulation", "studies", "sampling", "statistics", "stores", "dispersion", "io", "plots"),
+    "cli",
     # Its cases are a table in TOML.
     "verification",
 }

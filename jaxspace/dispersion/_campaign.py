@@ -15,12 +15,12 @@ from ..core.checks import check_finite
 from ..core.quantities import Quantity
 from ..core.types import as_float
 from ..integration.accuracy import Accuracy
+from ..sampling.designs import AbstractDesign, draw
+from ..sampling.distributions import AbstractDistribution
 from ..simulation import Mission
 from ..statistics.requirements import requirement_of
 from ._exact_parts import with_exact_parts
 from ._interface import AbstractCampaign, BuildFunction, Limits, OutputFunction
-from ._sampling import AbstractDesign, draw
-from .distributions import AbstractDistribution
 from .names import check_names
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
 from .replay import Replay, replay

@@ -10,11 +10,11 @@ from jaxtyping import Array, Float, Integer
 
 from ..core import State
 from ..core.quantities import Quantity
+from ..sampling.designs import AbstractDesign
+from ..sampling.distributions import AbstractDistribution
 from ..simulation import Mission
 from ..simulation.mission_result import MissionTrajectory
 from ..statistics.requirements import Requirement
-from ._sampling import AbstractDesign
-from .distributions import AbstractDistribution
 
 BuildFunction: TypeAlias = Callable[[dict[str, Array]], tuple[Mission, State]]
 """From the inputs, each (runs,), to the mission and its initial state."""

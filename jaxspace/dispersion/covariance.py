@@ -40,12 +40,12 @@ from ..core import InputError, Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.status import SimulationError, Status
+from ..sampling.designs import map_normals, normal_columns
+from ..sampling.distributions import AbstractDistribution
+from ..sampling.joint import Component
 from ..statistics.sample_check import warning_of
 from ._campaign import Campaign, in_order
-from ._joint import Component
-from ._sampling import map_normals, normal_columns
 from ._whole import check_whole
-from .distributions import AbstractDistribution
 from .evaluate import BLOCK, Evaluator, evaluate_traced
 
 # How far from the mean the slopes are compared with the curvature, in deviations; and by which part

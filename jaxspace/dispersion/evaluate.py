@@ -16,6 +16,7 @@ from jaxtyping import Array, Float, Int
 
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status
+from ..sampling.designs import Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
@@ -23,7 +24,6 @@ from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
 from ._exact_parts import for_turns
 from ._outputs import outputs_of
-from ._sampling import Sobol, map_normals, normal_columns
 from ._whole import check_whole
 
 BLOCK = 256

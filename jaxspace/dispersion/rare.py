@@ -34,8 +34,8 @@ from jaxtyping import Array, Float
 from ..core import InputError, Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
+from ..sampling.designs import map_normals, normal_columns
 from ._campaign import Campaign, in_order
-from ._sampling import map_normals, normal_columns
 from ._whole import check_whole
 from .evaluate import Evaluator, evaluate_traced
 

@@ -20,8 +20,8 @@ import numpy as np
 from ..core import InputError, Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
+from ..sampling.designs import map_normals, normal_columns
 from ._campaign import Campaign
-from ._sampling import map_normals, normal_columns
 from ._whole import check_whole
 from .evaluate import Evaluator
 

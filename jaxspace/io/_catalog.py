@@ -33,7 +33,7 @@ from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, State
 from ..core.declarations import EventCondition, Initial, Output
 from ..core.modules import public_names
 from ..core.quantities import quantities
-from ..dispersion import AbstractDistribution
+from ..sampling import AbstractDistribution
 from ._kinds import Entry, Maker
 from ._modules import defined_in, read_modules
 from ._objects import entry_of, foreign_fields, function_way, members, object_kind, snake_case

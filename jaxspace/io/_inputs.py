@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 from ..core import InputError
 from ..core.quantities import Quantity
-from ..dispersion import AbstractDistribution
-from ..dispersion.distributions import NOMINAL, SHARE_OF_INPUT
+from ..sampling import AbstractDistribution
+from ..sampling.distributions import NOMINAL, SHARE_OF_INPUT
 from ._control import scatter_errors
 from ._errors import hint, missing, shown, unknown, wrong
 from ._joint_inputs import MadeInput, read_correlated, read_direction

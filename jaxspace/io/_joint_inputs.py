@@ -9,7 +9,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.quantities import Quantity
-from ..dispersion import (
+from ..sampling import (
     AbstractDistribution,
     AbstractJoint,
     ConeDirection,

@@ -6,8 +6,9 @@ import equinox as eqx
 from jaxtyping import Array
 
 from ..core import State
-from ..dispersion import Campaign, LatinHypercube, Sobol, Uniform
+from ..dispersion import Campaign
 from ..dispersion.purpose import ByPurpose
+from ..sampling import LatinHypercube, Sobol, Uniform
 from ..simulation import Accuracy, Mission, MissionTrajectory
 from ._build import build_mission, replaced
 from ._control import is_noisy

@@ -9,11 +9,11 @@ from jaxtyping import Array
 
 from ..bodies import BodyState, BurningBody
 from ..bodies.inertia import as_inertia
-from ..dispersion import Normal, TruncatedNormal, Uniform
 from ..orbits import TwoBody
 from ..orbits.outputs import apoapsis
 from ..rockets import Thrust
 from ..rotations import Quaternion
+from ..sampling import Normal, TruncatedNormal, Uniform
 from ..scene import Scene
 from ..simulation import Accuracy, Event, Status, simulate, simulate_batch
 from ..solvers import DOP853

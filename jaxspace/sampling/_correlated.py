@@ -22,8 +22,8 @@ from numpy.typing import ArrayLike
 from ..core import InputError
 from ..core.printing import printed
 from ..core.types import as_float
-from ._joint import AbstractJoint
 from .distributions import AbstractDistribution
+from .joint import AbstractJoint
 
 
 def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:

@@ -21,7 +21,7 @@ from ..core.printing import printed
 from ..core.safe import phi1
 from ..core.square_roots import sqrt
 from ..core.types import as_float
-from ._joint import AbstractJoint
+from .joint import AbstractJoint
 
 
 @final

@@ -24,7 +24,7 @@ from jaxspace.dispersion import (
     TruncatedNormal,
     Uniform,
 )
-from jaxspace.dispersion._sampling import _directions
+from jaxspace.sampling.designs import _directions
 
 SQUARE = np.log1p(1.0 / 16.0)  # of a lognormal of mean 2 and deviation 1/2
 KNOWN = [
