@@ -21,13 +21,12 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events, searches_steps
 from ..integration.layout import broadcast_state, runs_of, state_at
-from ..integration.status import Status
 from ._integrator import Integrator
 from ._mission import Phase
-from ._runs import SoughtCondition, straight_to_event
+from ._to_event import SoughtCondition, straight_to_event
 from .checks import check_events
 from .legs import Leg
-from .phase_runs import SaveTimes, ended_at_start
+from .phase_runs import SaveTimes, with_missed
 from .runnable import AbstractRunnable
 from .trajectory import Trajectory
 
@@ -117,9 +116,7 @@ def run_alike(
             within = jnp.where(beyond, 0.0, within)
         times = jnp.stack([t, t + within])
         run = straight_to_event(Integrator(system, config, run_axes), y, times, events)
-        missed = (run.status == Status.COMPLETED) & sought
-        status = jnp.where(missed, Status.EVENT_MISSED, run.status)
-        run = ended_at_start(dataclasses.replace(run, status=status), beyond)
+        run = with_missed(run, beyond, sought)
         return (state_at(run.states, -1, run_axes), run.ts[-1]), run
 
     own = numbers, jnp.stack(within), jnp.array(sought)

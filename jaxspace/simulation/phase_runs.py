@@ -7,23 +7,23 @@ from typing import Any, NamedTuple, TypeAlias
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, ArrayLike, Float
 
 from ..core import Scalar, State
 from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents
-from ..integration.events import Event, closures_of_events, newton_correct
+from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events, of_each, searches_steps
 from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
 from ..integration.result import IntegrationResult
-from ..integration.status import Status, combine_status, time_unresolved
+from ..integration.status import Status, time_unresolved
 from ._integrator import Integrator
 from ._mission import Phase
-from ._runs import SoughtCondition, straight_to_event
+from ._to_event import SoughtCondition, ended, search_to_event, straight_to_event
 from .checks import check_events
 from .runnable import AbstractRunnable
-from .trajectory import Trajectory
+from .trajectory import Trajectory, without_events
 
 
 class OwnTimes(NamedTuple):
@@ -97,19 +97,22 @@ def run_to_end(
     # Nothing happens in no time, and the state at the end has the derivatives of that at the start.
     span = t0, t1 if beyond is None else jnp.where(beyond, t0, t1)
     run = _run_to_event(integrator, until, y0, span, num_saved, plan, record_steps)
-    return ended_at_start(run, beyond)
+    return with_missed(run, beyond)
 
 
-def ended_at_start(run: Trajectory, beyond: Array | None) -> Trajectory:
-    """The run of a phase with the event of those that were `beyond` its zero when it started."""
+def with_missed(run: Trajectory, beyond: Array | None, sought: ArrayLike = True) -> Trajectory:
+    """The run of a phase with the status of an event that did not happen while it was `sought`,
+    and with the event of a run that was `beyond` its zero when it started."""
+    missed = (run.status == Status.COMPLETED) & sought
+    status = jnp.where(missed, Status.EVENT_MISSED, run.status)
     if beyond is None:
-        return run
-    missed = beyond & (run.status == Status.EVENT_MISSED)
+        return dataclasses.replace(run, status=status)
+    at_once = missed & beyond
     return dataclasses.replace(
         run,
-        status=jnp.where(missed, Status.EVENT, run.status),
-        event=jnp.where(missed, 0, run.event),
-        happened=run.happened | missed,
+        status=jnp.where(at_once, Status.EVENT, status),
+        event=jnp.where(at_once, 0, run.event),
+        happened=run.happened | at_once,
     )
 
 
@@ -128,10 +131,7 @@ def _run_to_event(
     if plan is None and not record_steps and locates_events(config, system, y0, t0):
         if isinstance(num_saved, int) and num_saved == 2:
             times = jnp.stack([t0, t1])
-            run = straight_to_event(integrator, y0, times, (until,))
-            missed = run.status == Status.COMPLETED
-            status = jnp.where(missed, Status.EVENT_MISSED, run.status)
-            return dataclasses.replace(run, status=status)
+            return straight_to_event(integrator, y0, times, (until,))
         # A batch would hold all of its states twice.
         if isinstance(num_saved, int) and not run_axes:
             return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
@@ -153,17 +153,9 @@ def _saved(
     ends_alone = fractions.shape[0] == 2
     # Start and end alone need no save times within a step, which would cost evaluations.
     result = integrator.run(y0, t0, t1, None if ends_alone else fractions, **steps)
-    # Only runs of a system store their steps: `dense` is no argument of a mission.
-    return Trajectory(
-        ts=t0 + of_each(fractions, t1 - t0),
-        states=with_start(y0, result.states, run_axes) if ends_alone else result.states,
-        status=result.status,
-        event=-jnp.ones(runs_of(y0, run_axes), jnp.int32),
-        happened=jnp.zeros((0, *runs_of(y0, run_axes)), bool),
-        stats=result.stats,
-        run_axes=run_axes,
-        step_ends=result.step_ends,
-    )
+    if ends_alone:
+        result = result._replace(states=with_start(y0, result.states, run_axes))
+    return without_events(t0 + of_each(fractions, t1 - t0), result, run_axes)
 
 
 def _search_and_run(
@@ -176,13 +168,13 @@ def _search_and_run(
     **steps: Any,
 ) -> Trajectory:
     """A phase up to an event, whose search is one integration, and whose states are another."""
-    system, _, run_axes = integrator
-    found = integrator.first_event(y0, t0, t1, (event,))
-    phase = _saved(integrator, y0, t0, found.time, num_saved, **steps)
-    at = found.which, found.time, found.met(state_at(phase.states, -1, run_axes))
-    t_event, y_event = newton_correct(system, (event,), *at, located=found.state is not None)
-    # The derivatives of the end are those of the correction, and not of the search.
-    return _ended_by(found, phase, t_event, y_event, run_axes)
+
+    def run_until(found: FoundEvents) -> Trajectory:
+        run = _saved(integrator, y0, t0, found.time, num_saved, **steps)
+        # To the last bit, by which it is the one of the event.
+        return dataclasses.replace(run, ts=run.ts.at[-1].set(found.time))
+
+    return search_to_event(integrator, y0, t0, t1, (event,), run_until)
 
 
 @eqx.filter_custom_jvp
@@ -205,36 +197,13 @@ def _sampled_to_event(
     _, both = jax.lax.scan(once, t1, jnp.array([True, False]))
     found = jax.tree.map(lambda x: x[0], both.found)
     result = jax.tree.map(lambda x: x[1], both)
-    phase = Trajectory(
-        ts=t0 + fractions * (found.time - t0),
-        states=replace_state(result.states, 0, y0, 0),
-        status=result.status,
-        event=found.which,
-        happened=jnp.zeros((0,), bool),
-        stats=result.stats,
-        run_axes=0,
-    )
-    return _ended_by(found, phase, found.time, found.met(state_at(phase.states, -1, 0)), 0)
+    states = replace_state(result.states, 0, y0, 0)
+    ts = (t0 + fractions * (found.time - t0)).at[-1].set(found.time)
+    phase = without_events(ts, result._replace(states=states), 0)
+    end = found.time, found.met(state_at(states, -1, 0))
+    return ended(integrator, y0, phase, (event,), found, end)
 
 
 @_sampled_to_event.def_jvp
 def _sampled_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory, Trajectory]:
     return eqx.filter_jvp(_search_and_run, primals, tangents)
-
-
-def _ended_by(
-    found: FoundEvents, phase: Trajectory, time: Scalar, state: State, run_axes: int
-) -> Trajectory:
-    """The phase with its end at the `time` and the `state` of the event, and with the status of
-    the search."""
-    hit = found.which >= 0
-    ended = jnp.where(hit, Status.EVENT, Status.EVENT_MISSED)
-    status = combine_status(phase.status, found.status)
-    return dataclasses.replace(
-        phase,
-        ts=phase.ts.at[-1].set(time),
-        states=replace_state(phase.states, -1, state, run_axes),
-        status=jnp.where(status == Status.COMPLETED, ended, status),
-        event=found.which,
-        happened=hit[None],
-    )

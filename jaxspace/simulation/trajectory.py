@@ -17,9 +17,10 @@ from ..integration.crossings import Crossings
 from ..integration.event_zero import pick
 from ..integration.integrate import take_step
 from ..integration.layout import state_at, times_first
-from ..integration.result import DenseOutput
+from ..integration.result import DenseOutput, IntegrationResult
 from ..integration.status import Status
 from ._dataset import dataset_of
+from ._integrator import of_each_run
 from ._rerun import final_state_again
 from ._summary import summary_of_run
 
@@ -311,6 +312,15 @@ class Trajectory(eqx.Module):
 
     def _repr_html_(self) -> str:
         return summary_of_run(self).html()
+
+
+def without_events(ts: Array, result: IntegrationResult, run_axes: int) -> Trajectory:
+    """The run through `ts`, (times,) or (times, *runs), of an integration."""
+    runs = result.status.shape
+    which = -jnp.ones(runs, jnp.int32)
+    happened = jnp.zeros((0, *runs), bool)
+    run = of_each_run(ts, runs), result.states, result.status, which, happened, result.stats
+    return Trajectory(*run, run_axes, result.dense, step_ends=result.step_ends)
 
 
 def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:
