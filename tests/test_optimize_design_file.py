@@ -86,7 +86,7 @@ def test_the_command(path, capsys):
         assert part in printed
     kept = {entry.name for entry in out.iterdir()}
     # The state of the search is not kept, because it ended.
-    endings = ("_optimum.toml", "_designs.png", "_search.png")
+    endings = ("_optimum.toml", "_designs.html", "_designs.png", "_search.png")
     assert kept == {f"transfer{ending}" for ending in endings}
     best = load(out / "transfer_optimum.toml")
     assert 7.6e3 < float(best.values["initial"]["velocity"][1]) < 8e3

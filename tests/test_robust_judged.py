@@ -1,5 +1,7 @@
 """Designs judged by fresh runs, against closed forms of a problem that is linear and quadratic."""
 
+import html
+
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -76,6 +78,16 @@ def test_the_figure_has_a_histogram_of_each(judged):
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["nominal", "robust"]
     # The line of the limit of y.
     assert [line.get_xdata()[0] for line in axes.lines] == [LIMIT]
+
+
+def test_the_page_holds_table_sentences_and_pictures(judged, tmp_path):
+    text = judged.page(tmp_path / "designs.html", "A <design>").read_text()
+    assert "<h1>A &lt;design&gt;</h1>" in text and "<script" not in text
+    assert "<th>nominal</th><th>robust</th>" in text
+    for sentence in (*judged.sentences, judged.optimum.sentence()):
+        assert html.escape(sentence) in text
+    # One of the output, one of the search.
+    assert text.count("<svg") == 2 and "http-equiv" not in text
 
 
 def test_what_is_wrong_is_said(best):

@@ -17,6 +17,7 @@ GOALS: dict[str, tuple[str, ...]] = {
     "fly a rocket to orbit": (
         "launch",
         "gimballed_ascent",
+        "dispersed_ascent",
         "pad_to_orbit",
         "booster_return",
         "gravity_turn",

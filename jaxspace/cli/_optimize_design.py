@@ -10,14 +10,16 @@ from ._waiting import progress
 
 def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
     """Search the best free numbers over the runs of the file, judge them by fresh runs beside those
-    of the file, print the table, and keep the file of the optimum and two figures."""
+    of the file, print the table, and keep the file of the optimum, a page and two figures."""
     make_folder(folder)
     beginning = os.path.join(folder, file.path.stem)
     store = f"{beginning}_search.npz"
     # A new search replaces the state of an old one.
     if not resume and os.path.exists(store):
         os.remove(store)
-    with progress("compiling the search", unit="step") as bar:
+    # With the most steps that it may take, the bar says how long it may last at most.
+    most = file.values["optimize"]["max_steps"]
+    with progress("compiling the search", unit="step", total=most) as bar:
 
         def show(step: int, objective: float, violation: float, gradient: float) -> None:
             del step
@@ -45,11 +47,12 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
 
 
 def _keep(file: SceneFile, beginning: str, optimum: DesignOptimum, judged: JudgedDesigns) -> None:
-    """Write the file of the optimum, and the figures of its runs and of the search."""
+    """Write the file of the optimum, its page, and the figures of its runs and of the search."""
     best = f"{beginning}_optimum.toml"
     with open(best, "w", encoding="utf-8") as out:
         out.write(file.with_design(optimum))
     print(f"file   {best}")
+    print(f"page   {judged.page(f'{beginning}_designs.html', file.title)}")
     for ending, figure in (
         ("_designs.png", judged.plot(title=file.title)),
         ("_search.png", optimum.minimum.plot(file.title)),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from ..core.modules import modules_of as _modules_of
 from ._convergence_figure import convergence_figure as convergence_figure
 from ._designs_figure import designs_figure as designs_figure
+from ._designs_page import designs_page as designs_page
 from ._dispersion_figure import dispersion_figure as dispersion_figure
 from ._dispersion_page import dispersion_page as dispersion_page
 from ._modes_figure import bode_figure as bode_figure

@@ -2,6 +2,8 @@
 
 __all__ = ["Estimate", "JudgedDesign", "JudgedLimit"]
 
+import os
+from pathlib import Path
 from typing import Any, NamedTuple, final
 
 import equinox as eqx
@@ -130,9 +132,16 @@ class JudgedDesigns(eqx.Module):
         return Listed([*result, *self.optimum.warnings])
 
     def __repr__(self) -> str:
-        names = list(self.designs)
+        lines = [*aligned(self._rows()).splitlines(), *self.sentences]
+        return "\n".join([self._heading(), *(f"  {line}" for line in lines)])
+
+    def _heading(self) -> str:
         count = self.designs["robust"].runs.runs
-        rows = [("", *names)]
+        return f"Designs over {count} fresh runs of seed {self.seed}"
+
+    def _rows(self) -> list[tuple[str, ...]]:
+        """The table: statistics, shares of violations and failures, and unknowns of each design."""
+        rows = [("", *self.designs)]
         rows.append((self.optimum.problem.objective.text(), *self._each(lambda d: str(d.value))))
         for k, constraint in enumerate(self.optimum.problem.constraints):
             rows.append((constraint.label(), *self._each(lambda d, k=k: str(d.limits[k].value))))
@@ -146,9 +155,24 @@ class JudgedDesigns(eqx.Module):
                     for d in self.designs.values()
                 ]
                 rows.append((name_of(path, index), *(f"{value:.6g}" for value in values)))
-        lines = [*aligned(rows).splitlines(), *self.sentences]
-        title = f"Designs over {count} fresh runs of seed {self.seed}"
-        return "\n".join([title, *(f"  {line}" for line in lines)])
+        return rows
+
+    def page(self, path: str | os.PathLike[str], title: str = "Design under dispersion") -> Path:
+        """Write a page for any browser: the table of the designs, what it says, their histograms
+        over one another of each output of the search, and the course of the search.
+
+        **Arguments**
+
+        - `path`: of the HTML file; `title`: of the page.
+
+        **Returns** the path. **Raises** `ImportError` without matplotlib."""
+        from ..plots import designs_page
+
+        problem = self.optimum.problem
+        figures = {f"Runs: {name}": self.plot(name) for name in problem.outputs}
+        figures["Search"] = self.optimum.minimum.plot()
+        said = [*self.sentences, self.optimum.sentence()]
+        return designs_page(path, title, f"{self._heading()}.", self._rows(), said, figures)
 
     def _each(self, text: Any) -> list[str]:
         return [text(design) for design in self.designs.values()]
