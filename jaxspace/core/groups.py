@@ -1,7 +1,7 @@
 """The interface of a block of a state that lies on a Lie group, for integrators on groups."""
 
 from abc import abstractmethod
-from typing import Any, TypeAlias, TypeGuard
+from typing import TypeAlias, TypeGuard
 
 import equinox as eqx
 import jax
@@ -21,18 +21,18 @@ class AbstractGroupElement(eqx.Module):
     def coordinates(self) -> Local:
         """The coordinates of the element about itself: zeros, (n, *runs)."""
 
-    # `Any` stands for the type of the concrete class: beartype cannot check `Self` here.
+    # `PyTree` stands for the type of the concrete class: beartype cannot check `Self` here.
     @abstractmethod
-    def moved(self, local: Local) -> Any:
+    def moved(self, local: Local) -> PyTree:
         """The element at the coordinates `local` about this one, on the group to rounding."""
 
-    def projected(self) -> Any:
+    def projected(self) -> PyTree:
         """The element on the group nearest to this one, which is off it by an error of rounding or
         of a step."""
         return self.moved(self.coordinates())
 
     @abstractmethod
-    def coordinate_rate(self, local: Local, rate: Any) -> Local:
+    def coordinate_rate(self, local: Local, rate: PyTree) -> Local:
         """The rate of change, 1/s, of the coordinates of this element about another one.
 
         **Arguments**

@@ -35,7 +35,7 @@ def no_method(method: Method) -> Method:
     method."""
 
     @functools.wraps(method)
-    def give(self: Any) -> Listed[Any]:
+    def give(self: object) -> Listed[Any]:
         return Listed(method(self))
 
     return cast(Method, give)

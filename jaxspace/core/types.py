@@ -72,11 +72,11 @@ def as_float(x: object) -> Any:
     return x if jnp.issubdtype(x.dtype, jnp.floating) else x.astype(float)
 
 
-def _is_real(x: Any) -> bool:
+def _is_real(x: PyTree) -> bool:
     return isinstance(x, float) or x.dtype == bool or jnp.isdtype(x.dtype, REAL)
 
 
-def _stacked(x: Any) -> Any:
+def _stacked(x: PyTree) -> PyTree:
     """Numbers in a list as an array; the list itself where it holds something else."""
     # Known numbers are stacked by numpy, because jax would compile a program for it.
     if all(isinstance(v, int | float) for v in x):

@@ -157,6 +157,7 @@ class Campaign(AbstractCampaign):
             built = self.build(samples)
         except KeyError as error:
             name = error.args[0] if error.args else None
+            # Of another dict than the inputs, such as a table of the user's own.
             if name in samples or not isinstance(name, str):
                 raise
             raise InputError(

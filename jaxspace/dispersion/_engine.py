@@ -156,6 +156,7 @@ def disperse(
             *(("until", until, None), ("notes", notes, None), ("progress", progress, None)),
             ("devices", devices, None),
         )
+        # Refused and not left aside: who asks for a store or for more runs expects them.
         for name, given, default in about_runs:
             if given is not default and (default is None or given != default):
                 raise InputError(
@@ -215,6 +216,7 @@ def disperse(
         every = jax.tree.map(
             lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
         )
+        # Fewer than planned: the rule has ended the campaign.
         if len(every.status) < runs:
             attributes[ENOUGH] = len(every.status)
         seconds = time.perf_counter() - started
@@ -246,6 +248,7 @@ def _planned(
             return runner.run(0, runner.call)
 
     given = float(np.asarray(accuracy.rtol))
+    # A store that goes on keeps its tolerance, by which its runs have their digits.
     if there is not None:
         by_purpose = isinstance(asked, ByPurpose) and "by_purpose" in there
         return plan(there["rtol"] if by_purpose else given), {}

@@ -108,6 +108,7 @@ def _block(
     saved = saved_of(campaign.along, samples)
     result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
+    # A run that is refused has been computed beside the others: its own status says so.
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
     evaluations = sum((run.stats["evaluations"] for run in result.phases), jnp.array(0))
 

@@ -81,6 +81,7 @@ def final_error_errors(file: Parsed, parts: Set[str], with_accuracy: bool) -> li
     asked = file.values["final_error"]
     if asked is None:
         return []
+    # Two tolerances would contradict each other.
     if with_accuracy:
         return [
             "final_error is given together with accuracy: leave out one of them, for the tolerance "

@@ -74,6 +74,7 @@ def phases_of_flight(file: Parsed) -> list[str]:
 def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, BodyState]:
     """Mission and initial state, of every run; arguments as in `build_mission`."""
     building = Building(values, file.makers, runs)
+    # What the file leaves out has the default of `sounding_flight`.
     longest = {f"{name}_within": x for name, x in values["waiting"].items() if x is not None}
     mission, y0 = sounding_flight(
         building.make("vehicle"), building.make("site"), parachutes(building), **longest
@@ -92,6 +93,7 @@ def flight_errors(file: Parsed) -> list[str]:
     building = file.building()
     top = float(building.make("vehicle").ceiling)
     before, earlier = math.inf, 0.0
+    # In the order of opening, in which each one bounds the next.
     for number, chute in enumerate(parachutes(building)):
         key = f"vehicle.parachutes.{number}.height"
         if chute.time is not None:

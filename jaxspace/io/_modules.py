@@ -7,10 +7,10 @@ needs, and a store those with which it was computed; neither runs one."""
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 from ..core import InputError
 from ..core.files import read_text
+from ..core.record import Record
 from ..core.user_code import run_module, text_hash
 from ._named_files import NamedFile
 
@@ -55,7 +55,7 @@ def missing_module(data: Mapping[str, object], given: Iterable[NamedFile]) -> st
     return ""
 
 
-def check_stored(record: Mapping[str, Any], given: Iterable[NamedFile]) -> None:
+def check_stored(record: Record, given: Iterable[NamedFile]) -> None:
     """Raise `InputError` unless the modules are those of the record of a store."""
     here = {module.path.name: text_hash(module.text) for module in given}
     there = {name: module["sha256"] for name, module in record.get("modules", {}).items()}

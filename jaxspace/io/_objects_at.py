@@ -23,6 +23,7 @@ def body_at(
 ) -> AbstractBody:
     """The body at a place."""
     building = _building(file, values, samples, runs)
+    # A rocket makes its body from the parts of its table.
     if file.kind == "flight":
         return building.make("vehicle").body
     return building.make(file.legs[file.last_leg(place)].body)

@@ -17,6 +17,7 @@ FINAL = "final"
 NOMINAL = "nominal"
 BEGAN = "began"
 INITIAL = "initial"
+# Arguments that come from the run; any other is a part of the state, or an entry of the file.
 SPECIAL = ("self", "y", "t", "body", "scene", INITIAL, BEGAN, NOMINAL)
 
 

@@ -35,6 +35,8 @@ class Curve(NamedTuple):
     rates: State | None = None
 
 
+OutputFunction: TypeAlias = Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
+"""From a result and the inputs of its runs to the outputs, each (runs,)."""
 Curves: TypeAlias = Mapping[int, Curve]
 """The curves along phases by their numbers."""
 
@@ -219,10 +221,10 @@ class MoreOutputs(eqx.Module):
     """The outputs of a file, and those of a `given` function."""
 
     own: Outputs
-    given: Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
+    given: OutputFunction
 
     @property
-    def to_check(self) -> Any:
+    def to_check(self) -> OutputFunction:
         """The outputs for the check that no run depends on another: the given function, and users'
         functions of the file."""
         return self.given if self.own.to_check is None else self

@@ -77,6 +77,7 @@ def warnings_of(inputs: Mapping[str, Input | MadeInput]) -> tuple[str, ...]:
 
 def _noise(values: Values) -> dict[str, Uniform]:
     """The seed of the noise of each run, as a further input."""
+    # Drawn as the inputs are, so that the noise of a run depends on its number alone.
     whole = Uniform(0.0, 1.0)  # pyright: ignore[reportArgumentType]  # converted by its fields
     return {NOISE: whole} if is_noisy(values) else {}
 

@@ -178,6 +178,7 @@ class SceneFile(FileContent):
     @functools.cached_property
     def loop(self) -> ClosedLoop | None:
         """The closed loop of the file; `None` without [control]."""
+        # A mission runs the loops of its phases itself.
         loop = self.mission.phases[0].system
         return loop if isinstance(loop, ClosedLoop) and not self.parsed.is_mission else None
 
@@ -210,6 +211,7 @@ class SceneFile(FileContent):
                 raise InputError(f"num_saved is {num_saved}: a loop saves its states at ts.")
             if isinstance(accuracy, FinalError):
                 raise InputError("accuracy is a FinalError: a loop takes a tolerance.")
+            # The loop runs without its phase, and so without the event that ends it.
             until = self.mission.phases[0].until
             if events is None:
                 events = (until,) if isinstance(until, Event) else ()
@@ -389,6 +391,7 @@ class SceneFile(FileContent):
         - `every`: whether to return all outputs whose arguments the file has, in place of those of
           [dispersion]."""
         specs = applicable_outputs(self.parsed, self.units) if every else self.outputs
+        # Without a reference: the nominal run deviates from itself by nothing.
         return outputs_of(nominal, self._outputs_of(specs, None))
 
     def shown_unit(self, name: str, si: str) -> tuple[str, float]:
@@ -407,6 +410,7 @@ class SceneFile(FileContent):
         have."""
         try:
             spec = read_output("output", {"output": name}, self.parsed, self.units)
+        # The name is the caller's, and no error of the file.
         except ValueError as error:
             raise InputError(str(error)) from None
         if spec.at >= 0:

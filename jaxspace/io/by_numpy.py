@@ -115,7 +115,7 @@ def _has_rules(jaxpr: Jaxpr) -> bool:
     return all(_has_rule(one.primitive, one.params) for one in jaxpr.eqns)
 
 
-def _result(primitive: Primitive, args: Sequence[Known], params: Params) -> Any:
+def _result(primitive: Primitive, args: Sequence[Known], params: Params) -> Known:
     """The result of an operation: an array, or a list where it has several."""
     if primitive.name in ALONE:
         return jax.tree.map(np.asarray, primitive.bind(*args, **params))
@@ -167,7 +167,7 @@ def _select_n(which: Known, *cases: Known, **params: object) -> Known:
     return result
 
 
-def _convert(x: Known, *, new_dtype: Any, **params: object) -> Known:
+def _convert(x: Known, *, new_dtype: DTypeLike, **params: object) -> Known:
     return x.astype(new_dtype)
 
 
@@ -180,7 +180,7 @@ def _broadcast(
     return np.broadcast_to(x.reshape(whole), shape)
 
 
-def _iota(*, dtype: Any, shape: Indices, dimension: int, **params: object) -> Known:
+def _iota(*, dtype: DTypeLike, shape: Indices, dimension: int, **params: object) -> Known:
     row = np.arange(shape[dimension], dtype=dtype)
     return _broadcast(row, shape=shape, broadcast_dimensions=(dimension,))
 
@@ -196,7 +196,7 @@ def _slice(
     return x[tuple(map(slice, start_indices, limit_indices, strides or (1,) * x.ndim))]
 
 
-def _dynamic_slice(x: Known, *starts: Any, slice_sizes: Indices, **params: object) -> Any:
+def _dynamic_slice(x: Known, *starts: Known, slice_sizes: Indices, **params: object) -> Known:
     # A start too far out is moved inwards.
     firsts = map(np.clip, starts, [0] * x.ndim, np.subtract(x.shape, slice_sizes))
     return x[tuple(slice(k, k + size) for k, size in zip(firsts, slice_sizes, strict=True))]

@@ -11,7 +11,7 @@ import json
 import os
 import time
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -123,7 +123,9 @@ class SearchStore:
         }
 
 
-def as_store(store: "SearchStore | str | os.PathLike[str] | None", resume: bool) -> Any:
+def as_store(
+    store: "SearchStore | str | os.PathLike[str] | None", resume: bool
+) -> "SearchStore | None":
     """The store of the arguments of a search; `None` for none.
 
     Raises `InputError` for `resume` without a store."""

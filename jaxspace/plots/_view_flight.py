@@ -2,9 +2,10 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
+from jaxtyping import PyTree
 
 from ..core.record import Record
 
@@ -56,7 +57,7 @@ def burns(mass: np.ndarray | None) -> np.ndarray | None:
     return lit if np.any(lit) else None
 
 
-def planet_lines(phase: Any, radius: float) -> Record:
+def planet_lines(phase: PyTree, radius: float) -> Record:
     """The coast lines of the planet at the origin, and its rate, where it is the Earth.
 
     - `phase`: whose system attracts by its `mu`, or has effects that do.

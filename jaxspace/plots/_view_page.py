@@ -12,7 +12,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
-from jaxtyping import PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import InputError
 from ..core.record import Record
@@ -229,7 +229,7 @@ def _continuous(wxyz: np.ndarray) -> np.ndarray:
     return wxyz * np.concatenate([[1.0], np.cumprod(jumps)])
 
 
-def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Any:
+def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Array | None:
     """The angular momentum of what turns, (3, times); `None` where it is not known: with wheels and
     other parts the system states it where they alone change that of the body."""
     if not getattr(states, "parts", None):
@@ -239,7 +239,7 @@ def _momentum(system: PyTree, ts: ArrayLike, states: PyTree) -> Any:
     return invariants.get("rotational_momentum")
 
 
-def _inertia(system: PyTree, states: PyTree) -> Any:
+def _inertia(system: PyTree, states: PyTree) -> PyTree:
     """The inertia of what turns, at the masses of the states; `None` where the system has none."""
     body = getattr(system, "body", system)
     if getattr(body, "has_inertia", lambda: False)():
@@ -326,7 +326,7 @@ def _sun(system: object, times: np.ndarray) -> list | None:
     return _listed(place / np.linalg.norm(place, axis=0))
 
 
-def _faces(phase: Any) -> list[Face]:
+def _faces(phase: PyTree) -> list[Face]:
     """The shape of the body from its inertia; a top on its tip; a box if nothing is known."""
     if hasattr(phase.system, "weight_moment"):
         return top_faces()

@@ -271,6 +271,7 @@ class Dispersion(eqx.Module):
     def _numbers(self, name: str) -> np.ndarray:
         """A quantity over the good runs, infinite values among them, (runs,)."""
         x = self.values(name).astype(float)
+        # An infinite value has its place among the others; NaN has none.
         return x[self.good & ~np.isnan(x)]
 
     def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
@@ -288,9 +289,11 @@ class Dispersion(eqx.Module):
         """Footprint of the landings, with ellipses of 50, 90 and 99 %; `None` unless `east` and
         `north` are outputs of one unit, finite in three good runs or more."""
         units = {self.units.get(name) for name in LANDING}
+        # Lengths in two units have no bearing between them.
         if not set(LANDING) <= set(self.outputs) or len(units) > 1:
             return None
         points = self.together(*LANDING)
+        # The ellipse of two points is a line.
         if points.shape[1] < 3:
             return None
         ellipses = tuple(ellipsoid(points, share) for share in SHARES)
@@ -365,6 +368,7 @@ class Dispersion(eqx.Module):
                 f"{output} has no requirement, by which a run is the worst one: it must be least "
                 f"or greatest, or the output must have at_least or at_most."
             )
+        # By the nearer of both limits; negative where the requirement is violated.
         margins = [*([] if low is None else [x - low]), *([] if high is None else [high - x])]
         by = {"least": x, "greatest": -x}.get(which)
         by = np.min(margins, axis=0) if by is None else by
@@ -391,6 +395,7 @@ class Dispersion(eqx.Module):
             some = self.good & ~(np.isnan(x) | np.isnan(y))
             x = x[some].astype(float)
             y = y[some].astype(float)
+            # Fewer pairs have no interval, and a constant input has no ranks.
             if x.size >= 5 and np.ptp(x) > 0.0:
                 result[name] = rank_correlation(x, y)
         order = sorted(result.items(), key=lambda pair: -abs(pair[1].value))
