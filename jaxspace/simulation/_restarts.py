@@ -72,55 +72,16 @@ def restarts_between(
 
     Events that happen at one time each have a restart of their own, in the listed order
     (`_instants`)."""
-    system, _, run_axes = integrator
-    runs = runs_of(y0, run_axes)
+    runs = runs_of(y0, integrator.run_axes)
     axes = (1,) * len(runs)
     capacities = [0 if event.then is None else event.capacity for event in events]
     capacity = jnp.array(capacities, jnp.int32).reshape(-1, *axes)
-    numbers = jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *axes)
 
     def one(run: _RunState, _: None) -> tuple[_RunState, tuple]:
-        # Runs that have ended, and those whose events of one time have yet to act, pass an interval
-        # of no length, because the other runs need the loop.
         stopped = (run.stopped_by >= 0) | (run.status > Status.EVENT)
-        idle = stopped | jnp.any(run.instant.waiting, axis=0)
-        last = jnp.where(idle, run.t, t1)
-        known = run.instant.start_known()
-        found = integrator.first_event(run.y, run.t, last, events, known)
-        y, result = integrator.to(run.y, run.t, found.time)
-        found = found._replace(which=jnp.where(idle, -1, found.which))
-        t, y = found.time, found.met(y)
-        if found.state is None:
-            # To the zero itself; the derivatives are those of the correction below.
-            t, y = newton_correct(system, events, found.which, t, y)
-        ended = combine_status(result.status, found.status)
-        status = jnp.where(idle, run.status, combine_status(run.status, ended))
-        # The end of an interval that failed is neither a restart nor the end of the run.
-        good = (status <= Status.EVENT) & ~idle
-        t, y = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, y), (run.t, run.y))
-        found = found._replace(which=jnp.where(good, found.which, -1))
-        instant = run.instant.or_found(system, events, found, (run.t, run.y), (t, y), run_axes)
-        jumping = run.counts < capacity
-        acting = jnp.where(stopped, -1, instant.next_to_act(jumping))
-        here = numbers == acting
-        own = jnp.any(here & instant.kept & instant.ahead, axis=0)
-        t, y = newton_correct(system, events, jnp.where(own, acting, -1), t, y, located=True)
-        jumped = here & jumping
-        goes_on = jnp.any(jumped, axis=0)
-        after = y
-        for number, event in enumerate(events):
-            if event.then is not None:
-                moved = event.then(t, y)
-                after = jax.tree.map(
-                    lambda a, b, k=number: jnp.where(jumped[k], a, b), moved, after
-                )
-        # Before the jumps, which may reverse the signs of the slopes.
-        rising = jnp.any(here & (instant.events.slopes * jnp.sign(t1 - t0) > 0.0), axis=0)
-        by = jnp.where((acting >= 0) & ~goes_on, acting, run.stopped_by)
-        instant = instant.after(here, system, events, t, after)
-        row = (t, y, after, jnp.where(goes_on, acting, -1), rising, result.stats)
-        counts = run.counts + jumped.astype(jnp.int32)
-        return _RunState(t, after, status, counts, by, instant), row
+        run, stats = _to_next_instant(integrator, run, stopped, t1, events)
+        run, row = _after_next_event(integrator, run, stopped, t1 - t0, events, capacity)
+        return run, (*row, stats)
 
     t0 = jnp.broadcast_to(t0, runs)
     start = _RunState(
@@ -136,12 +97,84 @@ def restarts_between(
         one, start, None, length=sum(capacities) + 1
     )
     # An event with a jump ends a run only where its capacity is exceeded.
-    overflow = (numbers == run.stopped_by) & (capacity > 0)
+    overflow = (_numbers(events, runs) == run.stopped_by) & (capacity > 0)
     happened = run.instant.events.happened & (run.stopped_by >= 0)
     return Restarts(
         ts, before, after, which, rising, run.t, run.y, run.stopped_by, happened, run.counts,
         overflow, run.status, total_of(stats),
     )  # fmt: skip
+
+
+def _numbers(events: tuple[Event, ...], runs: tuple[int, ...]) -> Int[Array, "events *#runs"]:
+    """The numbers of the events, with axes for the runs."""
+    return jnp.arange(len(events), dtype=jnp.int32).reshape(-1, *(1,) * len(runs))
+
+
+def _to_next_instant(
+    integrator: Integrator, run: _RunState, stopped: Array, t1: Array, events: tuple[Event, ...]
+) -> tuple[_RunState, dict[str, Array]]:
+    """The run at the next time at which events happen, or at `t1`, s, and the work up to there.
+
+    A run that has `stopped`, and one whose events of one time have yet to act, stays where it
+    is."""
+    system, _, run_axes = integrator
+    # They pass an interval of no length, because the other runs need the loop.
+    idle = stopped | jnp.any(run.instant.waiting, axis=0)
+    last = jnp.where(idle, run.t, t1)
+    known = run.instant.start_known()
+    found = integrator.first_event(run.y, run.t, last, events, known)
+    y, result = integrator.to(run.y, run.t, found.time)
+    found = found._replace(which=jnp.where(idle, -1, found.which))
+    t, y = found.time, found.met(y)
+    if found.state is None:
+        # To the zero itself; its derivatives are those of the correction where the event acts.
+        t, y = newton_correct(system, events, found.which, t, y)
+    ended = combine_status(result.status, found.status)
+    status = jnp.where(idle, run.status, combine_status(run.status, ended))
+    # The end of an interval that failed is neither a restart nor the end of the run.
+    good = (status <= Status.EVENT) & ~idle
+    t, y = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, y), (run.t, run.y))
+    found = found._replace(which=jnp.where(good, found.which, -1))
+    instant = run.instant.or_found(system, events, found, (run.t, run.y), (t, y), run_axes)
+    return run._replace(t=t, y=y, status=status, instant=instant), result.stats
+
+
+def _after_next_event(
+    integrator: Integrator,
+    run: _RunState,
+    stopped: Array,
+    duration: Array,
+    events: tuple[Event, ...],
+    capacity: Array,
+) -> tuple[_RunState, tuple]:
+    """The run after the next of the events that have yet to act, and the row of its restart.
+
+    `duration`: of the run, s, of which the sign counts; `capacity`: of each event, 0 for one
+    without a jump."""
+    system = integrator.system
+    jumping = run.counts < capacity
+    acting = jnp.where(stopped, -1, run.instant.next_to_act(jumping))
+    here = _numbers(events, acting.shape) == acting
+    own = jnp.any(here & run.instant.kept & run.instant.ahead, axis=0)
+    corrected = jnp.where(own, acting, -1)
+    t, y = newton_correct(system, events, corrected, run.t, run.y, located=True)
+    jumped = here & jumping
+    goes_on = jnp.any(jumped, axis=0)
+    after = y
+    for number, event in enumerate(events):
+        if event.then is not None:
+            moved = event.then(t, y)
+            after = jax.tree.map(lambda a, b, k=number: jnp.where(jumped[k], a, b), moved, after)
+    # Before the jumps, which may reverse the signs of the slopes.
+    rising = jnp.any(here & (run.instant.events.slopes * jnp.sign(duration) > 0.0), axis=0)
+    run = run._replace(
+        t=t,
+        y=after,
+        counts=run.counts + jumped.astype(jnp.int32),
+        stopped_by=jnp.where((acting >= 0) & ~goes_on, acting, run.stopped_by),
+        instant=run.instant.after(here, system, events, t, after),
+    )
+    return run, (t, y, after, jnp.where(goes_on, acting, -1), rising)
 
 
 def states_between(

@@ -13,8 +13,8 @@ from ..integration.layout import state_at
 from ..integration.status import combine_status
 from ._alike_phases import alike_groups, run_alike
 from ._integrator import Integrator
-from ._mission import Mission
-from .legs import legs_of
+from ._mission import Mission, Phase
+from .legs import Leg, legs_of
 from .mission_result import BranchEnd, MissionTrajectory, status_of_all
 from .phase_runs import SaveTimes, run_to_end
 from .runnable import AbstractRunnable
@@ -76,6 +76,9 @@ def run_mission(
     - `rolled`: whether phases that differ in their numbers alone share a program (`run_alike`),
       which compiles sooner and takes other steps."""
     legs, branch_names = legs_of(mission)
+    saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
+    planned = [None] * len(legs) if plans is None else plans
+    recorded = [record_steps] * len(legs) if isinstance(record_steps, bool) else record_steps
     groups = alike_groups(legs, num_saved, configs, plans) if rolled else {}
     alike: dict[int, Trajectory] = {}
     results: list[Trajectory] = []
@@ -83,18 +86,7 @@ def run_mission(
     ends: list[BranchEnd] = []
     # Not a scan, because each phase has another system, and may have another kind of state.
     for number, (leg, config) in enumerate(zip(legs, configs, strict=True)):
-        phase = leg.phase
-        if leg.after is None:
-            y = y0 if leg.start is None else leg.start(t0, y0)
-            t = t0
-            status = None
-        else:
-            y, t, status = ends[leg.after]
-            if leg.parted:
-                # A branch starts from the state of the whole, before the jump of the phase.
-                t, y = _left_by(leg.start, results[leg.after], run_axes)
-        plan = None if plans is None else plans[number]
-        saved = num_saved if isinstance(num_saved, int) else num_saved[number]
+        t, y, status = _start_of(leg, y0, t0, results, ends, run_axes)
         if number in groups:
             members = [legs[k].phase for k in groups[number]]
             together = run_alike(members, y, t, config, run_axes)
@@ -102,21 +94,23 @@ def run_mission(
                 alike.update(zip(groups[number], together, strict=True))
         if number in alike:
             result = alike[number]
-            t, y = _left_by(phase.then, result, run_axes)
-        elif isinstance(phase.system, AbstractRunnable):
-            assert isinstance(saved, int)
-            # A closed loop takes fixed steps between its samples, and no plan.
-            loop = phase.system.started_at(t)
-            result = loop.run(phase.until, y, t, saved, config, run_axes)
-            t, y = _left_by(phase.then, result, run_axes)
+            t, y = _left_by(leg.phase.then, result, run_axes)
         else:
-            integrator = Integrator(phase.system.started_at(t), config, run_axes)
-            record = record_steps if isinstance(record_steps, bool) else record_steps[number]
-            given = phase.until, phase.then, y, t, saved, plan, record
-            result, t, y = _run_phase(integrator, *given)
+            steps = planned[number], recorded[number]
+            result, t, y = _run_leg(leg.phase, y, t, saved[number], config, run_axes, *steps)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
         ends.append(BranchEnd(y, t, status))
+    return _as_trajectory(legs, branch_names, results, ends)
+
+
+def _as_trajectory(
+    legs: Sequence[Leg],
+    branch_names: tuple[str, ...],
+    results: Sequence[Trajectory],
+    ends: Sequence[BranchEnd],
+) -> MissionTrajectory:
+    """The result of a mission from those of its phases, and their ends after their jumps."""
     # The last phase of each line: that of the mission itself, then those of its branches.
     last = {leg.line: end for leg, end in zip(legs, ends, strict=True)}
     own, *branches = (last[line] for line in range(len(last)))
@@ -129,3 +123,43 @@ def run_mission(
         tuple(branches),
         branch_names,
     )
+
+
+def _start_of(
+    leg: Leg,
+    y0: State,
+    t0: Scalar,
+    results: Sequence[Trajectory],
+    ends: Sequence[BranchEnd],
+    run_axes: int,
+) -> tuple[Scalar, State, Array | None]:
+    """Time and state at which a phase starts, and the status up to there, `None` for the first one:
+    from the `results` of the phases before it, and their `ends` after their jumps."""
+    if leg.after is None:
+        return t0, y0 if leg.start is None else leg.start(t0, y0), None
+    y, t, status = ends[leg.after]
+    if leg.parted:
+        # A branch starts from the state of the whole, before the jump of the phase.
+        t, y = _left_by(leg.start, results[leg.after], run_axes)
+    return t, y, status
+
+
+def _run_leg(
+    phase: Phase,
+    y0: State,
+    t0: Scalar,
+    saved: SaveTimes,
+    config: IntegrationConfig,
+    run_axes: int,
+    plan: Array | None,
+    record_steps: bool,
+) -> tuple[Trajectory, Scalar, State]:
+    """A phase of a system or of a closed loop, and the time and the state after its jump."""
+    moving = phase.system.started_at(t0)
+    if isinstance(moving, AbstractRunnable):
+        assert isinstance(saved, int)
+        # A closed loop takes fixed steps between its samples, and no plan.
+        result = moving.run(phase.until, y0, t0, saved, config, run_axes)
+        return result, *_left_by(phase.then, result, run_axes)
+    integrator = Integrator(moving, config, run_axes)
+    return _run_phase(integrator, phase.until, phase.then, y0, t0, saved, plan, record_steps)
