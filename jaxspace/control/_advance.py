@@ -9,11 +9,11 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.tables import breaks_of
-from ..integration.loop import TERM
 from ..integration.methods import HIGH_ORDER, LOW_ORDER
 from ..integration.normalised_time import ScaledVectorField, Segments
 from ..solvers import FixedSteps
 from ..solvers.protocol import solver_traits
+from ..solvers.vector_field import TERM
 
 
 def advance(

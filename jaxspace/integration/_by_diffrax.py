@@ -16,8 +16,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import State
+from ..solvers.vector_field import TERM
+from ._loop import integrate_loop
 from ._loop_settings import LoopSettings
-from .loop import TERM, LoopState, integrate_loop
+from ._loop_state import LoopState
 from .result import Outcome
 
 

@@ -22,6 +22,7 @@ from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ..solvers.step_control import FIRST_STEP
+from ._loop import integrate_loop
 from ._loop_settings import LoopSettings
 from ._own_replay import OwnReplay
 from ._own_state import OwnState, record_of_pass
@@ -31,7 +32,6 @@ from ._record import Record, Recording
 from ._replay import Replay
 from ._tangents import Probes
 from .field_trace import field_trace
-from .loop import integrate_loop
 from .normalised_time import ScaledVectorField
 from .programs import Runs, is_small
 from .result import outcome_of, own_outcome_of

@@ -24,12 +24,12 @@ from ..core import State
 from ..core.barrier import barrier
 from ..solvers.dense_output import evaluated
 from ..solvers.protocol import bind, field_of_step, small_program
+from ..solvers.vector_field import TERM
 from ._buffers import place_in_step
 from ._loop_settings import LoopSettings
 from ._needed import needed_only
 from ._record import Record
 from ._rows import empty_buffer, get_row, get_rows, put_row, put_rows, rows_of
-from .loop import TERM
 from .normalised_time import field_of_part
 
 CHUNK = 32

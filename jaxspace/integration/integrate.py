@@ -21,6 +21,7 @@ from ..solvers.protocol import bind, field_of_step, solver_traits
 from ..solvers.regularised_step import evaluations_of
 from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
+from ..solvers.vector_field import TERM
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import SoughtEvents
 from ._in_turn import in_turn
@@ -31,7 +32,6 @@ from .config import IntegrationConfig
 from .events import Event
 from .field_trace import field_trace
 from .layout import state_at, times_behind_components, times_first
-from .loop import TERM
 from .normalised_time import (
     ScaledVectorField,
     Segments,

@@ -13,11 +13,11 @@ from ..core.groups import project
 from ..solvers.protocol import solver_traits
 from ._event_location import FoundEvents, Location
 from ._loop_settings import LoopSettings
+from ._loop_state import LoopState
 from ._own_state import OwnLoop
 from ._packed import Packing
 from .config import IntegrationConfig
 from .layout import times_behind_components
-from .loop import LoopState
 from .normalised_time import ScaledVectorField, Segments
 from .status import Status, status_from
 

@@ -58,6 +58,16 @@ def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> 
     return barrier(terms.vf(t, barrier(y), args))
 
 
+@eqx.filter_jit
+def _field(t: Scalar, y: State, field: ScaledField) -> State:
+    """The vector field, traced once for all evaluations in a program."""
+    return field(t, y)
+
+
+TERM: diffrax.ODETerm = diffrax.ODETerm(_field)  # pyright: ignore[reportArgumentType]
+"""The vector field as diffrax takes it; the field itself is the argument `args` of every step."""
+
+
 @final
 class StepField(NamedTuple):
     """The vector field dy/dt = f(t, y) during one step, as diffrax passes it to a solver.

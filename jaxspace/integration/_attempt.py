@@ -1,0 +1,127 @@
+"""One step of each run, which the loop accepts or rejects: of its own length, as its part of a step
+of the method from 0 to 1 (`OwnStep`)."""
+
+from typing import Any, NamedTuple
+
+import diffrax
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import State
+from ..core.barrier import barrier
+from ..solvers.protocol import AbstractDeclaredSolver, bind, field_of_step
+from ..solvers.vector_field import TERM, ScaledField
+from ._buffers import place_in_step
+from ._loop_settings import LoopSettings
+from ._loop_state import LoopState
+from .normalised_time import OwnStep, field_of_part
+
+
+class Beginning(NamedTuple):
+    """Where a step of each run begins: at `s`, with the state `y0`; its `length` in normalised
+    time, and whether the vector field `jumped` there."""
+
+    s: Float[Array, "*runs"]
+    length: Float[Array, "*runs"]
+    y0: State
+    jumped: Bool[Array, "*runs"]
+
+    @classmethod
+    def of(cls, loop: LoopState) -> "Beginning":
+        """Of the next step. A run that waits at its event takes the step that holds it again."""
+        going, location = loop.going, loop.location
+        length = jnp.where(going, loop.t_next - loop.t, 0.0)
+        if location is None:
+            return cls(loop.t, length, loop.y, loop.jumped)
+        return cls(
+            jnp.where(going, loop.t, location.start),
+            jnp.where(going, length, location.length),
+            jax.tree.map(lambda a, b: jnp.where(going, a, b), loop.y, location.y0),
+            loop.jumped | ~going,
+        )
+
+
+class Attempt(NamedTuple):
+    """A step of each run.
+
+    - `begin`: where it begins; `y1`: the state at its end.
+    - `error`: in units of the tolerance.
+    - `polynomial`: its dense output, from 0 to 1; `segment`: its times, if the field is not
+      hoisted.
+    - `carried`: what the method carries into the next step."""
+
+    begin: Beginning
+    y1: State
+    error: Float[Array, "*runs"]
+    polynomial: diffrax.AbstractLocalInterpolation
+    carried: PyTree
+    segment: OwnStep | None
+
+
+def attempted(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Attempt:
+    """The next step of each run."""
+    begin = Beginning.of(loop)
+    s, length, y0 = begin.s, begin.length, begin.y0
+    zero, one = jnp.zeros_like(s, shape=()), jnp.ones_like(s, shape=())
+    if settings.tolerance.run_axes == 0:
+        # What follows from the parameters alone would be moved out of the loop, which for a single
+        # run is one kernel, operation by operation: each into a kernel of its own.
+        arrays, static = eqx.partition(field, eqx.is_array)
+        arrays, s, length = barrier((arrays, s, length))
+        field = eqx.combine(arrays, static)
+    part, segment = field_of_part(field, s, length)
+    method = _bound_to_save(settings, loop, s, length)
+    inner = field_of_step(method, part, zero, one)
+    carried = loop.carried if carries(settings) else method.init(TERM, zero, one, y0, inner)
+    y1, error, dense_info, carried, result = method.step(
+        TERM, zero, one, y0, inner, carried, begin.jumped
+    )
+    # Where the root finder failed, the state is meaningless: the step is rejected.
+    failed = result != diffrax.RESULTS.successful
+    local = settings.tolerance.error(y0, y1, error)
+    local = jax.lax.stop_gradient(jnp.where(failed, jnp.inf, local))
+    polynomial = method.interpolation_cls(t0=zero, t1=one, **dense_info)
+    return Attempt(begin._replace(s=s, length=length), y1, local, polynomial, carried, segment)
+
+
+def _bound_to_save(
+    settings: LoopSettings, loop: LoopState, s: Array, length: Array
+) -> diffrax.AbstractSolver:
+    """The method, bound to the next state that each run saves, as a place in this step."""
+    saved = loop.buffers.saved
+    if saved is None or settings.sought is not None:
+        return settings.method
+    place = place_in_step(saved.next_ts, s, length)
+    tolerance = settings.tolerance
+    return bind(
+        settings.method, tolerance=tolerance, save_ts=place[None], run_axes=tolerance.run_axes
+    )
+
+
+def carries(settings: LoopSettings) -> bool:
+    """Whether the method may carry values from step to step. Those of diffrax begin anew, because
+    the steps differ in their length."""
+    return isinstance(settings.method, AbstractDeclaredSolver)
+
+
+def carried_on(
+    settings: LoopSettings, loop: LoopState, step: Attempt, accept: Array, length: Array
+) -> PyTree:
+    """What the method carries into the next step, of this `length`."""
+    if not carries(settings):
+        return None
+    old = jax.tree.map(
+        lambda a, b: jnp.where(accept, a, b) if a.ndim >= accept.ndim else a,
+        step.carried,
+        loop.carried,
+    )
+    assert isinstance(settings.method, AbstractDeclaredSolver)
+    factor = length / jnp.where(step.begin.length > 0.0, step.begin.length, 1.0)
+    return settings.method.longer(old, factor)
+
+
+def error_order(settings: LoopSettings) -> Any:
+    """The order of the estimate of the error."""
+    return settings.solver().error_order(TERM)

@@ -1,0 +1,156 @@
+"""The loop of an integration: every run goes on by its own steps to its own end.
+
+In a pass each run takes one step, accepted or rejected, of its own length: the method steps from 0
+to 1, of which every run takes its own part (`OwnStep`). What a run does thus does not depend on
+its neighbours. Runs that take planned steps share their times.
+
+diffrax's own loop does the same work for one run. This one is traced once where diffrax's is traced
+three times, which halves the first call, and it records the steps for derivatives (`_record.py`).
+"""
+
+from collections.abc import Callable
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, PyTree
+
+from ..core import State
+from ..solvers.vector_field import TERM, ScaledField, evaluate
+from ._attempt import carries, error_order
+from ._event_location import Location
+from ._loop_settings import LoopSettings
+from ._loop_state import LoopState
+from ._pass import advance
+from ._tangents import Probes, TangentControl
+from .normalised_time import field_of_part
+
+
+def integrate_loop(
+    settings: LoopSettings,
+    field: ScaledField,
+    y0: State,
+    *,
+    recorded: bool = False,
+    probes: Probes | None = None,
+) -> LoopState:
+    """Integrate dy/dt = field(t, y) in normalised time, from `settings.start` to `settings.end`.
+
+    **Arguments**
+
+    - `settings`: method, step control, save times and limits.
+    - `field`: the vector field, a `ScaledVectorField` or its hoisted form.
+    - `y0`: the initial state, components first and runs last.
+    - `recorded`: whether to record the steps for derivatives.
+    - `probes`: the tangents that the steps should resolve.
+
+    **Returns** the last `LoopState`. A run whose `t` is `settings.end` is complete. Another one has
+    failed, or its steps ran out, which the caller reports in the status."""
+
+    control = None
+    if probes is not None:
+        control = TangentControl.of(probes, settings.tolerance, settings.method, TERM)
+
+    def run(
+        settings: LoopSettings, before: LoopState | None, left_out: Array | None = None
+    ) -> LoopState:
+        def by_motion(loop: LoopState) -> LoopState:
+            return jax.lax.while_loop(
+                LoopState.unfinished, lambda loop: advance(settings, field, control, loop), loop
+            )
+
+        start = _start(settings, field, y0, recorded, control, left_out)
+        if before is not None:
+            start = start._replace(buffers=before.buffers.again(start.buffers))
+        return by_motion(start) if control is None else control.run(start, by_motion)
+
+    layout = settings.layout(y0, settings.clock(y0))
+    if recorded and layout.rows < layout.limit:
+        own = settings.shared(jnp.array(False))
+        shapes = jax.eval_shape(lambda: _start(own, field, y0, recorded, control))
+        return _until_recorded(settings, layout.rows, shapes, run)
+    return run(settings, None)
+
+
+def _until_recorded(
+    settings: LoopSettings,
+    rows: int,
+    shapes: PyTree,
+    run: Callable[..., LoopState],
+) -> LoopState:
+    """The loop at its end: with steps of each run, and if they are more than these `rows` of the
+    record, with steps that all runs share. Where these run out, the runs that kept them short are
+    left out."""
+
+    def attempt(carry: tuple[LoopState, Array]) -> tuple[LoopState, Array]:
+        before, number = carry
+        slow = 2 * before.limiting >= jnp.maximum(jnp.max(before.limiting), 1)
+        left_out = before.left_out | before.short(settings) & slow & (number > 1)
+        return run(settings.shared(number > 0), before, left_out), number + 1
+
+    def unfinished(carry: tuple[LoopState, Array]) -> Bool[Array, ""]:
+        loop, number = carry
+        full = (number > 1) | (loop.count >= rows)
+        return (number == 0) | full & jnp.any(loop.short(settings))
+
+    first = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
+    return jax.lax.while_loop(unfinished, attempt, (first, jnp.asarray(0)))[0]
+
+
+def _start(
+    settings: LoopSettings,
+    field: ScaledField,
+    y0: State,
+    recorded: bool,
+    control: TangentControl | None,
+    left_out: Bool[Array, "*runs"] | None = None,
+) -> LoopState:
+    """The loop before its first step, with the buffers that it fills."""
+    if left_out is not None:
+        y0 = jax.tree.map(lambda x: jnp.where(left_out, jnp.nan, x), y0)
+    t, alive = settings.clock(y0), settings.tolerance.alive(y0)
+    zero, one = jnp.zeros_like(t, shape=()), jnp.ones_like(t, shape=())
+    t_next, steps = _first_step(settings, field, t, y0)
+    none = jnp.broadcast_to(jnp.asarray(0), t.shape)
+    location = None
+    if settings.sought is not None:
+        location = Location.none_yet(settings.sought, t, y0, settings.tolerance)
+    first = field_of_part(field, t, t_next - t)[0]
+    start = LoopState(
+        t=t,
+        t_next=t_next,
+        y=y0,
+        carried=settings.method.init(TERM, zero, one, y0, first) if carries(settings) else None,
+        # A run that starts with numbers that are not finite has no accuracy.
+        worst=jnp.where(alive, 0.0, jnp.inf).astype(jax.tree.leaves(y0)[0].dtype),
+        control=steps,
+        jumped=jnp.zeros(t.shape, bool),
+        accepted=none,
+        rejected=none,
+        count=jnp.asarray(0),
+        buffers=settings.buffers(y0, t, t if recorded else None),
+        location=location,
+        tangents=None if control is None else control.probes.begin(settings.tolerance),
+        limiting=jnp.zeros(alive.shape, jnp.int32),
+        left_out=jnp.zeros_like(alive) if left_out is None else left_out,
+        going=jnp.zeros(t.shape, bool),
+    )
+    return start.going_on(settings)
+
+
+def _first_step(
+    settings: LoopSettings, field: ScaledField, t: Array, y0: State
+) -> tuple[Float[Array, "*runs"], PyTree]:
+    """The end of the first step of each run, and the state of the step control."""
+    if settings.plan is not None:
+        return settings.planned().plan[1], jnp.asarray(2)
+    part = field_of_part(field, t, jnp.ones_like(t))[0]
+    t_next, steps = settings.controller().first(
+        lambda ds, y: evaluate(TERM, ds, y, part), t, y0, error_order(settings)
+    )
+    t_next = jnp.minimum(t_next, settings.end)
+    sharing = settings.sharing
+    if sharing is None:
+        return t_next, steps
+    shortest = jnp.where(sharing, jnp.min(steps.proposal), steps.proposal)
+    t_next = jnp.where(sharing, jnp.min(t_next), t_next)
+    return t_next, steps._replace(proposal=shortest)

@@ -1,0 +1,71 @@
+"""What the loop of an integration carries from pass to pass."""
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float, Int, PyTree
+
+from ..core import State
+from ._buffers import Buffers
+from ._event_location import Location
+from ._loop_settings import LoopSettings
+from ._tangents import ProbeState
+
+
+class LoopState(NamedTuple):
+    """Carry of the loop. Times are normalised, those of each run or of all together.
+
+    - `t`, `t_next`: the time reached, and the proposed end of the next step.
+    - `carried`: what the method carries into the next step; `worst`: the largest local error of
+      each run, in units of the tolerance.
+    - `jumped`: whether the vector field jumped at `t`, so that the solver starts again.
+    - `count`: number of the passes in which a run moved; `going`: whether a run takes a further
+      step.
+    - `location`: of the first event of each run, where some are sought.
+    - `tangents`: that control the steps, of a run that is differentiated.
+    - `limiting`: number of the accepted steps that were limited by each run, where they share them;
+      `left_out`: runs that used them up, and without which the others went on.
+    """
+
+    t: Float[Array, "*runs"]
+    t_next: Float[Array, "*runs"]
+    y: State
+    carried: PyTree
+    worst: Float[Array, "*runs"]
+    control: PyTree
+    jumped: Bool[Array, "*runs"]
+    accepted: Int[Array, "*runs"]
+    rejected: Int[Array, "*runs"]
+    count: Int[Array, ""]
+    buffers: Buffers
+    location: Location | None
+    tangents: ProbeState | None
+    limiting: Int[Array, "*runs"]
+    left_out: Bool[Array, "*runs"]
+    going: Bool[Array, "*runs"]
+
+    def going_on(self, settings: LoopSettings) -> "LoopState":
+        """With the runs that take a further step: those that have not reached their end, nor
+        failed, nor wait at their event."""
+        going = settings.tolerance.alive(self.y)
+        if self.location is not None:
+            going = going & ~self.location.waiting
+        if self.t.ndim < going.ndim:
+            going = jnp.any(going)
+        left = self.accepted + self.rejected < settings.max_steps
+        if settings.sharing is not None:
+            layout = settings.layout(self.y, self.t)
+            left = left & (self.count < jnp.where(settings.sharing, layout.limit, layout.rows))
+        going = going & (self.t < settings.end) & left
+        # Beyond its end no run starts again: a stage for it would be one for all.
+        return self._replace(going=going, jumped=self.jumped & going)
+
+    def unfinished(self) -> Bool[Array, ""]:
+        """Whether a run takes a further step, or repeats the one that holds its event."""
+        going = jnp.any(self.going)
+        return going if self.location is None else going | jnp.any(self.location.again)
+
+    def short(self, settings: LoopSettings) -> Bool[Array, "*runs"]:
+        """Which runs lack steps."""
+        lacking = settings.tolerance.alive(self.y) & (self.t < settings.end)
+        return lacking if self.location is None else lacking & ~self.location.waiting

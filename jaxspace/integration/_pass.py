@@ -1,0 +1,196 @@
+"""One pass of the loop: a step of each run, and what it changes.
+
+A rejected step changes nothing but the length of the next one.
+"""
+
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, Bool, Float
+
+from ..core import State
+from ..solvers.dense_output import AbstractDenseOutput
+from ..solvers.step_control import Following, of_segment
+from ..solvers.vector_field import ScaledField
+from ._attempt import Attempt, attempted, carried_on, error_order
+from ._buffers import Buffers
+from ._event_location import Location, SearchedStep, located
+from ._loop_settings import LoopSettings
+from ._loop_state import LoopState
+from ._step_zero import AlongStep
+from ._tangents import ProbeState, StepTaken, TangentControl
+from .events import Event
+from .normalised_time import ScaledVectorField, Segments
+
+# Part of the largest error from which a run limits a step that all share.
+LIMITING = 0.5
+
+
+def advance(
+    settings: LoopSettings, field: ScaledField, control: TangentControl | None, loop: LoopState
+) -> LoopState:
+    """The loop after one more pass; `control` by tangents, if any."""
+    going = loop.going
+    step = attempted(settings, field, loop)
+    tangents, error = _with_tangents(field, control, loop, step)
+    following = _following(settings, loop, _shared_error(settings, error, going))
+    accept = following.accept & going
+    stop = _at_events(settings, field, loop, step, accept)
+    # Selecting is cheaper than `lax.cond`, which copies the whole state on CPU.
+    y = jax.tree.map(lambda a, b: jnp.where(accept, a, b), stop.y1, loop.y)
+    t = jnp.where(going, following.start, loop.t)
+    # The last step must not pass the end, where the vector field may not be defined.
+    t_next = jnp.where(going, jnp.minimum(following.end, settings.end), loop.t_next)
+    after = loop._replace(
+        t=t,
+        t_next=t_next,
+        y=y,
+        carried=carried_on(settings, loop, step, accept, t_next - t),
+        worst=jnp.where(stop.counts, jnp.maximum(loop.worst, error), loop.worst),
+        control=jax.tree.map(lambda a, b: jnp.where(going, a, b), following.state, loop.control),
+        jumped=jnp.where(accept, following.jumped, loop.jumped),
+        accepted=jnp.where(accept, loop.accepted + 1, loop.accepted),
+        rejected=jnp.where(going & ~accept, loop.rejected + 1, loop.rejected),
+        count=loop.count + jnp.any(accept).astype(int),
+        buffers=_filled(settings, loop, step, accept, t, y, stop.location),
+        location=stop.location,
+        tangents=tangents,
+        limiting=_limiting(settings, loop, error, accept),
+    )
+    return after.going_on(settings)
+
+
+def _with_tangents(
+    field: ScaledField, control: TangentControl | None, loop: LoopState, step: Attempt
+) -> tuple[ProbeState | None, Float[Array, "*runs"]]:
+    """The tangents after this step, and its error or theirs, the larger one."""
+    if control is None:
+        return loop.tangents, step.error
+    assert loop.tangents is not None
+    number = loop.accepted + loop.rejected
+    begin = step.begin
+    taken = StepTaken(begin.s, begin.length, begin.y0, step.y1, step.error, number)
+    tangents, of_tangents = control.look(field, taken, loop.going, loop.tangents)
+    return tangents, jnp.maximum(step.error, of_tangents)
+
+
+def _shared_error(settings: LoopSettings, error: Array, going: Array) -> Array:
+    """The error of each run, or the largest one of those that are `going` on if they share their
+    steps."""
+    if settings.sharing is None:
+        return error
+    return jnp.where(settings.sharing, jnp.max(jnp.where(going, error, 0.0)), error)
+
+
+def _limiting(
+    settings: LoopSettings, loop: LoopState, error: Array, accept: Bool[Array, "*runs"]
+) -> Array:
+    """How many of the accepted steps each run has limited, where they share them."""
+    if settings.sharing is None:
+        return loop.limiting
+    largest = jnp.max(jnp.where(loop.going, error, 0.0))
+    limits = accept & (error >= LIMITING * largest)
+    return loop.limiting + limits.astype(loop.limiting.dtype)
+
+
+def _following(settings: LoopSettings, loop: LoopState, error: Array) -> Following:
+    """What follows a step of each run, by the control or by the plan."""
+    if settings.plan is None:
+        order = error_order(settings)
+        controller = settings.controller()
+        if settings.together:
+            # A run that is no longer finite has its status, and the others go on.
+            error = jnp.where(settings.tolerance.alive(loop.y), error, 0.0)
+        return controller.following(loop.t, loop.t_next, error, order, loop.control)
+    planned = settings.planned().adapt_step_size(
+        loop.t, loop.t_next, loop.y, loop.y, None, None, None, loop.control
+    )
+    accept, start, end, jumped, state, _ = planned
+    return Following(jnp.asarray(accept), start, end, jnp.asarray(jumped), state)
+
+
+class Stop(NamedTuple):
+    """A step of each run that may hold its event.
+
+    - `location`: of the events; `y1`: the state at the end of the step, NaN beyond an event, for
+      there the field may jump.
+    - `counts`: whether the error of the step counts: of a run that waits that of the step alone
+      that ends at its event."""
+
+    location: Location | None
+    y1: State
+    counts: Bool[Array, "*runs"]
+
+
+def _at_events(
+    settings: LoopSettings,
+    field: ScaledField,
+    loop: LoopState,
+    step: Attempt,
+    accept: Bool[Array, "*runs"],
+) -> Stop:
+    """The step, up to the events that it holds."""
+    if loop.location is None:
+        return Stop(None, step.y1, accept)
+    location = _located(settings, field, loop, step, accept)
+    y1 = jax.tree.map(lambda x: jnp.where(location.waiting, jnp.nan, x), step.y1)
+    ended = loop.location.again & ~location.again
+    return Stop(location, y1, jnp.where(loop.going, accept & ~location.waiting, ended))
+
+
+def _located(
+    settings: LoopSettings,
+    field: ScaledField,
+    loop: LoopState,
+    step: Attempt,
+    accept: Bool[Array, "*runs"],
+) -> Location:
+    """The location after a step of each run.
+
+    An accepted step is searched; the steps that hold the events become shorter."""
+    sought, location, segment = settings.sought, loop.location, step.segment
+    assert sought is not None and location is not None and segment is not None
+    assert isinstance(field, ScaledVectorField) and isinstance(field.segments, Segments)
+    polynomial, begin = step.polynomial, step.begin
+    assert isinstance(polynomial, AbstractDenseOutput)
+    width = begin.length
+    if settings.lengths.shape[0] > 1:
+        width = width * of_segment(settings.lengths, begin.s)
+    moving = accept & settings.tolerance.alive(step.y1)
+
+    def along(event: Event) -> AlongStep:
+        return AlongStep(event, segment, polynomial, moving.shape)
+
+    searched = SearchedStep(along, begin.s, begin.length, begin.y0, step.y1, width)
+    first = loop.t == settings.start
+    span = field.segments.t0, field.segments.total
+    return located(location, sought, searched, loop.going, moving, first, span)
+
+
+def _filled(
+    settings: LoopSettings,
+    loop: LoopState,
+    step: Attempt,
+    accept: Bool[Array, "*runs"],
+    t: Array,
+    y: State,
+    location: Location | None,
+) -> Buffers:
+    """The buffers after this step, at the times `t` with the states `y`, and the saved states
+    within."""
+    buffers = loop.buffers
+    if buffers.saved is not None:
+        assert settings.save_ts is not None
+        # Nothing lies before time -1: a rejected step saves no state.
+        reached = jnp.where(accept, loop.t_next, -1.0)
+        begin = step.begin
+        saved = buffers.saved.record(
+            step.polynomial, settings.save_ts, begin.s, begin.length, reached
+        )
+        buffers = buffers._replace(saved=saved)
+    if buffers.recording is not None and location is not None:
+        # A run that waits stays at the start of the step that holds its event: a derivative takes
+        # steps of no length there.
+        y = location.ended(y)
+    return buffers.add(loop.accepted, loop.count, t, y, t, accept, settings.layout(y, t))
