@@ -1,5 +1,9 @@
 """Which tests run, what each of them costs, and where their compiled programs are stored.
 
+It does what no plugin of pytest does: a test is chosen by the processor time that was measured of
+it and not by a mark, workers and later calls share the programs that XLA has compiled, where most
+of the time goes, and of a long list of cases a fixed sample runs.
+
 A test leaves the part that runs after every change (`--part quick`) only by its measured cost: the
 file `costs.csv` holds the processor time of each test that took long, and `make costs` writes it
 anew. A test that is not in the file is quick. A row without a case stands for all cases of a test:

@@ -41,7 +41,7 @@ class LoopOptions(NamedTuple):
     memory: PyTree
 
 
-class Asked(NamedTuple):
+class LoopRequest(NamedTuple):
     """The arguments of a run."""
 
     loop: AbstractSampledLoop
@@ -60,11 +60,11 @@ class LoopRun(AbstractRun):
 
     - `trajectory`: times, states and status, as of any run; a run that failed has NaN.
     - `steps`: fixed steps between two nodes.
-    - `asked`: the arguments of the run, for `error`."""
+    - `request`: the arguments of the run, for `error`."""
 
     trajectory: Trajectory
     steps: int = eqx.field(static=True)
-    asked: Asked
+    request: LoopRequest
 
     @property
     def commands(self) -> PyTree:
@@ -97,7 +97,7 @@ class LoopRun(AbstractRun):
 
         Raises `InputError` if this is one run already, and for a number that no run has."""
         trajectory = self.trajectory.of(i)
-        loop, y0, ts, options, _ = self.asked
+        loop, y0, ts, options, _ = self.request
         key = as_key(loop.key if options.key is None else options.key)
         if key is not None:
             # As the batch has split it, so that the run repeats its noise.
@@ -105,20 +105,20 @@ class LoopRun(AbstractRun):
         loop = run_of(dataclasses.replace(loop, key=None), i)
         y0, start, memory = run_of((y0, options.start, options.memory), i, 1)
         options = options._replace(key=key, start=start, memory=memory)
-        return LoopRun(trajectory, self.steps, Asked(loop, y0, ts, options, 0))
+        return LoopRun(trajectory, self.steps, LoopRequest(loop, y0, ts, options, 0))
 
     def error(self) -> State:
         """Estimate of the error of the final state: its change with steps of half the length.
 
         The noise is the same; a command that is rounded to quanta may switch, which then adds to
         the change."""
-        loop, y0, ts, options, run_axes = self.asked
+        loop, y0, ts, options, run_axes = self.request
         finer = options._replace(steps=2 * self.steps)
         again = run_loop(loop, y0, ts, finer, run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
     def facts(self) -> list[tuple[str, ...]]:
-        loop = self.asked.loop
+        loop = self.request.loop
         law = type(loop.controller).__name__
         return [("control", f"{law}, a sample every {loop.period:.6g} s, {loop.hold}-order hold")]
 
@@ -135,7 +135,7 @@ def run_loop(
     """`ClosedLoop.simulate` and `simulate_batch`, with `run_axes` axes of runs."""
     y0 = as_state(y0)
     _check(loop, y0, run_axes)
-    asked = Asked(loop, y0, ts, options, run_axes)
+    request = LoopRequest(loop, y0, ts, options, run_axes)
     times = known_times(ts)
     events = as_events(options.events)
     accuracy = as_accuracy(options.accuracy)
@@ -148,7 +148,7 @@ def run_loop(
     trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))
     if throw:
         trajectory = raise_failures(trajectory)
-    return LoopRun(trajectory, steps_of(config), asked)
+    return LoopRun(trajectory, steps_of(config), request)
 
 
 def _check(loop: AbstractSampledLoop, y0: State, run_axes: int) -> None:

@@ -40,7 +40,7 @@ Simulated: TypeAlias = Callable[[float], RunResults]
 """The runs of the first call of a campaign at a tolerance."""
 
 
-class Found(NamedTuple):
+class TunedTolerance(NamedTuple):
     """What a search has found: the purpose, and the numerical errors by output."""
 
     purpose: Purpose
@@ -58,7 +58,7 @@ def recorded(errors: dict[str, float]) -> Record:
     return {"numerical_errors": finite} if any(finite.values()) else {}
 
 
-def tolerance_by_purpose(simulated: Simulated, runs: int) -> Found:
+def tolerance_by_purpose(simulated: Simulated, runs: int) -> TunedTolerance:
     """The loosest tolerance that serves a campaign of so many `runs`, of those tried; the default
     one for a closed form, which no tolerance changes. Warns where none serves.
 
@@ -104,7 +104,7 @@ def tolerance_by_purpose(simulated: Simulated, runs: int) -> Found:
     if there > 1.0:
         name = max(allowed, key=lambda n: errors[n] / allowed[n])
         warnings.warn(f"{purpose.sentence} It is that of {name}.", stacklevel=4)
-    return Found(purpose, errors)
+    return TunedTolerance(purpose, errors)
 
 
 def _reference(at: Simulated, default: float, least: float) -> tuple[float, RunResults]:

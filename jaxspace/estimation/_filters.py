@@ -36,7 +36,9 @@ KINDS = ("extended", "unscented")
 Measure: TypeAlias = Callable[[Scalar, State], Array]
 """What predicts a reading from the time and the state."""
 
-Given: TypeAlias = tuple[AbstractSystem, Array, Array, Array, Noise, Accuracy | Scalar | None]
+FilterArguments: TypeAlias = tuple[
+    AbstractSystem, Array, Array, Array, Noise, Accuracy | Scalar | None
+]
 """What all runs share: system, covariance, times, noise of readings and process, accuracy."""
 
 KAPPA = 1.0
@@ -131,7 +133,7 @@ def kalman_filter(
 
 @eqx.filter_jit
 def _filter_all(
-    given: Given, y0: State, readings: Array, measure: Measure, kind: str, batch: bool
+    given: FilterArguments, y0: State, readings: Array, measure: Measure, kind: str, batch: bool
 ) -> Filtered:
     def one(y0: State, readings: Array) -> Filtered:
         return _filter_one(given, y0, readings, measure, kind)
@@ -139,7 +141,9 @@ def _filter_all(
     return jax.vmap(one, in_axes=-1, out_axes=-1)(y0, readings) if batch else one(y0, readings)
 
 
-def _filter_one(given: Given, y0: State, readings: Array, measure: Measure, kind: str) -> Filtered:
+def _filter_one(
+    given: FilterArguments, y0: State, readings: Array, measure: Measure, kind: str
+) -> Filtered:
     system, covariance, ts, noise, process, accuracy = given
     n = Coordinates.of(y0, 0)
     if covariance.shape != (n.count, n.count):

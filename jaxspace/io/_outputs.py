@@ -60,7 +60,7 @@ class Span(NamedTuple):
         return t + jax.lax.stop_gradient(near - t)
 
 
-class _Given(NamedTuple):
+class _Context(NamedTuple):
     """What outputs are computed from besides a state: as of `Outputs.numbers`, the number of
     `runs`, the `effects` of which some are methods, by name, and the `spans` of phases by their
     place."""
@@ -143,25 +143,25 @@ class Outputs(eqx.Module):
         effects = {
             name: effect_named(self.file, self.values, samples, runs, name) for name in names
         }
-        given = _Given(samples, runs, began or {}, effects, spans or {})
+        context = _Context(samples, runs, began or {}, effects, spans or {})
         result = {}
         for spec in self.specs:
             if spec.take:
-                value = self._extreme(spec, curves or {}, given)
+                value = self._extreme(spec, curves or {}, context)
             else:
-                value = self._value(spec, spec.at, states[spec.at], ends[spec.at], given)
+                value = self._value(spec, spec.at, states[spec.at], ends[spec.at], context)
             # An output of shared numbers alone has no axis of runs, which the store needs.
             result[spec.name] = jnp.broadcast_to(spec.factor * value, (runs,))
         return result
 
-    def _extreme(self, spec: OutputSpec, curves: Curves, given: _Given) -> Array:
+    def _extreme(self, spec: OutputSpec, curves: Curves, context: _Context) -> Array:
         times, values, slopes = [], [], []
         for k in spec.phases:
-            in_phase = given._replace(spans={k: Span.of(curves[k].times)})
+            in_phase = context._replace(spans={k: Span.of(curves[k].times)})
 
-            def one(t: Scalar, y: State, k: int = k, given: _Given = in_phase) -> Array:
-                value = self._value(spec, k, y, t, given)
-                return jnp.broadcast_to(value, (given.runs,))
+            def one(t: Scalar, y: State, k: int = k, context: _Context = in_phase) -> Array:
+                value = self._value(spec, k, y, t, context)
+                return jnp.broadcast_to(value, (context.runs,))
 
             def moving(
                 t: Scalar, y: State, rate: State, one: Callable[[Scalar, State], Array] = one
@@ -181,34 +181,34 @@ class Outputs(eqx.Module):
         result = extreme(times, values, slopes or None)
         return result.time if spec.take.startswith("time") else result.value
 
-    def _value(self, spec: OutputSpec, place: int, y: State, t: Scalar, given: _Given) -> Array:
+    def _value(self, spec: OutputSpec, place: int, y: State, t: Scalar, context: _Context) -> Array:
         """The output of the state `y` at the time `t`, at a place: the number of a phase, or that
         of an end as `OutputSpec.at`."""
         if spec.function is None:
             return at_path(y, spec.path)
-        samples, runs = given.samples, given.runs
+        samples, runs = context.samples, context.runs
         arguments = {}
         shared = dict(spec.shared)
         for name in spec.arguments():
             if name in shared:
                 arguments[name] = at(replaced(self.values, samples), shared[name])
             elif name == "self":
-                arguments[name] = given.effects[spec.effect]
+                arguments[name] = context.effects[spec.effect]
             elif name == "y":
                 arguments[name] = y
             elif name == "t":
-                span = given.spans.get(place) if "scene" in spec.arguments() else None
+                span = context.spans.get(place) if "scene" in spec.arguments() else None
                 arguments[name] = t if span is None else span.inside(t)
             elif name == "body":
                 arguments[name] = body_at(self.file, self.values, samples, runs, place)
             elif name == "scene":
                 scene = moving_at(self.file, self.values, samples, runs, place)
-                span = given.spans.get(place)
+                span = context.spans.get(place)
                 arguments[name] = scene if span is None else scene.started_at(span.start)
             elif name == INITIAL:
                 arguments[name] = self.initial
             elif name == BEGAN:
-                arguments[name] = given.began[spec.at]
+                arguments[name] = context.began[spec.at]
             elif name == NOMINAL:
                 # Without a reference only the shapes are used, and these are the same.
                 arguments[name] = y if self.reference is None else self.reference[spec.at]
@@ -218,32 +218,32 @@ class Outputs(eqx.Module):
 
 
 class MoreOutputs(eqx.Module):
-    """The outputs of a file, and those of a `given` function."""
+    """The outputs of a file, and those of a `further` function."""
 
-    own: Outputs
-    given: OutputFunction
+    of_file: Outputs
+    further: OutputFunction
 
     @property
     def to_check(self) -> OutputFunction:
-        """The outputs for the check that no run depends on another: the given function, and users'
+        """The outputs for the check that no run depends on another: the further function and users'
         functions of the file."""
-        return self.given if self.own.to_check is None else self
+        return self.further if self.of_file.to_check is None else self
 
     def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
-        own = self.own(result, samples)
-        given = self.given(result, samples)
-        if not isinstance(given, Mapping):
+        numbers = self.of_file(result, samples)
+        more = self.further(result, samples)
+        if not isinstance(more, Mapping):
             raise InputError(
-                f"outputs gives an object of the class {type(given).__name__}: it must give a dict "
+                f"outputs gives an object of the class {type(more).__name__}: it must give a dict "
                 f"of outputs by name."
             )
-        for name in own:
-            if name in given:
+        for name in numbers:
+            if name in more:
                 raise InputError(
                     f"outputs gives {name!r}, which is an output of the file: it must be another "
                     f"name."
                 )
-        return {**own, **given}
+        return {**numbers, **more}
 
 
 def line_ends(

@@ -64,16 +64,13 @@ _build_as_one = eqx.filter_jit(build_mission)
 @final
 @dataclasses.dataclass(frozen=True)
 class SceneFile(FileContent):
-    """A checked scene file: systems, initial state, times, accuracy, and dispersions.
+    """A checked scene file, and what is done with it: it builds its systems and campaigns, runs
+    them, and searches for the best of its numbers.
 
-    - `path`, `text`: of the file.
-    - `parsed`: its values in SI.
-    - `inputs`: the distribution of every dispersed number.
-    - `outputs`: those of each run of a campaign.
-    - `units`: those in which the file gives its numbers.
-    - `task`: the content of [optimize], or `None`.
-    - `files`: the files that it names.
-    - `modules`: Python files that were run for it."""
+    Its fields are those of its content (`FileContent`): `path`, `text`, the `parsed` values in SI,
+    the `inputs` and `outputs` of a campaign, the `units` of its numbers, the `task` of [optimize],
+    and the `files` and `modules` that it names; its `kind` is "system", "scene", "mission" or
+    "flight", and its `title` the name of the file where it has none. It starts at `start`, s."""
 
     @property
     def runs(self) -> int:
