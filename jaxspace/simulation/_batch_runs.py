@@ -20,8 +20,9 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state
 from ..solvers.tolerances import Tolerance
+from ._mission import Mission
 from ._runs import run_system
-from .batch_layout import cut_batch
+from .batch_layout import cut_batch, in_blocks
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
 from .failures import mission_reached
@@ -44,45 +45,37 @@ def run_systems(
     dense: bool,
 ) -> Trajectory:
     """The runs of a system, block by block; `batched` carries runs, `shared` is for all of them."""
-    own, rest = config.split()
 
-    def block(piece: PyTree, given: PyTree) -> Trajectory:
-        (batched, own), (shared, rest, events) = piece, given
-        system, y0, ts = cut_batch(batched, shared)
-        config = eqx.combine(own, rest)
+    def run(
+        system: AbstractSystem, y0: State, ts: Array, configs: Configs, *events: Event
+    ) -> Trajectory:
         # Checked here, where a condition first gets states with the axis of runs.
         check_events(events, system, y0, ts[0], 1)
         _check_runs(system, y0, ts[0], blocks.size)
-        return _every_run(run_system(system, y0, ts, events, config, 1, dense))
+        return _every_run(run_system(system, y0, ts, events, configs[0], 1, dense))
 
-    # Passed and not closed over, so that every device gets a copy of these arrays.
-    given = (shared, rest, events)
-    return blocks.map(block, (batched, own), given, _order_of(batched, shared, config, blocks))
+    order = _order_of(batched, shared, config, blocks)
+    return in_blocks(run, batched, shared, (config,), blocks, events, order)
 
 
 @jit_wide_vectors
 def run_missions(
     batched: PyTree,
     shared: PyTree,
-    configs: tuple[IntegrationConfig, ...],
+    configs: Configs,
     num_saved: int,
     blocks: Blocks,
 ) -> MissionTrajectory:
     """The runs of a mission, block by block; `batched` carries runs, `shared` is for all of
     them."""
-    own, rest = zip(*(config.split() for config in configs), strict=True)
 
-    def block(piece: PyTree, given: PyTree) -> MissionTrajectory:
-        (batched, own), (shared, rest) = piece, given
-        mission, y0, t0 = cut_batch(batched, shared)
-        configs = tuple(map(eqx.combine, own, rest))
+    def run(mission: Mission, y0: State, t0: Array, configs: Configs) -> MissionTrajectory:
         with _shared_arrays_named(mission, blocks.size):
             run = run_mission(mission, y0, t0, num_saved, configs, 1)
         result = mission_reached(run)
-        phases = tuple(_every_run(phase) for phase in result.phases)
-        return dataclasses.replace(result, phases=phases)
+        return result.with_phases([_every_run(phase) for phase in result.phases], result.status)
 
-    return blocks.map(block, (batched, own), (shared, rest))
+    return in_blocks(run, batched, shared, configs, blocks)
 
 
 def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:

@@ -3,16 +3,12 @@
 import dataclasses
 from collections.abc import Callable
 
-from jaxtyping import Array
-
-from ..core import AbstractSystem, Scalar, State
-from ..integration.config import IntegrationConfig
+from ..core import Scalar, State
 from ..integration.crossings import Crossings
 from ..integration.events import Event
 from ._batch_runs import run_systems
-from ._runs import run_system
+from ._runs import run_one_system
 from .batch_layout import local_blocks, split_batch
-from .blocks import jit_wide_vectors
 from .checks import as_events, check_events
 from .trajectory import Trajectory
 
@@ -60,18 +56,7 @@ def crossings(
     ends = run.ts[:: len(run) - 1]
     if run.run_axes == 0:
         check_events(events, system, y0, ends[0], 0)
-        return _of_one_run(system, y0, ends, events, config)
+        return run_one_system(system, y0, ends, events, config, 0).crossings[0]
     batched, shared, runs = split_batch(system, y0, ends, None, 1)
     blocks = local_blocks((batched, shared), runs)
     return run_systems(batched, shared, config, events, blocks, False).crossings[0]
-
-
-@jit_wide_vectors
-def _of_one_run(
-    system: AbstractSystem,
-    y0: State,
-    ts: Array,
-    events: tuple[Event, ...],
-    config: IntegrationConfig,
-) -> Crossings:
-    return run_system(system, y0, ts, events, config, 0).crossings[0]

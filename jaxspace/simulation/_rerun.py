@@ -1,6 +1,5 @@
 """Runs repeated with finer steps, to see how far their final states move."""
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
@@ -10,7 +9,7 @@ from ..integration.config import IntegrationConfig
 from ..integration.layout import broadcast_state, state_at
 from ..integration.status import Status
 from ._integrator import Integrator
-from .batch_layout import cut_batch, local_blocks, split_batch
+from .batch_layout import in_blocks, local_blocks, split_batch
 from .blocks import Blocks, jit_wide_vectors
 
 # A fraction of the run that is not a simple ratio, so that a closed form makes different rounding
@@ -37,14 +36,13 @@ _final_state_of_one = jit_wide_vectors(_final_state)
 def _final_states(
     batched: tuple, shared: tuple, config: IntegrationConfig, blocks: Blocks
 ) -> State:
-    own, rest = config.split()
 
-    def block(piece: tuple, given: tuple) -> State:
-        (batched, own), (shared, rest) = piece, given
-        system, y0, ts = cut_batch(batched, shared)
-        return _final_state(system, y0, ts, eqx.combine(own, rest), 1)
+    def run(
+        system: AbstractSystem, y0: State, ts: Array, configs: tuple[IntegrationConfig, ...]
+    ) -> State:
+        return _final_state(system, y0, ts, configs[0], 1)
 
-    return blocks.map(block, (batched, own), (shared, rest))
+    return in_blocks(run, batched, shared, (config,), blocks)
 
 
 def final_state_again(

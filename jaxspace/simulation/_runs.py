@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
+from ..core.jit import quick_jit
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import crossings_between
 from ..integration.event_search import FoundEvents
@@ -42,6 +43,10 @@ def run_system(
     lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
     status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
     return reached(dataclasses.replace(result, status=status))
+
+
+# Compiled, because outside of `jit` each operation would be compiled and called separately.
+run_one_system = quick_jit(run_system)
 
 
 def _run_of_kind(

@@ -11,7 +11,6 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, InputError
 from ..core.captured import captured_as_leaves
-from ..core.jit import quick_jit
 from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
@@ -27,7 +26,7 @@ from ..integration.status import Status
 from ..integration.stiffness import InitialConditions
 from ._final_error import FinalError
 from ._mission import check_system
-from ._runs import run_system
+from ._runs import run_one_system
 from ._to_final_error import to_final_error
 from ._warnings import warn_of_switches
 from .checks import (
@@ -113,7 +112,7 @@ def simulate(
         return (resolve(system, y0, accuracy, starts),)
 
     def run(configs: Configs, dense: bool = dense) -> Trajectory:
-        return _run_system(system, y0, ts, events, configs[0], 0, dense)
+        return run_one_system(system, y0, ts, events, configs[0], 0, dense)
 
     configs = configs_for(None, False)
     result, configs = cured(run(configs), configs, lambda *a: run(a[2]), configs_for)
@@ -133,7 +132,3 @@ def _place(result: Trajectory, run: Callable[..., Trajectory]) -> str:
     if status != Status.MAX_STEPS or steps is None:
         return place
     return f"{place} {enough_steps(steps, t0, t1, result.config.max_steps)}"
-
-
-# Compiled, because outside of `jit` each operation would be compiled and called separately.
-_run_system = quick_jit(run_system)

@@ -1,7 +1,7 @@
 """The arrays of a batch that carry runs, and the division of the batch into blocks."""
 
-from collections.abc import Sequence
-from typing import TypeAlias
+from collections.abc import Callable, Sequence
+from typing import TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -14,9 +14,11 @@ from ..core.layout import add_batch_axis, run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
+from ..integration.config import IntegrationConfig
 from ..integration.mapping import BLOCK
-from .blocks import Blocks, NumRuns
+from .blocks import Blocks, NumRuns, Order
 
+T = TypeVar("T")
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 
 
@@ -109,6 +111,31 @@ def cut_batch(piece: PyTree, shared: PyTree) -> tuple[PyTree, State, Array]:
     """System, states and times of a block, from its part of the batch and the shared part."""
     system, y0, ts = shared
     return eqx.combine(piece, (add_batch_axis(system), add_batch_axis(y0), ts))
+
+
+def in_blocks(
+    run: Callable[..., T],
+    batched: PyTree,
+    shared: PyTree,
+    configs: tuple[IntegrationConfig, ...],
+    blocks: Blocks,
+    given: PyTree = (),
+    order: Order | None = None,
+) -> T:
+    """The runs of `run(system, y0, ts, configs, *given)`, block by block, in an `order` of theirs.
+
+    **Arguments**
+
+    - `batched`, `shared`: as from `split_batch`.
+    - `configs`: may carry runs, too; `given` does not."""
+    own, rest = zip(*(config.split() for config in configs), strict=True)
+
+    def block(piece: PyTree, passed: PyTree) -> T:
+        (batched, own), (shared, rest, given) = piece, passed
+        return run(*cut_batch(batched, shared), tuple(map(eqx.combine, own, rest)), *given)
+
+    # Passed and not closed over, so that every device gets a copy of these arrays.
+    return blocks.map(block, (batched, own), (shared, rest, given), order)
 
 
 def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
