@@ -12,51 +12,61 @@ from jaxspace.simulation import Status
 from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))
-RUNS, SLOW, FAILING = 24, 5, 11
+RUNS, SLOW, FAILING, QUICK = 24, 5, 11, 17
 
 
 EPS = float(np.finfo(float).eps)
 
 
 def starts() -> BodyState:
-    """Orbits of eccentricities up to 0.6 from their apses; a slow run, so low that its steps run
-    out, and one that is not finite."""
+    """Orbits of eccentricities up to 0.6 from their apses; one so low that its steps run out, one
+    that is not finite, and one with many revolutions, which takes several times the steps of the
+    others."""
     g = np.random.default_rng(3)
     e, tilt = g.uniform(0.0, 0.6, RUNS), g.uniform(0.1, 1.0, RUNS)
     speed = np.sqrt(1.0 + e)
     x = np.stack([2.0 + 0.0 * e, 0.0 * e, 0.0 * e])
     v = np.stack([0.0 * e, speed * np.cos(tilt), speed * np.sin(tilt)]) / np.sqrt(2.0)
-    x[:, SLOW], v[:, SLOW] = 0.05 * x[:, SLOW], v[:, SLOW] * np.sqrt(20.0)
+    for run, part in ((SLOW, 0.05), (QUICK, 0.3)):
+        x[:, run], v[:, run] = part * x[:, run], v[:, run] / np.sqrt(part)
     x[0, FAILING] = np.nan
     return BodyState(jnp.asarray(x), jnp.asarray(v))
 
 
 def flown(y: BodyState, ts, method, events=()):
     """What the user sees of these runs."""
-    accuracy = Accuracy(1e-8, method=method, max_steps=300)
+    accuracy = Accuracy(1e-8, method=method, max_steps=600)
     fly = jax.jit(lambda y: simulate_batch(SCENE, y, ts, accuracy=accuracy, events=events))
     run = fly(jax.device_put(y, jax.devices()[0]))
     numbers = (run.states, run.ts, run.status, run.stats["steps"], run.stats["rejected_steps"])
     return jax.tree.map(np.asarray, numbers)
 
 
-# Of whole vectors, as the runs of a block are: a lane that is left over is rounded by itself.
+# Of whole vectors, as the runs of a block are: a lane that is left over is rounded by itself. A
+# block has 64 runs: the last one is filled up with copies of its last run.
 ORDERS = {
     "turned round": np.arange(RUNS)[::-1],
+    "beside one that fails": np.where(np.arange(RUNS) == 3, 3, FAILING),
+    "beside slow ones": np.where(np.arange(RUNS) % 8 == 3, np.arange(RUNS), SLOW),
+    "beside a quick one": np.where(np.arange(RUNS) == QUICK, QUICK, 3),
     "cut": np.arange(8, 16),
-    "mixed with copies": np.random.default_rng(0).integers(0, RUNS, 40),
+    "filled up with the one that fails": np.append(np.arange(7), FAILING),
+    "filled up with the slow one": np.append(np.arange(7), SLOW),
+    "mixed in two blocks": np.random.default_rng(0).integers(0, RUNS, 72),
 }
 
 
 @pytest.mark.parametrize("method", [DOP853(), Tsit5(), RKN1210()])
 @pytest.mark.parametrize("saves", [2, 9])
 def test_a_run_does_not_depend_on_its_neighbours(method, saves):
-    """To the last bit, beside a run whose steps run out and one that fails."""
+    """To the last bit, in any order, cut and filled up, in one block and in two, beside a run whose
+    steps run out, one that fails and one that takes many steps."""
     y, ts = starts(), jnp.linspace(0.0, 30.0, saves)
     whole = flown(y, ts, method)
     assert whole[2][SLOW] == Status.MAX_STEPS and whole[2][FAILING] == Status.NOT_FINITE
     others = np.delete(np.arange(RUNS), [SLOW, FAILING])
     assert np.all(whole[2][others] == Status.COMPLETED)
+    assert whole[3][QUICK] > 3 * np.median(whole[3][others])
     for name, order in ORDERS.items():
         some = flown(jax.tree.map(lambda x, k=order: x[..., k], y), ts, method)
         for a, b in zip(jax.tree.leaves(some), jax.tree.leaves(whole), strict=True):

@@ -477,11 +477,16 @@ jax.config.update("jax_num_cpu_devices", 2)
 jax.config.update("jax_disable_most_optimizations", True)
 import numpy as np
 from test_simulation import KEPLER, rows, simulate_batch
-y, ts = rows(np.linspace(0.0, 0.5, 150)), np.array([0.0, 2.0])
+e = np.linspace(0.0, 0.5, 150)
+# One that takes many steps, and one that fails.
+e[7], e[100] = 0.99, np.nan
+y, ts = rows(e), np.linspace(0.0, 2.0, 4)
 two = simulate_batch(KEPLER, y, ts, accuracy=1e-6)
 one = simulate_batch(KEPLER, jax.device_put(y, jax.devices()[0]), ts, accuracy=1e-6)
-same = np.array_equal(one.final.position, two.final.position)
-print(len(two.status.devices()), len(one.status.devices()), same)
+leaves = [jax.tree.leaves((run.states, run.status)) for run in (one, two)]
+same = all(np.array_equal(a, b, equal_nan=True) for a, b in zip(*leaves))
+failed = np.count_nonzero(two.status)
+print(len(two.status.devices()), len(one.status.devices()), same, failed)
 """
     done = subprocess.run(
         [sys.executable, "-c", code],
@@ -489,7 +494,7 @@ print(len(two.status.devices()), len(one.status.devices()), same)
         text=True,
         cwd=__file__.rpartition("/")[0],
     )
-    assert done.stdout.split() == ["2", "1", "True"], done.stderr
+    assert done.stdout.split() == ["2", "1", "True", "1"], done.stderr
 
 
 def test_runs_that_missed_the_tolerance_take_more_of_the_equal_steps():
