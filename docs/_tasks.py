@@ -154,6 +154,7 @@ TASKS = {
     },
     "robust": {
         "Search": "optimise_design train_design optimise_nominal DesignOptimum",
+        "Name what is free": "free",
         "Judge by fresh runs": "judge_designs JudgedDesigns judged",
         "Say what is best": "statistics",
     },

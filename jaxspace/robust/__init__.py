@@ -12,6 +12,7 @@ from .judged import JudgedDesigns as JudgedDesigns
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
+    from . import free as free
     from . import judged as judged
     from . import statistics as statistics
 else:
