@@ -156,13 +156,7 @@ def disperse(
             *(("until", until, None), ("notes", notes, None), ("progress", progress, None)),
             ("devices", devices, None),
         )
-        # Refused and not left aside: who asks for a store or for more runs expects them.
-        for name, given, default in about_runs:
-            if given is not default and (default is None or given != default):
-                raise InputError(
-                    f"{name} is {given!r}: it must be left out, for by the method {method!r} "
-                    f"there are no runs."
-                )
+        _refuse(about_runs, method)
         return moments(campaign, method, accuracy=accuracy)
     check_whole("runs", runs, 1)
     check_whole("chunk", chunk, 1)
@@ -181,11 +175,7 @@ def disperse(
         # Locked before the runner compiles, so that a refusal comes at once.
         if store is not None:
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
-            # If several processes share the campaign, one holds the lock for all.
-            if using.leads:
-                stack.enter_context(writer)
-            if writer.lock.stale:
-                warnings.warn(writer.lock.stale, DamagedStore, stacklevel=2)
+            _enter(writer, using, stack)
 
         def plan(rtol: float) -> BatchRunner:
             tolerance = dataclasses.replace(accuracy, rtol=rtol)
@@ -195,34 +185,86 @@ def disperse(
         runner, found = _planned(plan, asked, accuracy, runs, there)
         # After planning and compiling: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
-        attributes: Record = {**record(campaign, runner.planned.accuracy, runs), **(notes or {})}
-        attributes |= {"preparation_seconds": preparation, "digest": runner.planned.digest}
-        attributes |= {"chunk": runner.chunk(chunk), "samples": samples, "seed": seed, **found}
-        if runner.planned.small:
-            attributes["small_program"] = True
-        if runner.nominal is not None:
-            attributes["nominal"] = runner.nominal
-        if times is not None:
-            attributes["times"] = [float(t) for t in times]
-            attributes["times_kept"] = TIMES_KEPT
-        if until is not None:
-            assert runner.example is not None
-            check_rule(until, ordered(runner.example, campaign).outputs)
-            attributes["until"] = dataclasses.asdict(until)
+        attributes = _attributes_of(runner, runs, chunk, times, until, notes or {})
+        attributes |= {**found, "samples": samples, "preparation_seconds": preparation}
         if writer is not None:
             return stored(writer, runner, using, attributes, progress, until)
-        chunks = in_memory(runner, using, attributes["chunk"], runs, progress, until)
-        # A tree transformation sorts dicts by name.
-        every = jax.tree.map(
-            lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
-        )
-        # Fewer than planned: the rule has ended the campaign.
-        if len(every.status) < runs:
-            attributes[ENOUGH] = len(every.status)
-        seconds = time.perf_counter() - started
-        attributes["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
-        results = ordered(every, campaign)
-        return Dispersion(*results[:4], dict(campaign.units), seed, seconds, attributes)
+        return _held(runner, using, attributes, runs, progress, until, started)
+
+
+def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:
+    """Raise `InputError` for one of the options about runs, (name, given, default), that is given
+    with a method that makes none."""
+    # Refused and not left aside: who asks for a store or for more runs expects them.
+    for name, given, default in options:
+        if given is not default and (default is None or given != default):
+            raise InputError(
+                f"{name} is {given!r}: it must be left out, for by the method {method!r} there are "
+                f"no runs."
+            )
+
+
+def _enter(writer: StoreWriter, engine: AbstractEngine, stack: contextlib.ExitStack) -> None:
+    """Lock the store for as long as the `stack` lasts, and warn `disperse`'s caller of a lock that
+    was left behind."""
+    # If several processes share the campaign, one holds the lock for all.
+    if engine.leads:
+        stack.enter_context(writer)
+    if writer.lock.stale:
+        warnings.warn(writer.lock.stale, DamagedStore, stacklevel=3)
+
+
+def _attributes_of(
+    runner: BatchRunner,
+    runs: int,
+    chunk: int,
+    times: Sequence[float] | None,
+    until: StopRule | None,
+    notes: Mapping[str, object],
+) -> Record:
+    """What a result records of a planned campaign; `notes` are the user's. Raises `InputError` for
+    a rule about an output that the campaign does not have."""
+    planned = runner.planned
+    attributes: Record = {**record(planned.campaign, planned.accuracy, runs), **notes}
+    attributes |= {"digest": planned.digest, "chunk": runner.chunk(chunk), "seed": planned.seed}
+    if planned.small:
+        attributes["small_program"] = True
+    if runner.nominal is not None:
+        attributes["nominal"] = runner.nominal
+    if times is not None:
+        attributes["times"] = [float(t) for t in times]
+        attributes["times_kept"] = TIMES_KEPT
+    if until is not None:
+        assert runner.example is not None
+        check_rule(until, ordered(runner.example, planned.campaign).outputs)
+        attributes["until"] = dataclasses.asdict(until)
+    return attributes
+
+
+def _held(
+    runner: BatchRunner,
+    engine: AbstractEngine,
+    attributes: Record,
+    runs: int,
+    progress: Callable[[int, int], None] | None,
+    until: StopRule | None,
+    started: float,
+) -> Dispersion:
+    """The runs of a planned campaign in memory, without a store. `started`: when, s, by the clock
+    `time.perf_counter`."""
+    chunks = in_memory(runner, engine, attributes["chunk"], runs, progress, until)
+    # A tree transformation sorts dicts by name.
+    every = jax.tree.map(
+        lambda *x: np.concatenate(x, axis=-1), *(chunks[k][0] for k in sorted(chunks))
+    )
+    # Fewer than planned: the rule has ended the campaign.
+    if len(every.status) < runs:
+        attributes[ENOUGH] = len(every.status)
+    seconds = time.perf_counter() - started
+    attributes["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
+    campaign, seed = runner.planned.campaign, runner.planned.seed
+    results = ordered(every, campaign)
+    return Dispersion(*results[:4], dict(campaign.units), seed, seconds, attributes)
 
 
 def _planned(
