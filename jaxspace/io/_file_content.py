@@ -4,6 +4,8 @@ import dataclasses
 from pathlib import Path
 
 from ..core import InputError
+from ..core.listed import no_method
+from ..statistics import StopRule
 from ._inputs import Input
 from ._joint_inputs import MadeInput
 from ._kinds import Values
@@ -66,3 +68,27 @@ class FileContent:
                 "dispersion is missing: it must be a table with outputs and inputs for this."
             )
         return self.values["dispersion"]
+
+    @property
+    def runs(self) -> int:
+        """Number of runs of [dispersion]. Raises `InputError` without it."""
+        return self.dispersion["runs"]
+
+    @property
+    def seed(self) -> int:
+        """Seed of the random inputs of [dispersion]. Raises `InputError` without it."""
+        return self.dispersion["seed"]
+
+    @property
+    def until(self) -> StopRule | None:
+        """The rule that ends the campaign of the file before its `runs`; `None` without one."""
+        rule = self.dispersion["until"]
+        if rule is None:
+            return None
+        return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
+
+    @property
+    @no_method
+    def compare(self) -> tuple[str, ...]:
+        """The cheaper methods with which the file compares its runs."""
+        return tuple(self.dispersion["compare"])

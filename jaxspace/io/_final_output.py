@@ -7,9 +7,12 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import Scalar, State, output
+from ..core import InputError, Scalar, State, output
+from ._output_entries import read_output
 from ._output_spec import FINAL, OutputSpec
 from ._outputs import Outputs
+from ._parsed import Parsed
+from .units import WrittenUnits
 
 
 class FinalOutput(NamedTuple):
@@ -21,6 +24,18 @@ class FinalOutput(NamedTuple):
     function: Callable[..., Array]
     si: str
     factor: float
+
+
+def spec_of_end(name: str, file: Parsed, units: WrittenUnits) -> OutputSpec:
+    """The output of this name at the end of a run; as of `SceneFile.final_output`."""
+    try:
+        spec = read_output("output", {"output": name}, file, units)
+    # The name is the caller's, and no error of the file.
+    except ValueError as error:
+        raise InputError(str(error)) from None
+    if spec.at >= 0:
+        raise InputError(f"output is {name}: it must be one of the final state.")
+    return spec
 
 
 def function_of(outputs: Outputs, spec: OutputSpec) -> Callable[..., Array]:

@@ -1,7 +1,6 @@
 """The warning of a nominal run that passes below the ground of the planet of its file."""
 
 import warnings
-from collections.abc import Mapping
 
 import jax.numpy as jnp
 
@@ -10,17 +9,19 @@ from ..scene.ground_check import ground_warning, lowest_below_ground
 from ..simulation import Trajectory
 from ..simulation.finish import with_doubts
 from ..simulation.mission_result import Result
+from ._kinds import Values
 
 
-def warned_of_ground(run: Result, planet: Mapping[str, float | None], stacklevel: int) -> Result:
+def warned_of_ground(run: Result, values: Values, stacklevel: int) -> Result:
     """The run, with the status of one that passes below the ground, of which it warns.
 
     An effect that states the ground warns of it itself.
 
     **Arguments**
 
-    - `planet`: the table [planet] of the file, with its `mu`, m^3/s^2, and its `radius`, m.
+    - `values`: of the file, whose [planet] has `mu`, m^3/s^2, and `radius`, m.
     - `stacklevel`: of the verb that the user calls, from here."""
+    planet = values.get("planet") or {}
     mu, radius = planet.get("mu"), planet.get("radius")
     if mu is None or radius is None:
         return run

@@ -14,7 +14,7 @@ from jaxtyping import Array, Float
 
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
-from ..core.listed import Listed, no_method
+from ..core.listed import Listed
 from ..dispersion import Campaign
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
 from ..integration.accuracy import DEFAULT_RTOL
@@ -32,24 +32,22 @@ from ..simulation import (
 from ..simulation.either import run_either
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
-from ..statistics import StopRule
 from ..vehicles import LaunchSite
 from ._accuracy import steps_of
 from ._build import build_mission, replaced
 from ._file_content import FileContent
 from ._final_error import requested_error, rounded_down, tolerance_of
-from ._final_output import FinalOutput, function_of
+from ._final_output import FinalOutput, function_of, spec_of_end
 from ._flight import SITE
 from ._ground import warned_of_ground
 from ._inputs import with_distributions
-from ._kinds import Values
 from ._named_files import NamedFiles
 from ._nominal import nominal_states, outputs_of, with_run
 from ._objects import Runs
 from ._optimise import failed_start, optimise
 from ._optimum import Optimum
 from ._optimum_file import with_numbers
-from ._output_entries import applicable_outputs, read_output, unit_of
+from ._output_entries import applicable_outputs, unit_of
 from ._output_spec import INITIAL, NOMINAL, OutputSpec, needs
 from ._outputs import MoreOutputs, Outputs
 from ._over_runs import optimise_over_runs
@@ -71,30 +69,6 @@ class SceneFile(FileContent):
     the `inputs` and `outputs` of a campaign, the `units` of its numbers, the `task` of [optimize],
     and the `files` and `modules` that it names; its `kind` is "system", "scene", "mission" or
     "flight", and its `title` the name of the file where it has none. It starts at `start`, s."""
-
-    @property
-    def runs(self) -> int:
-        """Number of runs of [dispersion]. Raises `InputError` without it."""
-        return self.dispersion["runs"]
-
-    @property
-    def seed(self) -> int:
-        """Seed of the random inputs of [dispersion]. Raises `InputError` without it."""
-        return self.dispersion["seed"]
-
-    @property
-    def until(self) -> StopRule | None:
-        """The rule that ends the campaign of the file before its `runs`; `None` without one."""
-        rule = self.dispersion["until"]
-        if rule is None:
-            return None
-        return StopRule(rule["output"], **{k: float(x) for k, x in rule.items() if k != "output"})
-
-    @property
-    @no_method
-    def compare(self) -> tuple[str, ...]:
-        """The cheaper methods with which the file compares its runs."""
-        return tuple(self.dispersion["compare"])
 
     @functools.cached_property
     def accuracy(self) -> Accuracy:
@@ -159,7 +133,7 @@ class SceneFile(FileContent):
     @functools.cached_property
     def _nominal(self) -> tuple[Mission, State]:
         with by_numpy():
-            return _build_as_one(self.parsed, self._numbers({}), Runs())
+            return _build_as_one(self.parsed, replaced(self.values, {}), Runs())
 
     def scenes(self) -> dict[str, Scene]:
         """The scene of every phase, by the name of the phase; empty for a system."""
@@ -222,7 +196,7 @@ class SceneFile(FileContent):
             num_saved=num_saved,
             throw=throw,
         )
-        return warned_of_ground(run, self.values.get("planet") or {}, stacklevel=2)
+        return warned_of_ground(run, self.values, stacklevel=2)
 
     def build(self, samples: Mapping[str, Array]) -> tuple[Mission, State]:
         """Mission and initial states of many runs.
@@ -235,7 +209,8 @@ class SceneFile(FileContent):
         and the states, which carry them everywhere."""
         # A campaign has at least one input, which gives the number of runs.
         runs = next(iter(samples.values())).shape[0]
-        return build_mission(self.parsed, self._numbers(samples), Runs(runs), samples.get(NOISE))
+        numbers = replaced(self.values, samples)
+        return build_mission(self.parsed, numbers, Runs(runs), samples.get(NOISE))
 
     def campaign(
         self,
@@ -368,7 +343,7 @@ class SceneFile(FileContent):
             rtol = max(self.tolerance * factor, least)
             asked = dataclasses.replace(self.accuracy, rtol=rtol)
         run = self._mission_run(asked, samples)
-        return warned_of_ground(run, self.values.get("planet") or {}, stacklevel=2)
+        return warned_of_ground(run, self.values, stacklevel=2)
 
     def _mission_run(
         self, accuracy: Accuracy | FinalError, samples: int, throw: bool = False
@@ -405,13 +380,7 @@ class SceneFile(FileContent):
 
         **Raises** `InputError` for an unknown name, or an output whose arguments the file does not
         have."""
-        try:
-            spec = read_output("output", {"output": name}, self.parsed, self.units)
-        # The name is the caller's, and no error of the file.
-        except ValueError as error:
-            raise InputError(str(error)) from None
-        if spec.at >= 0:
-            raise InputError(f"output is {name}: it must be one of the final state.")
+        spec = spec_of_end(name, self.parsed, self.units)
         nominal = nominal_states(self.nominal_mission()) if needs((spec,), NOMINAL) else None
         outputs = self._outputs_of((spec,), nominal)
         si = unit_of(spec, self.parsed)
@@ -421,8 +390,4 @@ class SceneFile(FileContent):
         self, specs: tuple[OutputSpec, ...], reference: dict[int, State] | None
     ) -> Outputs:
         initial = with_run(self.y0) if needs(specs, INITIAL) else None
-        return Outputs(self.parsed, specs, self._numbers({}), reference, initial)
-
-    def _numbers(self, samples: Mapping[str, ArrayLike]) -> Values:
-        """The values with arrays in place of numbers: those of `samples`, and those of the file."""
-        return replaced(self.values, samples)
+        return Outputs(self.parsed, specs, replaced(self.values, {}), reference, initial)
