@@ -6,15 +6,15 @@ The path is `resolve` (how), `integrate` (here), `solve` (the loop and its deriv
 
 import dataclasses
 from collections.abc import Callable
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractClosedForm, AbstractDecoupled, AbstractSystem, Scalar, State
+from ..core import AbstractRegularised, AbstractSystem, Scalar, State
 from ..core.barrier import barrier
-from ..core.groups import on_group, project
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.protocol import bind, field_of_step, solver_traits
@@ -24,6 +24,7 @@ from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import TERM
 from ._by_diffrax import solve_by_diffrax
 from ._event_location import SoughtEvents
+from ._exact import at_once, by_closed_form, joined
 from ._in_turn import in_turn
 from ._loop_settings import LoopSettings
 from ._save_times import at_save_times
@@ -31,15 +32,9 @@ from ._solve import solve, solve_own_steps
 from .config import IntegrationConfig
 from .events import Event
 from .field_trace import field_trace
-from .layout import state_at, times_behind_components, times_first
-from .normalised_time import (
-    ScaledVectorField,
-    Segments,
-    hoist,
-    segments_of,
-)
-from .result import IntegrationResult, result_of, within_model
-from .status import Status, status_from
+from .layout import state_at
+from .normalised_time import ScaledVectorField, Segments, hoist, segments_of
+from .result import IntegrationResult, Outcome, result_of, within_model
 
 
 @eqx.filter_jit
@@ -90,28 +85,48 @@ def integrate(
     if config.method == "closed_form":
         closed_form = system.closed_form()
         assert closed_form is not None
-        rows = in_turn if for_search else _at_once
-        result = _by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
+        rows = in_turn if for_search else at_once
+        result = by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
-    if config.decoupled:
-        decoupled = system.decoupled()
-        assert decoupled is not None
-        result = integrate(
-            decoupled.rest,
-            decoupled.rest_of(y0),
-            t0,
-            t1,
-            fractions,
-            dataclasses.replace(config, decoupled=False),
-            run_axes,
-            plan=plan,
-            record_steps=record_steps,
-            dense=dense,
-            trimmed=trimmed,
-        )
-        return _joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
-    traits = solver_traits(config.solver)
+    request = _Request(
+        fractions, plan, record_steps, dense, trimmed, for_search, until, start_known
+    )
+    if not config.decoupled:
+        return _by_steps(system, y0, t0, t1, config, run_axes, request)
+    decoupled = system.decoupled()
+    assert decoupled is not None
+    rest = dataclasses.replace(config, decoupled=False)
+    # The events and the samples of a search are those of the whole motion.
+    request = request._replace(for_search=False, until=(), start_known=None)
+    result = _by_steps(decoupled.rest, decoupled.rest_of(y0), t0, t1, rest, run_axes, request)
+    return joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
+
+
+class _Request(NamedTuple):
+    """A request for an integration; fields as the arguments of `integrate`."""
+
+    fractions: Float[Array, "times *#runs"] | None
+    plan: Float[Array, " nodes"] | None
+    record_steps: bool
+    dense: bool
+    trimmed: bool
+    for_search: bool
+    until: tuple[Event, ...]
+    start_known: Array | None
+
+
+def _by_steps(
+    system: AbstractSystem,
+    y0: State,
+    t0: Scalar,
+    t1: Scalar,
+    config: IntegrationConfig,
+    run_axes: int,
+    request: _Request,
+) -> IntegrationResult:
+    """The result of an integration step by step."""
+    fractions, traits = request.fractions, solver_traits(config.solver)
     segments = segments_of(system, t0, t1, None)
     # If the runs differ in their breaks, or in their save times, the save times become ends of
     # segments, which all runs reach together.
@@ -121,33 +136,12 @@ def integrate(
     if landing:
         segments = segments_of(system, t0, t1, fractions)
     sought = None
-    if until:
+    if request.until:
         start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
-        sought = SoughtEvents.of(until, system, start, y, run_axes, start_known)
-    settings = _settings(
-        config, segments, fractions, landing, run_axes, plan, record_steps, dense, sought
-    )
-    if for_search:
-        # As in `_settings`, for the same reason.
-        settings = dataclasses.replace(settings, first_step=FIRST_STEP)
-    if trimmed and settings.plan is None and not traits.own_steps:
-        # A short run, for which a single step is mostly short enough.
-        settings = dataclasses.replace(settings, reach=segments.reach(), first_step=1.0)
+        sought = SoughtEvents.of(request.until, system, start, y, run_axes, request.start_known)
+    settings = _settings(config, segments, landing, run_axes, request, sought)
     field = ScaledVectorField(system, segments)
-    form = None
-    if traits.own_steps:
-        outcome, form = solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
-    elif config.adjoint is None and traits.replayable:
-        # Where events are sought, `locates_events` has excluded closures over traced arrays.
-        seen = field if until else hoist(field, y0, traits.needs, settings.clock(y0).shape)
-        outcome = solve(seen, y0, settings)
-        if fractions is not None and not landing:
-            assert settings.save_ts is not None
-            states = at_save_times(outcome.states, system, segments, settings.save_ts, fractions)
-            outcome = outcome._replace(states=states)
-    else:
-        # Adjoints of diffrax, and methods that carry more than a state, need its loop.
-        outcome = solve_by_diffrax(hoist(field, y0, traits.needs), y0, settings, config.adjoint)
+    outcome, form = _outcome(field, y0, config, settings, request, landing)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
         found = outcome.location.found(segments, t0, t1)
@@ -158,6 +152,35 @@ def integrate(
         # The runs have no common steps that another integration could follow.
         result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+
+
+def _outcome(
+    field: ScaledVectorField[Segments],
+    y0: State,
+    config: IntegrationConfig,
+    settings: LoopSettings,
+    request: _Request,
+    landing: bool,
+) -> tuple[Outcome, AbstractRegularised | None]:
+    """The outcome of the loop that suits the method, and the variables in which runs choose their
+    own steps."""
+    traits = solver_traits(config.solver)
+    if traits.own_steps:
+        return solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
+    if config.adjoint is not None or not traits.replayable:
+        # Adjoints of diffrax, and methods that carry more than a state, need its loop.
+        hoisted = hoist(field, y0, traits.needs)
+        return solve_by_diffrax(hoisted, y0, settings, config.adjoint), None
+    # Where events are sought, `locates_events` has excluded closures over traced arrays.
+    seen = field if request.until else hoist(field, y0, traits.needs, settings.clock(y0).shape)
+    outcome = solve(seen, y0, settings)
+    if request.fractions is None or landing:
+        return outcome, None
+    assert settings.save_ts is not None
+    states = at_save_times(
+        outcome.states, field.system, field.segments, settings.save_ts, request.fractions
+    )
+    return outcome._replace(states=states), None
 
 
 def locates_events(
@@ -181,109 +204,25 @@ def searches_steps(config: IntegrationConfig) -> bool:
     return dense and not traits.lands_on_save_times
 
 
-def _at_once(function: Callable[[Array], State], rows: Array) -> State:
-    return jax.vmap(function)(rows)
-
-
-def _by_closed_form(
-    closed_form: AbstractClosedForm,
-    y0: State,
-    duration: Array,
-    fractions: Float[Array, "times *#runs"] | None,
-    run_axes: int,
-    rows: Callable[[Callable[[Array], State], Array], State],
-) -> IntegrationResult:
-    # A single duration is not mapped over, because that would trace everything twice.
-    if fractions is None:
-        final = _on_groups(closed_form.flow(duration, y0))
-        states = jax.tree.map(lambda x: x[None], final)
-    else:
-        durations = of_each(fractions, duration)
-        states = rows(lambda d: _on_groups(closed_form.flow(d, y0)), durations)
-        final = jax.tree.map(lambda x: x[-1], states)
-    finite = Tolerance(0.0, 0.0, run_axes).alive(final)
-    status = status_from(jnp.array(False), finite, jnp.zeros(finite.shape))
-    states = times_behind_components(states, run_axes)
-    return IntegrationResult(states, status, {"evaluations": jnp.array(0)}, None, None)
-
-
-def _joined(
-    decoupled: AbstractDecoupled,
-    y0: State,
-    duration: Array,
-    fractions: Float[Array, "times *#runs"] | None,
-    result: IntegrationResult,
-    run_axes: int,
-) -> IntegrationResult:
-    """The result of the rest, joined with the exact part at the same times; the steps are those of
-    the rest."""
-    rest = times_first(result.states, run_axes)
-    if fractions is None:
-        last = jax.tree.map(lambda x: x[0], rest)
-        final = _on_groups(decoupled.joined(duration, y0, last))
-        states = jax.tree.map(lambda x: x[None], final)
-    else:
-        states = jax.vmap(lambda d, y: _on_groups(decoupled.joined(d, y0, y)))(
-            of_each(fractions, duration), rest
-        )
-        final = jax.tree.map(lambda x: x[-1], states)
-    lost = ~Tolerance(0.0, 0.0, run_axes).alive(final)
-    # The rest of the motion has reached its end: it is the exact part that is not finite.
-    lost = lost & (result.status <= Status.TOLERANCE_MISSED)
-    status = jnp.where(lost, Status.NOT_FINITE, result.status).astype(jnp.int32)
-    return result._replace(states=times_behind_components(states, run_axes), status=status)
-
-
-def _on_groups(y: State) -> State:
-    """The state with NaN for every block that is not near its group, such as a quaternion of zeros.
-
-    A closed form may return such a block as it is; the projection at the end of a step makes it
-    NaN."""
-
-    def leaf(x: State) -> State:
-        if not on_group(x):
-            return x
-        near = jax.lax.stop_gradient(project(x))
-        return jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(b), a, jnp.nan), x, near)
-
-    return jax.tree.map(leaf, y, is_leaf=on_group)
-
-
-def of_each(fractions: Float[Array, "times *#runs"], duration: Array) -> Array:
-    """The fractions, shared or of each run, as fractions of each duration, (times, *runs)."""
-    return fractions * duration if fractions.ndim > 1 else jnp.multiply.outer(fractions, duration)
-
-
 def _settings(
     config: IntegrationConfig,
     segments: Segments,
-    fractions: Float[Array, "times *#runs"] | None,
     landing: bool,
     run_axes: int,
-    plan: Array | None,
-    record_steps: bool,
-    dense: bool,
+    request: _Request,
     sought: SoughtEvents | None = None,
 ) -> LoopSettings:
     """Settings of the loop for these segments, from the configuration."""
     # Normalised time counts segments: their ends are the whole numbers.
     ends = jnp.arange(len(segments) + 1, dtype=segments.u.dtype)
-    save_ts = None
+    fractions, save_ts = request.fractions, None
     if fractions is not None:
         save_ts = ends if landing else segments.normalised(fractions.astype(ends.dtype))
     traits = solver_traits(config.solver)
     # The loop sees a fixed-step method as one that takes one step in each segment.
-    if traits.fixed_step:
-        plan = ends
+    plan = ends if traits.fixed_step else request.plan
     # The steps of a plan are those of all runs, as those of the pilots from which it comes.
-    together = run_axes > 0 and (plan is not None or record_steps)
-    lengths = segments.lengths()
-    longest = None
-    if config.max_step is not None:
-        longest = segments.longest_steps(config.max_step)
-    if together:
-        lengths = _of_all(lengths, jnp.mean)
-        longest = None if longest is None else _of_all(longest, jnp.min)
+    together = run_axes > 0 and (plan is not None or request.record_steps)
     max_steps = config.max_steps
     if plan is not None:
         steps = plan.shape[0] - 1
@@ -298,23 +237,52 @@ def _settings(
         run_axes=run_axes,
         searched=sought is not None,
     )
+    reach, first_step = _reach_and_first_step(segments, request, sought, plan, traits.own_steps)
     return LoopSettings(
         method,
         tolerance,
-        lengths,
-        longest,
+        *_lengths(segments, config.max_step, together),
         save_ts,
         plan,
-        None,
+        reach,
         max_steps,
-        record_steps,
-        dense,
+        request.record_steps,
+        request.dense,
         sought,
-        # The estimate would be another copy of the vector field beside that of the search.
-        first_step=None if sought is None else FIRST_STEP,
+        first_step=first_step,
         derivative_control=config.derivative_control,
         together=together,
     )
+
+
+def _reach_and_first_step(
+    segments: Segments,
+    request: _Request,
+    sought: SoughtEvents | None,
+    plan: Array | None,
+    own_steps: bool,
+) -> tuple[tuple[Array, Array] | None, float | None]:
+    """Where the steps begin and end, by default with the run, and the first of them, by default
+    an estimated one."""
+    if request.trimmed and plan is None and not own_steps:
+        # A short run, for which a single step is mostly short enough.
+        return segments.reach(), 1.0
+    # The estimate would be another copy of the vector field beside that of the search.
+    searched = request.for_search or sought is not None
+    return None, FIRST_STEP if searched else None
+
+
+def _lengths(
+    segments: Segments, max_step: Scalar | None, together: bool
+) -> tuple[Array, Array | None]:
+    """The lengths of the segments and the longest steps in them, of each run or of all
+    `together`."""
+    lengths = segments.lengths()
+    longest = None if max_step is None else segments.longest_steps(max_step)
+    if together:
+        lengths = _of_all(lengths, jnp.mean)
+        longest = None if longest is None else _of_all(longest, jnp.min)
+    return lengths, longest
 
 
 def _of_all(values: Array, reduction: Callable[..., Array]) -> Array:
@@ -340,7 +308,8 @@ def take_step(
     # The step may begin or end at a break.
     segments = Segments(u, t0, t1 - t0, breaks_of(system) is not None)
     field = ScaledVectorField(system, segments)
-    settings = _settings(config, field.segments, None, False, run_axes, None, False, False)
+    request = _Request(None, None, False, False, False, False, (), None)
+    settings = _settings(config, field.segments, False, run_axes, request)
     method = settings.method
     seen = field_of_step(method, field, u[0], u[1])
     state = method.init(TERM, u[0], u[1], y, seen)

@@ -6,7 +6,7 @@ components first, then the times, then the runs.
 
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from .field_trace import field_trace
@@ -68,3 +68,8 @@ def replace_state(states: State, index: int, y: State, run_axes: int) -> State:
         return xs.at[(..., index, *(slice(None),) * run_axes)].set(x)
 
     return jax.tree.map(leaf, states, y)
+
+
+def of_each(fractions: Float[Array, "times *#runs"], duration: Array) -> Array:
+    """The fractions, shared or of each run, as fractions of each duration, (times, *runs)."""
+    return fractions * duration if fractions.ndim > 1 else jnp.multiply.outer(fractions, duration)

@@ -14,8 +14,15 @@ from ..core.safe import safe_divide
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents
 from ..integration.events import Event, closures_of_events
-from ..integration.integrate import locates_events, of_each, searches_steps
-from ..integration.layout import broadcast_state, replace_state, runs_of, state_at, with_start
+from ..integration.integrate import locates_events, searches_steps
+from ..integration.layout import (
+    broadcast_state,
+    of_each,
+    replace_state,
+    runs_of,
+    state_at,
+    with_start,
+)
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, time_unresolved
 from ._integrator import Integrator
