@@ -33,7 +33,7 @@ NO_RESULTS = {
     **dict.fromkeys(("Choice", "FileName", "EventCondition", "Initial", "Output"), "declarations"),
     **dict.fromkeys(("Quantity", "SolverTraits", "Catalog", "SceneFile"), "descriptions"),
     **dict.fromkeys(("ByPurpose", "Campaign", "Evaluator", "LatinHypercube"), "what is to be run"),
-    **dict.fromkeys(("Sobol", "StopRule"), "what is to be run"),
+    **dict.fromkeys(("Sobol", "StopRule", "FreeDesign"), "what is to be run"),
     **dict.fromkeys(("Phase", "Mission", "ClosedLoop", "Event", "Case"), "what is to be run"),
     **dict.fromkeys(("CVaR", "Constraint", "Mean", "MeanPlus"), "what is to be computed"),
     **dict.fromkeys(("Quantile", "Violation", "Worst"), "what is to be computed"),

@@ -74,10 +74,10 @@ class FlownStaging(eqx.Module):
     - `ideal_velocity`: sum of u ln mu, m/s; `losses`: its excess over the speed at burnout.
     - `velocity_price`, s/m, and `height_price`, 1/m: d ln m_1/dv_m and d ln m_1/dY, from the
       multipliers; the latter zero where no height is prescribed.
-    - `converged`; `minimum`: of the search.
     - `greatest_speed`, m/s: where the speed is out of reach, the most that these stages reach at
       the burnout; the other fields are then of that flight, and the price is infinite. NaN
-      elsewhere, and under `jit`."""
+      elsewhere, and under `jit`.
+    - `converged`; `minimum`: of the search."""
 
     stage_mass: Float[Array, " stages"]
     propellant: Float[Array, " stages"]
@@ -90,9 +90,10 @@ class FlownStaging(eqx.Module):
     losses: Float[Array, ""]
     velocity_price: Float[Array, ""]
     height_price: Float[Array, ""]
-    converged: Bool[Array, ""]
-    minimum: Minimum
     greatest_speed: Float[Array, ""]
+    converged: Bool[Array, ""]
+    # Last, for its many numbers are cut where a result is printed.
+    minimum: Minimum
 
     def sentence(self) -> str:
         """Why the search ended, and the greatest speed of these stages where the speed is out of
