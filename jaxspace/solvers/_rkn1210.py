@@ -75,19 +75,29 @@ def _factors() -> Float[np.ndarray, "powers nodes 3"]:
 FACTORS = _factors()
 
 
-def _hermite(x: Float[Array, "*#runs"]) -> Float[Array, "nodes 3 *#runs"]:
-    """H_ik at x."""
+def _hermite(
+    x: Float[Array, "*#runs"],
+) -> tuple[Float[Array, "nodes 3 *#runs"], Float[Array, "nodes 3 *#runs"]]:
+    """H_ik at x, and its derivative.
+
+    Of a sum of two products a processor may round either one by itself: in a kernel for other
+    numbers of runs the other one. Here one of both is behind a barrier, so that a run has the same
+    bits beside any neighbours."""
 
     def column(values: np.ndarray) -> np.ndarray:
         return values.reshape(*values.shape, *(1,) * x.ndim).astype(x.dtype)
 
-    places = [x - column(others) for others in OTHERS.T]
-    lagrange = functools.reduce(jnp.multiply, places, column(1.0 / np.prod(GAPS, axis=1)))
-    # Behind a barrier, because each polynomial would compute it again.
-    cube = barrier(lagrange * lagrange * lagrange)
+    one, two, three = (x - column(others) for others in OTHERS.T)
+    scale, pair = column(1.0 / np.prod(GAPS, axis=1)), barrier(two * three)
+    # Behind a barrier as well, because each polynomial would compute them again.
+    lagrange, slope = barrier((scale * one * pair, scale * (one * (two + three) + pair)))
+    lagrange, slope = lagrange[:, None], slope[:, None]
     d = (x - column(np.array(NODES)))[:, None]
     constant, linear, square = (column(powers) for powers in FACTORS)
-    return cube[:, None] * (constant + d * (linear + d * square))
+    factor = constant + d * (linear + d * square)
+    falling = barrier(3.0 * slope * factor)
+    steep = falling + lagrange * (linear + d * (2.0 * square))
+    return lagrange * lagrange * lagrange * factor, lagrange * lagrange * steep
 
 
 class _HermiteOutput(AbstractDenseOutput):
@@ -103,15 +113,16 @@ class _HermiteOutput(AbstractDenseOutput):
     def state(self, t: Float[Array, "*#runs"]) -> State:
         x = self.fraction(t).astype(self.q.dtype)
         # Behind a barrier, because each component would compute the weights of its run again.
-        weights, slopes = barrier(jax.jvp(_hermite, (x,), (jnp.ones_like(x),)))
+        weights, slopes = barrier(_hermite(x))
         q, dq_dx = (self._sum(rows.reshape(-1, *x.shape)) for rows in (weights, slopes))
         r0, v0 = known_parts(self.y0)
         return moved(self.y0, r0 + self.travel * (x * v0 + q), v0 + dq_dx)
 
     def _sum(self, weights: Float[Array, "12 *#runs"]) -> Vectors:
         """The sum of the coefficients with these weights; q_0 and q_0' are zero."""
-        terms = (w * q for w, q in zip(weights[2:], self.q, strict=True))
-        return functools.reduce(jnp.add, terms)
+        first, *terms = (w * q for w, q in zip(weights[2:], self.q, strict=True))
+        # Rounded by itself, as of any two products one has to be.
+        return functools.reduce(jnp.add, terms, barrier(first))
 
 
 @final
