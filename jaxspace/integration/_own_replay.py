@@ -53,7 +53,10 @@ class OwnReplay(Replay):
         saved: OwnState,
         k: Array,
     ) -> tuple[OwnState, Array]:
-        return put_rows(saved, result[0].segment.astype(int), self._landed(n), tangent[0]), k
+        landed = self._landed(n)
+        # Beyond the last row nothing is written: between its save times a run alone has none.
+        row = jnp.where(landed, result[0].segment, saved.segment.shape[0])
+        return put_rows(saved, row.astype(int), landed, tangent[0]), k
 
     def vjp(self, moving: PyTree, y0: State, cotangent: State) -> tuple[PyTree, State]:
         of_moving, of_y = super().vjp(moving, y0, cotangent)
