@@ -1,11 +1,16 @@
 """Unknowns of a design by their paths in the mission, against the optimum in closed form."""
 
+from typing import final
+
+import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array, Float
 from test_robust_design import SCATTER, Line, Rest
 
-from jaxspace.core import InputError
+from jaxspace.core import AbstractSystem, InputError
 from jaxspace.dispersion import Campaign, Normal
 from jaxspace.robust import optimise_design
 from jaxspace.robust.free import Free, free_by_path
@@ -60,3 +65,43 @@ def test_what_is_wrong_with_a_path_is_said():
     random = Campaign(lambda s: (build(s)[0], Line(s["w"])), CAMPAIGN.inputs, outputs)
     with pytest.raises(InputError, match="a number cannot be free and random"):
         free_by_path(random, {"state.y": Free()})
+
+
+@final
+class Steered(AbstractSystem):
+    """y' = u(t), linear between the values of a table, and a network of it."""
+
+    table: Float[Array, " times"]
+    law: eqx.nn.Linear
+
+    def vector_field(self, t, y):
+        push = jnp.interp(t, jnp.arange(3.0), self.table)
+        return Line(push + self.law(push[None])[0] + 0.0 * y.y)
+
+    def invariants(self, t, y):
+        return {}
+
+
+def test_tables_and_modules_are_free_as_a_whole():
+    law = eqx.nn.Linear(1, 1, key=jax.random.key(0), dtype=float)
+
+    def steered(samples):
+        system = Steered(jnp.array([1.0, 2.0, 3.0]), law)
+        return Mission([Phase(system, jnp.asarray(2.0))]), Line(0.0 * samples["w"])
+
+    campaign = Campaign(steered, CAMPAIGN.inputs, outputs)
+    table, whole = "mission.phases.0.system.table", "mission.phases.0.system.law"
+    design = free_by_path(campaign, {table: Free(0.0, 4.0), whole: Free(scale=0.1)})
+    assert design.start[table].shape == (3,)
+    assert eqx.tree_equal(design.start[whole], eqx.filter(law, eqx.is_inexact_array))
+    np.testing.assert_array_equal(design.bounds[1][table], 4.0)
+    np.testing.assert_array_equal(design.scale[whole].weight, 0.1)
+    moved = {
+        table: jnp.array([3.0, 2.0, 1.0]),
+        whole: jax.tree.map(lambda x: 2.0 * x, design.start[whole]),
+    }
+    (mission, _) = design.campaign(moved).build({"w": jnp.zeros(5)})
+    found = mission.phases[0].system
+    np.testing.assert_array_equal(found.table, [3.0, 2.0, 1.0])
+    np.testing.assert_array_equal(found.law.weight, 2.0 * law.weight)
+    np.testing.assert_array_equal(found.law.bias, 2.0 * law.bias)

@@ -100,8 +100,9 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     )
 
 
-def _at_path(built: tuple[Mission, State], path: str) -> PyTree:
-    """The part of mission or state at a path. Raises `InputError` where there is none."""
+def _at_path(built: PyTree, path: str) -> PyTree:
+    """The part at a path of mission and state, or of a tree like them. Raises `InputError` where
+    there is none."""
     root, *names = path.split(".")
     if root not in ROOTS:
         raise InputError(
