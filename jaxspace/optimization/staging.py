@@ -55,7 +55,7 @@ StageValues: TypeAlias = Stages | np.ndarray | Sequence[float]
 
 def stationary_mass_ratio(
     multiplier: ArrayLike, exhaust_velocity: ArrayLike, structural_factor: ArrayLike
-) -> Scalar:
+) -> ArrayLike:
     """Mass ratio at which ln(m01/P) is stationary (Thomson 8.2-9).
 
     **Arguments**

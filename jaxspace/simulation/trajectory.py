@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.layout import run_axes_of
+from ..core.listed import no_method
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings
@@ -118,6 +119,7 @@ class Trajectory(eqx.Module):
         return _program_state_at(self.states, 0, self.run_axes)
 
     @property
+    @no_method
     def phases(self) -> "tuple[Trajectory, ...]":
         """The run itself: a system is a mission of one phase."""
         return (self,)
@@ -128,6 +130,7 @@ class Trajectory(eqx.Module):
         return self.ts[-1]
 
     @property
+    @no_method
     def branches(self) -> tuple[()]:
         """None: a system does not divide."""
         return ()
