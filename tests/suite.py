@@ -32,7 +32,7 @@ SHARED_SECONDS = 2.0 * MOST_SECONDS
 
 # Of the tests of a file that take more than this, s, the dearer half waits for the weekly run: with
 # every one of them a change would wait three quarters of an hour, and each file keeps some.
-MOST_SECONDS_OF_A_CHANGE = 3.0
+MOST_SECONDS_OF_A_CHANGE = 2.0
 # What a newcomer types first never waits, nor what no cheaper test of its file looks at.
 NEVER_WAITS = (
     "tests/test_manual.py::test_code_of_the_page_runs[README.md]",

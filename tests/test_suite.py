@@ -60,7 +60,7 @@ def test_a_test_leaves_by_what_it_was_measured_to_take():
 
 def test_the_dearer_half_of_the_long_tests_of_a_file_waits():
     costs = {
-        "a::short": 3.0,
+        "a::short": 2.0,
         "a::long[1]": 9.0,
         "a::long[2]": 8.0,
         "a::middle": 4.0,
