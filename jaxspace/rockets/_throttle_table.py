@@ -40,7 +40,9 @@ class ThrottleTable(AbstractParameters):
                 f"many, two or more."
             )
         if is_concrete(self.times):
-            steps = np.diff(np.asarray(self.times), axis=0)
+            # Between two infinite times there is no step, which is refused as well.
+            with np.errstate(invalid="ignore"):
+                steps = np.diff(np.asarray(self.times), axis=0)
             check(steps > 0.0, "ThrottleTable.times", self.times, "ascending")
 
     def at(self, tau: Scalar) -> Scalar:

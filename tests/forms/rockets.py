@@ -11,7 +11,7 @@ from jaxspace.optimization.steering import (
     linear_tangent_steering,
     minimum_time_steering,
 )
-from jaxspace.rockets import Thrust, ThrustProfile
+from jaxspace.rockets import ThrottleTable, Thrust, ThrustProfile
 from jaxspace.rockets.rocket_equation import propulsive_efficiency, vertical_burnout_velocity
 
 from .form import Form
@@ -83,6 +83,11 @@ def steered(x):
     return jnp.stack([rate.x, rate.y]), jnp.stack([rate.u, rate.w])
 
 
+def throttled(x):
+    """The throttle of a table at a time, from its four values."""
+    return ThrottleTable([0.0, 10.0, 30.0, 60.0], x[1:5]).at(x[0])[None]
+
+
 ASCENT = (3000.0, 100.0, 60.0, 100.0, 0.0, 6e4, 9.81)
 
 FORMS = (
@@ -98,6 +103,9 @@ FORMS = (
         [(6e4, 2850.0, 10.0, 3.0, 1500.0), (6e4, 2850.0, 10.0, 9.999999999, 1500.0),
          (6e4, 2850.0, 10.0, 1e-9, 1500.0), (6e4, 2850.0, 10.0, 6.0, 1500.0)],
     ),
+    Form(throttled, ("rockets.ThrottleTable.at",),
+         [(7.0, 0.9, 1.0, 0.4, 0.5), (30.0, 0.9, 1.0, 0.4, 0.5), (1e-9, 0.9, 1.0, 0.4, 0.5),
+          (70.0, 0.9, 1.0, 0.4, 0.5)]),
     Form(given_motor, ("rockets.Thrust.of_motor", "rockets.Thrust.of_specific_impulse"),
          [(6e5, 10.0, 210.0, 6e4, 290.0)]),
     Form(best_ratio, ("optimization.stationary_mass_ratio",),
