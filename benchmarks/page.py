@@ -41,6 +41,8 @@ def _cell(value: object) -> str:
 
 def _table(rows: dict) -> str:
     columns = list(dict.fromkeys(key for row in rows.values() for key in row))
+    # Those of other instructions stand last.
+    columns.sort(key=lambda column: column.endswith(tuple(f", {x}" for x in kept.SETS.values())))
     lines = [
         "| | " + " | ".join(c.replace("_", " ") for c in columns) + " |",
         "|---" * (len(columns) + 1) + "|",
