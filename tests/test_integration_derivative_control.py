@@ -21,7 +21,8 @@ from jaxspace import (
     simulate_mission,
 )
 from jaxspace.bodies import Load, RigidBody
-from jaxspace.orbits import UniformGravity
+from jaxspace.integration._tangents import Probes
+from jaxspace.orbits import PointGravity, UniformGravity
 from jaxspace.rotations import Quaternion
 from jaxspace.scene import Custom
 from jaxspace.solvers import DOP853, RKN1210, MuntheKaas, Tsit5
@@ -202,3 +203,31 @@ def test_it_is_switched_off_by_name():
     # One whole step or two, as of a body without a force.
     off = jax.grad(shaken)(0.0, Accuracy(1e-9, derivative_control=False))
     assert abs(off - SHAKEN) > 1.0
+
+
+def test_an_orbit_is_looked_at_once_in_some_dozen_steps(monkeypatch):
+    """The motion limits its steps; the last ones are short because the run ends, and tell nothing
+    of a derivative: each look takes as long as ten steps."""
+    looks, after = [], Probes.after
+
+    def counted(*args):
+        jax.debug.callback(lambda: looks.append(1))
+        return after(*args)
+
+    monkeypatch.setattr(Probes, "after", counted)
+    # Orbits of several sizes end at several places of a step.
+    r = np.linspace(1.0, 1.2, 16)
+    y0 = BodyState(
+        jnp.asarray(np.stack([r, 0.0 * r, 0.0 * r])),
+        jnp.asarray(np.stack([0.0 * r, 1.0 / np.sqrt(r), 0.0 * r])),
+    )
+
+    def end(y):
+        accuracy = Accuracy(1e-9, method=RKN1210())
+        run = simulate_batch(Scene([PointGravity(1.0)]), y, 2.0 * TS, accuracy=accuracy)
+        return jnp.sum(run.final.position[0])
+
+    jax.block_until_ready(jax.grad(end)(y0))
+    jax.effects_barrier()
+    # At the third step; they take fewer than 24.
+    assert len(looks) == 1

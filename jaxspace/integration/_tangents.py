@@ -16,8 +16,9 @@ one; of more than `MOST` arrays several share one. Its direction is fixed and ps
 each number changing by its own size, or by one where it is zero.
 
 Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
-steps by the motion alone, and looks at the tangents at its first steps, at every sixteenth, and
-where the error of the motion does not limit the step. Between these places a probe rests. Only if
+steps by the motion alone, and looks at the tangents at the third of them, at every 24th after it,
+and where the motion does not limit a step, which is then longer than those that it did limit.
+Between these places a probe rests. Only if
 an error is `ALARM` times what is allowed, the run is repeated with the tangents in the control of
 every step.
 """
@@ -70,12 +71,14 @@ class ProbeState(NamedTuple):
 
     - `tangents`: of the state, with the probes on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
+    - `limited`: the longest step that the motion has limited so far, s.
     - `count`: the number of steps of each run that were looked at.
     - `always`: whether every step of it is, and is controlled by it."""
 
     tangents: State
     sizes: Lengths
     errors: Lengths
+    limited: Float[Array, "*runs"]
     count: Int[Array, "*runs"]
     always: Bool[Array, "*runs"]
 
@@ -127,7 +130,8 @@ class Probes(eqx.Module):
         sizes = _lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
         always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
-        return ProbeState(self.start, sizes, none, always.astype(int), always)
+        limited = jnp.zeros(always.shape)
+        return ProbeState(self.start, sizes, none, limited, always.astype(int), always)
 
     def after(
         self,
@@ -209,11 +213,16 @@ class TangentControl(eqx.Module):
         zero in the first run, and for a step that the motion rejects or is not `going` on."""
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
+        duration = jnp.abs(field.duration(step.s, step.length))
         free = (step.motion < FREE) & (step.length > LONG) & (state.count < MOST_FREE)
-        some = (step.number % EVERY == SINCE) | free
+        # The last steps of a segment are cut short, and free for that reason alone.
+        some = (step.number % EVERY == SINCE) | free & (duration > state.limited)
         # Nothing happens in a segment of no duration, whose ends a derivative would part.
-        lasting = field.duration(step.s, step.length) != 0.0
-        due = going & alive & lasting & (step.motion <= 1.0) & (state.always | some)
+        good = going & alive & (duration != 0.0) & (step.motion <= 1.0)
+        due = good & (state.always | some)
+        limiting = good & (step.motion >= FREE)
+        limited = jnp.where(limiting, jnp.maximum(state.limited, duration), state.limited)
+        state = state._replace(limited=limited)
 
         def looked() -> tuple[ProbeState, Array]:
             return self._looked(field, step, due, state)
