@@ -11,16 +11,16 @@ therefore integrated beside the motion, and have errors as it has.
 
     |e_j| <= atol + rtol |d_j|
 
-Each array that is differentiated has a probe of its own, so that a large tangent hides no small
-one; of more than `MOST` arrays several share one. Its direction is fixed and pseudo-random, with
+Each array of the field that is differentiated has a probe of its own, so that a large tangent hides
+no small one; of more than `MOST` arrays several share one. The blocks of the initial state share
+one, because each block of the tangents has its own error. The direction is fixed and pseudo-random, with
 each number changing by its own size, or by one where it is zero.
 
 Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
 steps by the motion alone, and looks at the tangents at the third of them, at every 24th after it,
 and where the motion does not limit a step, which is then longer than those that it did limit.
-Between these places a probe rests. Only if
-an error is `ALARM` times what is allowed, the run is repeated with the tangents in the control of
-every step.
+Between these places a probe rests. Only if an error is `ALARM` times what is allowed, the run is
+repeated with the tangents in the control of every step.
 """
 
 from collections.abc import Callable
@@ -107,11 +107,15 @@ class Probes(eqx.Module):
         moving = tuple(k for k in moving if k < len(inputs) and inputs[k].size)
         if not moving:
             return None
-        probe = {k: i % MOST for i, k in enumerate(moving)}
+        # One number for all blocks of the state.
+        names = [min(k, len(of_field)) for k in moving]
+        number = {name: i % MOST for i, name in enumerate(dict.fromkeys(names))}
+        probe = {k: number[name] for k, name in zip(moving, names, strict=True)}
+        count = min(len(number), MOST)
 
         def rows(k: int) -> Array:
             x = inputs[k]
-            every = jnp.zeros((min(len(moving), MOST), *x.shape), x.dtype)
+            every = jnp.zeros((count, *x.shape), x.dtype)
             if k not in probe:
                 return every
             axes = x.ndim - (run_axes if k >= len(of_field) else 0)
