@@ -13,8 +13,8 @@ therefore integrated beside the motion, and have errors as it has.
 
 Each array of the field that is differentiated has a probe of its own, so that a large tangent hides
 no small one; of more than `MOST` arrays several share one. The blocks of the initial state share
-one, because each block of the tangents has its own error. The direction is fixed and pseudo-random, with
-each number changing by its own size, or by one where it is zero.
+one, because each block of the tangents has its own error. The direction is fixed and pseudo-random,
+with each number changing by its own size, or by one where it is zero.
 
 Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
 steps by the motion alone, and looks at the tangents at the third of them, at every 24th after it,
