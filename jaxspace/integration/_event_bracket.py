@@ -109,34 +109,38 @@ def close_in(
       given, `g[0]` is the condition just after it."""
     t, end = span
     first = t if behind is None else behind
+    start = _first_bracket(within, (first, end), g, slopes, sought)
+    forwards = jnp.sign(end - first)
+    length = jnp.abs(end - first)
     # In a dip, the condition has the same sign at both ends. The first point of the opposite sign
     # splits the span into two parts with one zero each. The event is the first zero, unless its
     # direction admits only the second one, at which the condition returns to the sign of the ends.
     back = jnp.sign(g[0]) * within.event.direction > 0.0
-    forwards = jnp.sign(end - first)
-    length = jnp.abs(end - first)
-    least = 16.0 * float(jnp.finfo(t.dtype).eps)
+    result = jax.lax.while_loop(
+        lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving),
+        lambda bracket: _closer(within, bracket, forwards, length, back),
+        start,
+    )
+    met = ~result.dip
+    touch = within.event.touch
+    if touch is not None:
+        met = met & (jnp.abs(within.condition(result.guess, result.y)) <= touch)
+    sure = ~result.moving & result.finite
+    return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
 
-    def step(old: _Bracket) -> _Bracket:
-        guess = old.guess
-        value, slope, y, rate = within.at(guess)
-        new = _narrowed(old, value, forwards * old.sign * slope, back)
-        new, following = barrier((new, _next_guess(new, value, slope)))
-        change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
-        resolved = least * jnp.maximum(jnp.abs(guess), length)
-        enough = jnp.where(new.dip, NARROW * length, resolved)
-        change = jnp.where(new.dip & ~_reaching(new), 0.0, change)
-        y = jax.tree.map(lambda x, k: x + k * (following - guess), y, rate)
-        new = new._replace(guess=following, moving=old.moving & (change > enough), y=y)
-        # A run whose search has ended stays at its zero while the others go on.
-        new = jax.tree.map(
-            lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
-        )
-        return new._replace(left=old.left - 1)
 
+def _first_bracket(
+    within: WithinSpan,
+    span: tuple[Scalar, Scalar],
+    g: tuple[Scalar, Scalar],
+    slopes: tuple[Scalar, Scalar],
+    sought: Bool[Array, "*runs"],
+) -> _Bracket:
+    """The bracket between two samples; arguments as of `close_in`."""
+    first, end = span
     sign = jnp.sign(g[0])
     dip = g[0] * g[1] > 0.0
-    away = tuple(forwards * sign * slope for slope in slopes)
+    away = tuple(jnp.sign(end - first) * sign * slope for slope in slopes)
     # The zero by the samples, away from both ends, because the start itself may be a zero. A failed
     # run must not pass a time that is NaN to the other runs of its block.
     share = jnp.where(
@@ -145,7 +149,7 @@ def close_in(
     share = jnp.where(jnp.isfinite(share), jnp.clip(share, 0.02, 0.98), 0.5)
     guess = first + share * (end - first)
     there = jax.eval_shape(lambda t: within.at(t).y, guess)
-    start = _Bracket(
+    return _Bracket(
         low=first,
         high=end,
         guess=guess,
@@ -155,18 +159,40 @@ def close_in(
         slopes=away,
         moving=sought,
         left=CLOSING_STEPS,
-        finite=jnp.ones(jnp.shape(t), bool),
+        finite=jnp.ones(jnp.shape(first), bool),
         y=jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), there),
     )
-    result = jax.lax.while_loop(
-        lambda bracket: (bracket.left > 0) & jnp.any(bracket.moving), step, start
+
+
+def _closer(
+    within: WithinSpan,
+    old: _Bracket,
+    forwards: Scalar,
+    length: Scalar,
+    back: Bool[Array, "*#runs"],
+) -> _Bracket:
+    """The bracket after one more guess.
+
+    **Arguments**
+
+    - `forwards`, `length`: the direction of the run, and the length of the span.
+    - `back`: whether only the second zero of a dip counts."""
+    guess = old.guess
+    value, slope, y, rate = within.at(guess)
+    new = _narrowed(old, value, forwards * old.sign * slope, back)
+    new, following = barrier((new, _next_guess(new, value, slope)))
+    change = jnp.where(new.dip, jnp.abs(new.high - new.low), jnp.abs(following - guess))
+    least = 16.0 * float(jnp.finfo(guess.dtype).eps)
+    resolved = least * jnp.maximum(jnp.abs(guess), length)
+    enough = jnp.where(new.dip, NARROW * length, resolved)
+    change = jnp.where(new.dip & ~_reaching(new), 0.0, change)
+    y = jax.tree.map(lambda x, k: x + k * (following - guess), y, rate)
+    new = new._replace(guess=following, moving=old.moving & (change > enough), y=y)
+    # A run whose search has ended stays at its zero while the others go on.
+    new = jax.tree.map(
+        lambda a, b: jnp.where(old.moving, a, b), new._replace(left=0), old._replace(left=0)
     )
-    met = ~result.dip
-    touch = within.event.touch
-    if touch is not None:
-        met = met & (jnp.abs(within.condition(result.guess, result.y)) <= touch)
-    sure = ~result.moving & result.finite
-    return ClosedIn(result.guess, result.y, met, sure, result.sign < 0.0)
+    return new._replace(left=old.left - 1)
 
 
 def zero_share(g: tuple[Scalar, Scalar], slopes: tuple[Scalar, Scalar], length: Scalar) -> Scalar:

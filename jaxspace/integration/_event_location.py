@@ -280,40 +280,13 @@ def _searched(
         length = 1.0 / count.astype(step.start.dtype)
         begin = search.part.astype(length.dtype) * length
         end = jnp.where(search.part + 1 == count, 1.0, begin + length)
-        here_now = left(search)
-        earliest = jnp.full(runs, jnp.inf)
-        which = -jnp.ones(runs, jnp.int32)
-        status = jnp.full(runs, Status.COMPLETED, jnp.int32)
-        sizes = []
-        ends = search.ends
         at_start = first & (search.part == 0)
-        for number, event in enumerate(sought.events):
-            size = search.sizes[number]
-            part = Part(step.along(event), begin, end, at_start, sought.rounding[number], *span)
-            zero, at_ends = part.first_zero(size, here_now, going)
-            sizes.append(zero.size)
-            mine = (location.which == number) & here_now
-            ends = jax.tree.map(lambda a, b, mine=mine: jnp.where(mine, a, b), at_ends, ends)
-            sooner = zero.hit & (zero.time < earliest)
-            which = jnp.where(sooner, number, which)
-            status = jnp.where(sooner, Status.EVENT, status)
-            # A failure counts if it comes before the event.
-            failed = zero.failed <= jnp.minimum(earliest, jnp.where(zero.hit, zero.time, jnp.inf))
-            earliest = jnp.where(sooner, zero.time, earliest)
-            status = jnp.where(failed, zero.status, status)
-            earliest = jnp.where(failed, zero.failed, earliest)
-        here = going & here_now & jnp.isfinite(earliest)
-        # What is selected by them would compute them again.
-        here, earliest, which, status = barrier((here, earliest, which, status))
-        return _SearchState(
-            search.part + 1,
-            search.here | here,
-            jnp.where(here, earliest, search.s),
-            jnp.where(here, which, search.which),
-            jnp.where(here, status, search.status),
-            jnp.where(going & here_now, jnp.stack(sizes), search.sizes),
-            ends,
-        )
+
+        def of(event: Event, rounding: Array) -> Part:
+            return Part(step.along(event), begin, end, at_start, rounding, *span)
+
+        parts = list(map(of, sought.events, sought.rounding))
+        return _first_of(parts, search, location.which, left(search), going)
 
     none = jnp.zeros(runs, jax.tree.leaves(step.y1)[0].dtype)
     nothing = _SearchState(
@@ -326,6 +299,52 @@ def _searched(
         Ends(none, none, none, none),
     )
     return jax.lax.while_loop(lambda search: jnp.any(left(search)), part, nothing)
+
+
+def _first_of(
+    parts: list[Part],
+    search: _SearchState,
+    waited_for: Int[Array, "*runs"],
+    here_now: Bool[Array, "*runs"],
+    going: Bool[Array, "*runs"],
+) -> _SearchState:
+    """The search after one more part of the step.
+
+    **Arguments**
+
+    - `parts`: that part, for each event.
+    - `waited_for`: the number of the event at which each run waits.
+    - `here_now`: which runs are searched; `going`: which are not waiting."""
+    earliest = jnp.full(going.shape, jnp.inf)
+    which = -jnp.ones(going.shape, jnp.int32)
+    status = jnp.full(going.shape, Status.COMPLETED, jnp.int32)
+    sizes = []
+    ends = search.ends
+    for number, part in enumerate(parts):
+        zero, at_ends = part.first_zero(search.sizes[number], here_now, going)
+        sizes.append(zero.size)
+        mine = (waited_for == number) & here_now
+        ends = jax.tree.map(lambda a, b, mine=mine: jnp.where(mine, a, b), at_ends, ends)
+        sooner = zero.hit & (zero.time < earliest)
+        which = jnp.where(sooner, number, which)
+        status = jnp.where(sooner, Status.EVENT, status)
+        # A failure counts if it comes before the event.
+        failed = zero.failed <= jnp.minimum(earliest, jnp.where(zero.hit, zero.time, jnp.inf))
+        earliest = jnp.where(sooner, zero.time, earliest)
+        status = jnp.where(failed, zero.status, status)
+        earliest = jnp.where(failed, zero.failed, earliest)
+    here = going & here_now & jnp.isfinite(earliest)
+    # What is selected by them would compute them again.
+    here, earliest, which, status = barrier((here, earliest, which, status))
+    return _SearchState(
+        search.part + 1,
+        search.here | here,
+        jnp.where(here, earliest, search.s),
+        jnp.where(here, which, search.which),
+        jnp.where(here, status, search.status),
+        jnp.where(going & here_now, jnp.stack(sizes), search.sizes),
+        ends,
+    )
 
 
 def _shorter(location: Location, ends: Ends) -> tuple[Scalar, Array, Array, Array]:
