@@ -5,9 +5,11 @@ its own length. Runs of a block that are at different places of their orbits thu
 other down. Each run lands on the end of every segment, and then begins the next one.
 """
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Bool
+from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractRegularised
 from ..core.barrier import barrier
@@ -101,31 +103,17 @@ def _advance(
     active = (y.segment < settings.end) & alive(y.z)
     moving = active & ~loop.pending
     segment = Segment.of(field, settings, y.segment)
-    h = jnp.where(moving, loop.h, 0.0)
-    z1, error, rate = attempt(form, *segment, y.z, h)
-    local = form.size(error, y.z, z1) / settings.tolerance.rtol
-    local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(free.dtype)
-    # Behind a barrier, because many of the following operations read them.
-    z1, local = barrier((z1, local))
-    if settings.longest_steps is not None:
-        local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
-    # A step this short is accepted whatever its error, which the status then reports.
-    tiny = ~(jnp.abs(h * rate) > SMALLEST_STEP * jnp.abs(segment.duration))
-    good = moving & ((local <= 1.0) | tiny)
-    # By the direction of the duration, because a step that lands may be slightly backwards.
-    beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
-    past = good & ~loop.landing & beyond
-    accept = good & ~past
-    z = jnp.where(accept, z1, y.z)
-    ideal = barrier(ideal_length(form, h, local))
+    step = _attempted(settings, form, segment, loop, moving)
+    accept = step.good & ~step.past
+    z = jnp.where(accept, step.z1, y.z)
     used = accept & ~loop.landing
-    trend, proposal = following(form, loop.trend, ideal, h, y.z, z, used)
-    proposal = bounded(proposal, loop.h, good)
+    trend, proposal = following(form, loop.trend, step.ideal, step.h, y.z, z, used)
+    proposal = bounded(proposal, loop.h, step.good)
     # A step that lands is shorter than the error allows.
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
-    free = jnp.where(moving & ~past, proposal, free)
-    pending = active & (loop.pending | past | (accept & loop.landing))
-    y, h, none = OwnState(z, y.segment), jnp.sign(segment.duration) * free, jnp.zeros_like(past)
+    free = jnp.where(moving & ~step.past, proposal, free)
+    pending = active & (loop.pending | step.past | (accept & loop.landing))
+    y, h, none = OwnState(z, y.segment), jnp.sign(segment.duration) * free, jnp.zeros_like(accept)
     # All runs at once, when none is still on its way, because a landing costs as much as some
     # steps; but a slow run does not keep the others waiting until the steps run out.
     waited = loop.passes % PATIENCE >= PATIENCE - LANDING
@@ -135,15 +123,7 @@ def _advance(
         lambda: _enter_segments(settings, form, field, segment, y, pending, free),
         lambda: (y, h, pending, none, none),
     )
-    worst = jnp.where(accept, jnp.maximum(loop.worst, local), loop.worst)
     moved = jnp.any(accept | done)
-    step = record_of_pass(jnp.where(accept, loop.h, 0.0), done)
-    ends = None
-    if loop.buffers.step_ends is not None:
-        duration = Segment.of(field, settings, y1.segment).duration
-        part = y1.z[-1] / jnp.where(duration == 0.0, 1.0, duration)
-        ends = (y1.segment + part).astype(settings.end.dtype)
-    buffers = _with_landed(loop.buffers, y1, done)
     return loop._replace(
         y=y1,
         h=h1,
@@ -151,15 +131,76 @@ def _advance(
         trend=trend,
         landing=landing,
         pending=pending,
-        worst=worst,
+        worst=jnp.where(accept, jnp.maximum(loop.worst, step.local), loop.worst),
         accepted=loop.accepted + accept.astype(int),
         rejected=loop.rejected + (moving & ~accept).astype(int),
         passes=loop.passes + 1,
         count=loop.count + moved.astype(int),
-        buffers=buffers.add(
-            loop.count, loop.count, ends, y1, step, moved, settings.layout(y1, step)
-        ),
+        buffers=_filled(settings, field, loop, y1, accept, done),
     )
+
+
+class _Step(NamedTuple):
+    """A step `h` of each run.
+
+    - `z1`: the variables at its end; `local`: its error, in units of the tolerance.
+    - `ideal`: the length at which the error is just the allowed one.
+    - `good`: whether the error is allowed; `past`: whether the step is, but passes the end of the
+      segment on which it was not meant to land."""
+
+    h: Float[Array, "*runs"]
+    z1: Regular
+    local: Float[Array, "*runs"]
+    ideal: Float[Array, "*runs"]
+    good: Bool[Array, "*runs"]
+    past: Bool[Array, "*runs"]
+
+
+def _attempted(
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    segment: Segment,
+    loop: OwnLoop,
+    moving: Bool[Array, "*runs"],
+) -> _Step:
+    """The next step of the runs that are `moving`, and one of no length of the others."""
+    y = loop.y
+    h = jnp.where(moving, loop.h, 0.0)
+    z1, error, rate = attempt(form, *segment, y.z, h)
+    local = form.size(error, y.z, z1) / settings.tolerance.rtol
+    local = jnp.where(jnp.isfinite(local) & alive(z1), local, jnp.inf).astype(h.dtype)
+    # Behind a barrier, because many of the following operations read them.
+    z1, local = barrier((z1, local))
+    if settings.longest_steps is not None:
+        local = jnp.maximum(local, _too_long(settings, form, segment, y, z1))
+    # A step this short is accepted whatever its error, which the status then reports.
+    tiny = ~(jnp.abs(h * rate) > SMALLEST_STEP * jnp.abs(segment.duration))
+    good = moving & ((local <= 1.0) | tiny)
+    # By the direction of the duration, because a step that lands may be slightly backwards.
+    beyond = (segment.duration - z1[-1]) * jnp.sign(segment.duration) < 0.0
+    ideal = barrier(ideal_length(form, h, local))
+    return _Step(h, z1, local, ideal, good, good & ~loop.landing & beyond)
+
+
+def _filled(
+    settings: LoopSettings,
+    field: ScaledField,
+    loop: OwnLoop,
+    y: OwnState,
+    accept: Bool[Array, "*runs"],
+    done: Bool[Array, "*runs"],
+) -> Buffers:
+    """The buffers after a pass to `y`, in which some runs `accept` their step and some are `done`
+    with a segment."""
+    step = record_of_pass(jnp.where(accept, loop.h, 0.0), done)
+    ends = None
+    if loop.buffers.step_ends is not None:
+        duration = Segment.of(field, settings, y.segment).duration
+        part = y.z[-1] / jnp.where(duration == 0.0, 1.0, duration)
+        ends = (y.segment + part).astype(settings.end.dtype)
+    buffers = _with_landed(loop.buffers, y, done)
+    moved, layout = jnp.any(accept | done), settings.layout(y, step)
+    return buffers.add(loop.count, loop.count, ends, y, step, moved, layout)
 
 
 def _with_landed(buffers: Buffers, y: OwnState, done: Bool[Array, "*runs"]) -> Buffers:
