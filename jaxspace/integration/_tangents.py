@@ -24,6 +24,7 @@ repeated with the tangents in the control of every step.
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any, NamedTuple, TypeAlias, final
 
 import diffrax
@@ -167,9 +168,11 @@ class Probes(eqx.Module):
             y1, error = jax.jvp(of, (moving, step.y0), probe)[1]
             return y1, whole_error(error)
 
-        # One after the other, in the layout of the motion. Together they would take several times
-        # as long for many runs, whose axis has to be the last one.
-        return jax.lax.map(along, (self.directions, tangents))
+        # Along a single run together, which takes little more than one of them does. For many runs,
+        # whose axis has to be the last one, that would take several times as long as one after the
+        # other, in the layout of the motion.
+        every = jax.vmap(along) if step.motion.ndim == 0 else partial(jax.lax.map, along)
+        return every((self.directions, tangents))
 
 
 class StepTaken(NamedTuple):
