@@ -302,3 +302,7 @@ def test_the_lowest_releases_that_are_tried_are_the_floors():
         name, _, version = floor.partition(">=")
         # A patch release more where the first one has no file for the oldest Python.
         assert f"{tried[name]}.".startswith(f"{version}."), floor
+    # The tests can be installed with them too.
+    for floor in [*extras["docs"], *extras["test"]]:
+        name, _, version = floor.partition(">=")
+        assert f"{tried.get(name, version)}.".startswith(f"{version}."), floor
