@@ -50,7 +50,7 @@ unit: $(VENV)/.test  ## the tests that take little, with shapes and types checke
 	@$(PYTEST) $(CHECKED) --part quick
 
 quick: $(VENV)/.test  ## those of one package: make quick PACKAGE=orbits
-	@$(PYTEST) --part quick tests/test_$(PACKAGE)*.py
+	@$(PYTEST) --part quick tests/$(PACKAGE)
 
 test-all: lint types docs  ## every test, with shapes and types checked; of a long sweep a fixed sample
 	@$(PYTEST) $(CHECKED) --no-programs
@@ -63,7 +63,7 @@ processors: $(VENV)/.test  ## every test, compiled as users do, with the instruc
 	@for set in $(INSTRUCTIONS); do XLA_FLAGS=--xla_cpu_max_isa=$$set $(PYTEST) $(CHECKED) --optimised || exit 1; done
 
 faults: $(VENV)/.test  ## kills, signals, full disks and lost workers, three times over
-	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/test_campaigns.py tests/test_campaign_faults.py tests/test_campaign_clusters.py || exit 1; done
+	@for k in 1 2 3; do $(BIN)/python -m pytest --quiet --sweep all tests/dispersion/test_campaigns.py tests/dispersion/test_campaign_faults.py tests/dispersion/test_campaign_clusters.py || exit 1; done
 
 sweep: $(VENV)/.test  ## the tests with every case of the long sweeps
 	@$(PYTEST) $(CHECKED) --no-programs --sweep all

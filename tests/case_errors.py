@@ -106,7 +106,7 @@ class Recorder:
 
 def main() -> int:
     """Run the tests, and store what they reached."""
-    files = sys.argv[1:] or sorted(map(str, HERE.glob("test_*.py")))
+    files = sys.argv[1:] or sorted(map(str, HERE.rglob("test_*.py")))
     files = [f for f in files if NAME.search(Path(f).read_text()) or "test_cases" in f]
     old = json.loads(RECORD.read_text()) if RECORD.exists() else {}
     names = {Path(f).name for f in files}

@@ -1,8 +1,6 @@
-"""Which tests run, what each of them costs, and where their compiled programs are stored.
-
-It does what no plugin of pytest does: a test is chosen by the processor time that was measured of
-it and not by a mark, workers and later calls share the programs that XLA has compiled, where most
-of the time goes, and of a long list of cases a fixed sample runs.
+"""Which tests run after every change, before it lands and once a week, and where their compiled
+programs are stored. Plugins of pytest choose by marks and split by wall clock; here the measured
+processor time chooses, a basic test of each package stays, and a long list of cases is sampled.
 
 A test leaves the part that runs after every change (`--part quick`) only by its measured cost: the
 file `costs.csv` holds the processor time of each test that took long, and `make costs` writes it
@@ -36,7 +34,7 @@ MOST_SECONDS_OF_A_CHANGE = 2.0
 # What a newcomer types first never waits, nor what no cheaper test of its file looks at.
 NEVER_WAITS = (
     "tests/test_manual.py::test_code_of_the_page_runs[README.md]",
-    "tests/test_solvers_adaptive_regularised.py::test_derivatives_agree_with_differences",
+    "tests/solvers/test_solvers_adaptive_regularised.py::test_derivatives_agree_with_differences",
 )
 
 # Starts of the names of files whose tests look at commands, files, pages and pictures, where no
@@ -72,7 +70,8 @@ def selected(items, part: str, sweep: str) -> list:
 
 def is_quick(test: str, costs: dict[str, float]) -> bool:
     """Whether a test runs after every change: it is cheap, or one of the basics."""
-    basic = test.partition("/")[2].startswith(BASIC_TESTS)
+    # No two files of tests have one name, whichever folder they are in.
+    basic = test[test.partition("::")[0].rfind("/") + 1 :].startswith(BASIC_TESTS)
     return basic or cost(test, costs) <= MOST_SECONDS
 
 

@@ -168,10 +168,10 @@ STEADY = {
 OTHERS = {
     "attitude.SpringTorque.rest": "a parameter",
     "bodies.conical_shell": "a shape",
-    "gyros.BearingFriction.slip_at_rest": "tests/test_gyros_friction.py",
+    "gyros.BearingFriction.slip_at_rest": "tests/gyros/test_gyros_friction.py",
     "mechanics.hanging_chain": "no system",
     "orbits.circular_decay_rate": "not steady",
-    "vehicles.descent_rate": "flown in tests/test_vehicles.py",
+    "vehicles.descent_rate": "flown in tests/vehicles/test_vehicles.py",
 }
 
 

@@ -43,8 +43,10 @@ def test_the_basics_are_there_and_run_after_every_change(kind):
     for test in BASICS[kind].values():
         file, _, name = test.partition("::")
         # A long name may be cut.
-        assert any(f.startswith(name.partition("[")[0]) for f in functions(TESTS / file)), test
-        assert is_quick(f"tests/{test}", costs | {f"tests/{test}": 100.0})
+        (path,) = TESTS.rglob(file)
+        assert any(f.startswith(name.partition("[")[0]) for f in functions(path)), test
+        whole = f"{path.relative_to(TESTS.parent).as_posix()}::{name}"
+        assert is_quick(whole, costs | {whole: 100.0})
 
 
 def test_a_test_leaves_by_what_it_was_measured_to_take():
@@ -92,9 +94,9 @@ def test_the_compiler_is_set_as_asked(pytestconfig):
 
 
 def test_files_without_digits_are_named_as_they_are():
-    files = [file.stem.removeprefix("test_") for file in TESTS.glob("test_*.py")]
+    files = [file.stem.removeprefix("test_") for file in TESTS.rglob("test_*.py")]
     idle = [start for start in WITHOUT_DIGITS if not any(f.startswith(start) for f in files)]
-    assert not idle and looks_at_digits(TESTS / "test_orbits_kepler.py")
+    assert not idle and looks_at_digits(TESTS / "orbits/test_orbits_kepler.py")
 
 
 @pytest.mark.parametrize("target", ["beyond", "processors", "sweep", "faults"])

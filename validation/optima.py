@@ -9,7 +9,7 @@ ABOUT = """## Optimal flight
 Found by gradients from a rough guess, without the structure of the optimum; `examples/known_optima`
 has the programs.
 """
-KNOWN = "test_optimization_known.py::test_"
+KNOWN = "optimization/test_optimization_known.py::test_"
 
 WANTED = (
     OfTest(

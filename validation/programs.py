@@ -37,13 +37,13 @@ HARMONICS = "tudat-team/tudatpy, term C20 of EGM2008"
 KEPLERIAN = "CS-SI/Orekit 04c7587, `KeplerianPropagatorTest.java`"
 ELLIPSOID = "CS-SI/Orekit, `OneAxisEllipsoidTest.java`"
 JEOD = "nasa/jeod 6550cf4, `verif/SIM_dyncomp`"
-FREE = "test_attitude_torque_free.py::test_space_station"
-TIDAL = "test_attitude_gravity_gradient.py::test_a_cylinder_librates_over_eight_hours"
+FREE = "attitude/test_attitude_torque_free.py::test_space_station"
+TIDAL = "attitude/test_attitude_gravity_gradient.py::test_a_cylinder_librates_over_eight_hours"
 OF_JEOD = JUDGED + "1e-3 m, 1e-9 of the quaternion and 1e-12 rad/s, of the integrator of its time"
 
 WANTED = (
     OfTest(
-        "test_orbits_perturbations.py::test_the_first_zonal_is_the_oblateness",
+        "orbits/test_orbits_perturbations.py::test_the_first_zonal_is_the_oblateness",
         "Acceleration by the second zonal harmonic",
         HARMONICS,
         "acceleration, m/s^2",

@@ -32,7 +32,7 @@ QUANTITIES = (
 WANTED = (
     *(
         OfTest(
-            "test_vehicles.py::test_three_rockets_fly_as_in_rocketpy",
+            "vehicles/test_vehicles.py::test_three_rockets_fly_as_in_rocketpy",
             flight,
             SOURCE,
             quantity,
@@ -45,7 +45,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            "test_vehicles.py::test_slopes_and_centres_of_calisto_are_those_of_rocketpy",
+            "vehicles/test_vehicles.py::test_slopes_and_centres_of_calisto_are_those_of_rocketpy",
             f"Calisto's {part}",
             SOURCE,
             quantity,

@@ -14,13 +14,13 @@ CURTIS = "Curtis, *Orbital Mechanics*"
 DER = "Der, *The Superior Lambert Algorithm*"
 PRINTED = "the last digit printed"
 TRUTH = JUDGED + "1e-12 of the vector's length, of which the truth has 25 digits"
-PUBLISHED = "test_orbits_kepler.py::test_published_states"
-LAMBERT = "test_orbits_lambert.py::test_published"
+PUBLISHED = "orbits/test_orbits_kepler.py::test_published_states"
+LAMBERT = "orbits/test_orbits_lambert.py::test_published"
 FROM_PRINTED = "the inputs are printed with as many digits"
 ATMOSPHERE = "U.S. Standard Atmosphere, 1976, table I"
-DENSE = "test_bodies_atmosphere.py::test_the_printed_table_up_to_the_mesopause"
-THIN = "test_bodies_atmosphere.py::test_the_printed_table_to_a_thousand_kilometres"
-SGP4 = "test_io_ephemerides.py::test_a_two_line_set_is_that_of_the_verification"
+DENSE = "bodies/test_bodies_atmosphere.py::test_the_printed_table_up_to_the_mesopause"
+THIN = "bodies/test_bodies_atmosphere.py::test_the_printed_table_to_a_thousand_kilometres"
+SGP4 = "io/test_io_ephemerides.py::test_a_two_line_set_is_that_of_the_verification"
 
 WANTED = (
     *(
@@ -33,7 +33,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            f"test_orbits_kepler.py::test_anomalies_of_nasa_tr_r_158[{case}]",
+            f"orbits/test_orbits_kepler.py::test_anomalies_of_nasa_tr_r_158[{case}]",
             "True anomaly of an eccentric one",
             "NASA TR R-158",
             f"true anomaly at e = {case.partition('-')[0]}, deg",
@@ -43,14 +43,14 @@ WANTED = (
         for case in ("0.05-10.52321-11.05994", "0.61-161.87359-171.02189")
     ),
     OfTest(
-        "test_orbits_elements.py::test_state_of_elements",
+        "orbits/test_orbits_elements.py::test_state_of_elements",
         "State of classical elements",
         f"{VALLADO}, example 2-6",
         "position, km",
         FROM_PRINTED,
     ),
     OfTest(
-        "test_orbits_elements.py::test_state_of_elements",
+        "orbits/test_orbits_elements.py::test_state_of_elements",
         "State of classical elements",
         f"{VALLADO}, example 2-6",
         "velocity, km/s",
@@ -75,7 +75,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            "test_orbits_gravity.py::test_drift_over_48_hours",
+            "orbits/test_orbits_gravity.py::test_drift_over_48_hours",
             "Orbit about an oblate earth over two days, integrated",
             f"{CURTIS}, example 12.2",
             quantity,
@@ -85,14 +85,14 @@ WANTED = (
         for index, quantity in enumerate(("node's rate, deg/h", "periapsis' rate, deg/h"))
     ),
     OfTest(
-        "test_orbits_perturbations.py::test_special_inclinations",
+        "orbits/test_orbits_perturbations.py::test_special_inclinations",
         "Sun-synchronous orbit at 800 km",
         f"{VALLADO}, 11.4",
         "inclination, deg",
         PRINTED,
     ),
     OfTest(
-        "test_orbits_drag.py::test_the_density_of_the_table",
+        "orbits/test_orbits_drag.py::test_the_density_of_the_table",
         "Exponential density, 400 to 450 km",
         f"{VALLADO}, table 8-4",
         "density at 450 km, kg/m^3",
@@ -117,7 +117,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            "test_scene_files_of_orbits.py::test_explorer_7_precesses_and_decays",
+            "scene/test_scene_files_of_orbits.py::test_explorer_7_precesses_and_decays",
             "Explorer 7 over a month, integrated with drag",
             "Brouwer, AJ 64 (1959), mean rates to the second order",
             quantity,
@@ -131,7 +131,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            f"test_simulation.py::test_detest_orbits[{e}-integrated]",
+            f"simulation/test_simulation.py::test_detest_orbits[{e}-integrated]",
             "Kepler orbits D1 to D5 of DETEST, integrated",
             "Hull, Enright, Fellen, Sedgwick, SIAM J. Numer. Anal. 9 (1972)",
             f"state at t = 20, e = {e}",
@@ -141,7 +141,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            "test_simulation.py::test_arenstorf_orbit_returns",
+            "simulation/test_simulation.py::test_arenstorf_orbit_returns",
             "Arenstorf orbit",
             "Hairer, Norsett, Wanner, *Solving Ordinary Differential Equations I*, II.0",
             quantity,
@@ -152,7 +152,7 @@ WANTED = (
     ),
     *(
         OfTest(
-            "test_simulation.py::test_pleiades",
+            "simulation/test_simulation.py::test_pleiades",
             "Pleiades, seven bodies",
             "Test Set for IVP Solvers, University of Bari",
             quantity,

@@ -1,8 +1,9 @@
 """Three stages and a coast from rest on the ground to a circle at 185 km, with the most mass left.
 
 The earth does not turn and has no air. The rocket is made up, so that no book has its optimum:
-`REFERENCE` is what Pontryagin's conditions give, which tests/test_optimization_known.py solves by
-SciPy, apart from all of this (the conditions: Bryson and Ho, Applied Optimal Control).
+`REFERENCE` is what Pontryagin's conditions give, which
+tests/optimization/test_optimization_known.py solves by SciPy, apart from all of this (the
+conditions: Bryson and Ho, Applied Optimal Control).
 """
 
 import jax
