@@ -72,15 +72,18 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     saves = ts - ts[0]
     every = [saves]
     for clock in clocks:
+        # A tick at the end is none: no motion follows that it could command.
         count = int(np.ceil((span - slack - clock.offset) / clock.period))
         every.append(clock.offset + clock.period * np.arange(max(count, 0)))
     known = breaks is not None and is_concrete(breaks) and jnp.ndim(breaks) == 1
     if known:
+        # A break at the start or the end parts nothing.
         inner = np.asarray(breaks, float)
         every.append(inner[(inner > slack) & (inner < span - slack)])
     candidates = np.concatenate(every)
     order = np.argsort(candidates, kind="stable")
     ordered = candidates[order]
+    # Each time that follows the one before by more than the slack begins a new node.
     number = np.concatenate([[0], np.cumsum(np.diff(ordered) > slack)])
     # Of coinciding times the first one is taken: save times and clocks before breaks.
     times = candidates[np.minimum.reduceat(order, np.flatnonzero(np.diff(number, prepend=-1)))]
@@ -90,6 +93,7 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     ticks = np.zeros((times.size, len(clocks)), bool)
     for k in range(len(clocks)):
         ticks[index[ends[k] : ends[k + 1]], k] = True
+    # A clock that ticks at every node needs no selection in the program.
     always = tuple(bool(np.all(ticks[:-1, k])) for k in range(len(clocks)))
     saved = index[: ends[0]]
     if breaks is None or known:

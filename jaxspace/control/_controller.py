@@ -81,6 +81,7 @@ def act_on(
     """`controller.act`, mapped over the runs where it is written for one."""
     if run_axes == 0 or controller.broadcasts:
         return controller.act(t, memory, measured)
+    # The runs of a phase may have started at different times.
     timed = -1 if getattr(t, "ndim", 0) else None
     return jax.vmap(controller.act, (timed, -1, -1), -1)(t, memory, measured)
 

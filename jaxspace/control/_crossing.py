@@ -83,9 +83,11 @@ def crossed(
                     2.0,
                 )
             )
+        # An event that is not hit has the share 2, later than any that is.
         shares = jnp.stack(parts)
         which = jnp.where(any_hit, jnp.argmin(shares, axis=0), -1).astype(jnp.int32)
         share = jnp.where(any_hit, jnp.min(shares, axis=0), 1.0)
+        # The derivative is that of Newton's correction below, and not of the search.
         dt = jax.lax.stop_gradient(share) * duration
         y, _ = advance(held, y0, t, dt, method)
         te, ye = newton_correct(held, events, which, t + dt, y)
@@ -94,7 +96,9 @@ def crossed(
     def uncrossed(_: None) -> tuple[State, Array, Array]:
         return y1, jnp.where(still, stop.t, t + duration), jnp.full(still.shape, -1, jnp.int32)
 
+    # Most intervals have no crossing: the search costs nothing where no run has one.
     y, te, which = jax.lax.cond(jnp.any(hits), located, uncrossed, None)
+    # A run that ended before keeps the time of its event; the others have come to the next node.
     te = jnp.where(still | any_hit, te, t + duration)
     number = jnp.where(any_hit, which, stop.number)
     return y, Stop(number, te, jnp.where(still, stop.values, values), bad)
@@ -142,6 +146,7 @@ def _share(
         x = jnp.where(gb == 0.0, b, x)
         g = value(x)
         across = jnp.sign(g) != jnp.sign(gb)
+        # An end that stays is halved in weight, or it would stay until the last iteration.
         a, ga = jnp.where(across, b, a), jnp.where(across, gb, 0.5 * ga)
         return a, ga, x, g, jnp.abs(x - b), k + 1
 

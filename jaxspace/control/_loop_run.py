@@ -114,6 +114,7 @@ class LoopRun(AbstractRun):
         the change."""
         loop, y0, ts, options, run_axes = self.request
         finer = options._replace(steps=2 * self.steps)
+        # Without raising: where the finer run fails, NaN says that no error is known.
         again = run_loop(loop, y0, ts, finer, run_axes, throw=False)
         return jax.tree.map(lambda a, b: jnp.abs(a - b), self.final, again.final)
 
@@ -144,6 +145,7 @@ def run_loop(
     start = jnp.asarray(start, state_dtype(y0))
     key = as_key(loop.key if options.key is None else options.key)
     numbers = Known(loop.numbers, y0, start, key, options.memory, events, None)
+    # Fixed steps have no control of their error: the run is repeated until its largest one passes.
     result, config = repeated(compiled, numbers, config, Static.of(loop, times, run_axes))
     trajectory = dataclasses.replace(result, call=RunCall(loop.system, accuracy, config))
     if throw:

@@ -33,6 +33,7 @@ def repeated(
         error = float(np.max(error_of_too_few_steps(result)))
         if error == 0.0:
             break
+        # By the size of the error and not by doubling: each repetition compiles another program.
         config = config.with_more_steps(error)
     return result, config
 

@@ -98,6 +98,7 @@ class QuaternionFeedback(AbstractController):
         if self.axes is None:
             return torque, memory
         axes = with_rank(unit(self.axes), omega.ndim - 1, axes=2)
+        # What turns the wheels turns the body the other way.
         return -wheel_torques(axes, torque), memory
 
     def settle(self, memory: Integral | None, asked: Array, applied: Array) -> Integral | None:
@@ -129,6 +130,8 @@ class MomentumDumping(AbstractController):
         momenta = measurement(measured, "wheels")
         axes = with_rank(unit(self.axes), momenta.ndim - 1, axes=2)
         momentum = jnp.sum(axes * momenta, axis=1)
+        # By the length, not by components: a band for each would dump along axes that depend on the
+        # frame.
         on = jnp.where(norm(momentum) > self.dead_band, self.gain, 0.0)
         return -on * momentum, memory
 

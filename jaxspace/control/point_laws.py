@@ -91,6 +91,8 @@ class LeastEffortGuidance(AbstractController):
         x, v = measurement(measured, "position"), measurement(measured, "velocity")
         rank = x.ndim - 1
         g, r, vf = (with_rank(a, rank) for a in (self.gravity, self.target, self.velocity))
+        # The gains grow as 1/t_g^2: at the very end an error of a millimetre would command any
+        # thrust.
         left = jnp.maximum(self.arrival - t, self.least_time)
         miss = r - x - left * v - 0.5 * left * left * g
         slip = vf - v - left * g

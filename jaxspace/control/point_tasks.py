@@ -114,6 +114,8 @@ class LandingTask(AbstractEnvironment):
         place = before.position + share * (after.position - before.position)
         miss = dot(place, place) / self.distance**2 + dot(velocity, velocity) / self.speed**2
         burnt = (before.mass - after.mass) / self.mass
+        # Place and speed count at touchdown alone: on the way down any path is as good, but for its
+        # propellant.
         reward = -self.effort * burnt - jnp.where(down, miss, 0.0)
         return reward, down, {"soft": down & (norm(velocity) < 2.0)}
 
@@ -167,7 +169,9 @@ class RendezvousTask(AbstractEnvironment):
         del before
         x = dot(after.position, after.position) / self.distance**2
         v = dot(after.velocity, after.velocity) / self.speed**2
+        # Squares: a hundredth of both scales here, and four times the distance below.
         met = (x < 1e-4) & (v < 1e-4)
+        # As a share of the episode, so that its sum does not depend on the length of a step.
         share = self.period / self.horizon
         reward = -share * (x + v + self.effort * jnp.sum(action * action, axis=0))
         return reward + jnp.where(met, 1.0, 0.0), met | (x > 16.0), {"met": met}

@@ -32,6 +32,7 @@ class Beginning(NamedTuple):
     def of(cls, loop: LoopState) -> "Beginning":
         """Of the next step. A run that waits at its event takes the step that holds it again."""
         going, location = loop.going, loop.location
+        # A step of no length, so that the state of a run that has ended stays as it is.
         length = jnp.where(going, loop.t_next - loop.t, 0.0)
         if location is None:
             return cls(loop.t, length, loop.y, loop.jumped)

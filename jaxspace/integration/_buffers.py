@@ -60,6 +60,8 @@ class SavedStates(NamedTuple):
             following = rows_of(save_ts, jnp.minimum(count, last))
             return SavedStates(states, count, jnp.where(count > last, jnp.inf, following))
 
+        # A step may pass several save times or none: most passes of the loop save nothing and cost
+        # nothing.
         return jax.lax.while_loop(lambda saved: jnp.any(saved.next_ts <= reached), append, self)
 
 
@@ -114,5 +116,6 @@ class Buffers(NamedTuple):
         ends = self.step_ends
         if ends is None:
             return None
+        # Behind the last step there may be the end of one that was rejected.
         rows = jnp.arange(ends.shape[0]).reshape(-1, *(1,) * (ends.ndim - 1))
         return jnp.where(rows < count, ends, jnp.inf)

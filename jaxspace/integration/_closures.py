@@ -100,6 +100,7 @@ def closures_as_leaves(
     # Only what the method evaluates is converted, because each conversion is a trace.
     convert = eqx.filter_closure_convert
     t = jax.eval_shape(field.time, s)
+    # Shapes are enough: nothing is computed until the loop runs.
     duration = jax.eval_shape(field.duration, s, s)
     capability = None
     if needs == "split":

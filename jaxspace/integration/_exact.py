@@ -80,6 +80,7 @@ def _on_groups(y: State) -> State:
     def leaf(x: State) -> State:
         if not on_group(x):
             return x
+        # Only whether it is near counts: the derivative is that of the closed form.
         near = jax.lax.stop_gradient(project(x))
         return jax.tree.map(lambda a, b: jnp.where(jnp.isfinite(b), a, jnp.nan), x, near)
 

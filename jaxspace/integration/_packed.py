@@ -109,6 +109,8 @@ def packed(
     packing: Packing, field: ScaledVectorField, y0: State, settings: LoopSettings
 ) -> tuple[ScaledVectorField, Float[Array, " components"], LoopSettings]:
     """Field, initial state and settings of a loop for one run whose state is a vector."""
+    # The error is still judged block by block: in one norm, metres would hide an error of a
+    # quaternion.
     tolerance = dataclasses.replace(settings.tolerance, blocks=packing.sizes)
     sought = settings.sought
     if sought is not None:

@@ -58,6 +58,7 @@ def first_event(
     when = t1
     which = -jnp.ones(jnp.shape(t1), jnp.int32)
     for number, zero in enumerate(zeros):
+        # By distance from the start, because a run may go backwards in time.
         sooner = zero.hit & ((jnp.abs(zero.time - t0) < jnp.abs(when - t0)) | (which < 0))
         when = jnp.where(sooner, zero.time, when)
         which = jnp.where(sooner, number, which)
@@ -97,6 +98,7 @@ def _first_on_flow(
     dtype = jnp.result_type(*jax.tree.leaves(y0))
     t0, t1 = (jnp.broadcast_to(jnp.asarray(t, dtype), alive.shape) for t in (t0, t1))
     begin, end = jnp.zeros((), dtype), jnp.ones((), dtype)
+    # The whole run is one step of a method, whose dense output is the flow itself.
     segment = OwnStep(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
     start, length = jnp.zeros_like(t0), jnp.ones_like(t0)
 

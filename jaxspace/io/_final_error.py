@@ -122,6 +122,7 @@ def tolerance_of(run: Trajectory) -> float:
 def rounded_down(tolerance: float) -> float:
     """A tolerance to two digits, so that a campaign that goes on elsewhere has the same one."""
     unit = 10.0 ** (math.floor(math.log10(tolerance)) - 1)
+    # By way of the text, because the multiple of a power of ten would show its roundings.
     return float(f"{math.floor(tolerance / unit) * unit:.1e}")
 
 

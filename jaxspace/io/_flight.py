@@ -98,6 +98,7 @@ def flight_errors(file: Parsed) -> list[str]:
         key = f"vehicle.parachutes.{number}.height"
         if chute.time is not None:
             time = float(chute.time)
+            # Each opening ends a phase of the flight, and the phases follow each other.
             if time <= earlier:
                 what = f"above {earlier:g} s, when the one before it opens"
                 result.append(wrong(f"vehicle.parachutes.{number}.time", time, what))

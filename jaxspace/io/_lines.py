@@ -75,6 +75,7 @@ def lines_of(values: Values) -> tuple[Line, ...]:
                 if branch["after"] == leg.name:
                     add(other, f"{prefix}{other}.", leg.number)
 
+    # From the mission itself on; a branch follows the line that it leaves, as in the result.
     add("", "", -1)
     return tuple(lines)
 

@@ -35,6 +35,7 @@ def defined_in(module: NamedFile) -> list[object]:
     return [
         thing
         for name, thing in vars(ran).items()
+        # What it imports belongs to others: two modules that import one class would name it twice.
         if not name.startswith("_") and getattr(thing, "__module__", None) == ran.__name__
     ]
 

@@ -37,9 +37,12 @@ def optimise(
         bounds=bounds,
         tolerance=table["tolerance"],
         max_steps=table["max_steps"],
+        # An orbit's radius and an angle differ by many orders of magnitude: the search sees all of
+        # size one.
         scale={free.path: jnp.asarray(size_of(free)) for free in task.free},
         progress=progress,
     )
+    # From the last evaluation, so that the report needs no further run.
     objective, constraints, error, happened = result.criterion.report
     numbers = tuple(float(x) for x in constraints)
     met = tuple(bool(x) for x in happened)

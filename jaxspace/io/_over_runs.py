@@ -52,6 +52,7 @@ def optimise_over_runs(
         ),
         "scale": {free.path: jnp.asarray(size_of(free)) for free in task.free},
         "optimiser": named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
+        # A finer tolerance than these corners would never be met.
         "tolerance": max(table["tolerance"], TOLERANCE),
         "max_steps": table["max_steps"],
         "progress": progress,
@@ -84,6 +85,7 @@ def campaign_function(
         | {spec.name: spec.unit for spec in specs}
         | {NEGATIVE + task.objective.name: task.objective.unit},
         requirements=(),
+        # Without extremes no states along the run are saved, which would fill the memory.
         along=file.dispersion["extreme_samples"] if extremes else 2,
     )
 
@@ -108,6 +110,8 @@ class OutputsOfDesign(eqx.Module):
     greatest: str = eqx.field(static=True)
 
     def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
+        # The search minimises a statistic: of the greatest quantile it takes the least of the
+        # negative.
         numbers = dict(self.outputs(result, samples))
         if self.greatest:
             numbers[NEGATIVE + self.greatest] = -numbers[self.greatest]
@@ -122,6 +126,7 @@ def _objective(task: Task) -> AbstractStatistic:
 def _constraint(demand: Demand) -> Constraint:
     """The limit of a statistic, in the unit of the file."""
     spec, share = demand.spec, demand.share
+    # The statistics are of outputs in the unit of the file, the target is in SI.
     limit = spec.factor * demand.target
     if demand.limit == "at_most":
         return _statistic(spec.name, share).at_most(limit)

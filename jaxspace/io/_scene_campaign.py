@@ -55,6 +55,7 @@ def campaign_of(
         file.text,
         limits,
         design,
+        # Only outputs with a limit have a requirement that a report can judge.
         {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
         along,
         dict(texts),

@@ -28,6 +28,7 @@ def criterion(file: FileContent, task: Task, x: Mapping[str, Array], steps: int)
     mission, y0 = build_mission(file.parsed, values, Runs())
     run = simulate_compact(mission, y0, file.start, steps=steps)
     states, ends = line_ends(run)
+    # Before the jump of a phase: a mass that is dropped there still counts for its outputs.
     states |= {k: p.before for k, p in enumerate(run.phases)}
     ends |= {k: p.ts[-1] for k, p in enumerate(run.phases)}
     specs = (task.objective, *(d.spec for d in task.demands))
