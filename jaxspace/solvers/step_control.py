@@ -26,6 +26,8 @@ from .tolerances import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
+# The first step behind a break says by its error how long the next one may be.
+BEHIND_BREAK = 100.0
 # Fraction of a segment. A step this short is accepted with any error, which the status reports:
 # shorter steps would only exhaust `max_steps`.
 SMALLEST_STEP = 1e-10
@@ -121,7 +123,9 @@ class StepController(eqx.Module):
         size = jnp.clip(errors, 1e-12, 1e12).astype(jnp.float32)
         factor = SAFETY * jnp.exp(jnp.log(size) * (-1.0 / order)).astype(ds.dtype)
         # A rejected step must become shorter, whatever its error estimate.
-        most = jnp.where(accept, GROW, SAFETY)
+        # What made the steps short before a break may have ended there.
+        begins_segment = (t0 > 0.0) & (t0 == jnp.round(t0))
+        most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, GROW), SAFETY)
         # A first step, which may be far too long, becomes as short as its error says.
         least = jnp.where(begun, SHRINK, 0.0)
         factor = jnp.clip(factor, least, most).astype(ds.dtype)
