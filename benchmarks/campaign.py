@@ -65,7 +65,7 @@ def row(result: Dispersion) -> dict:
     return {
         "runs": result.runs,
         "runs per second": result.runs / flying,
-        "seconds to compile and plan": there["preparation_seconds"],
+        "seconds to compile and start": there["preparation_seconds"],
         "seconds, store included": flying,
         "share of the store": there["storing_seconds"] / flying,
         "utilisation of the cores": result.utilisation,

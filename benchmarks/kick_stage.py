@@ -126,7 +126,7 @@ def measure():
         "runs per second": PLANNED / (result.seconds - ahead),
         "devices": jax.local_device_count(),
         "utilisation of the cores over all": cpu / wall,
-        "seconds to compile and plan": ahead,
+        "seconds to compile and start": ahead,
         "evaluations per run": float(np.mean(result.evaluations)),
         "runs that ended well": int(np.count_nonzero(result.good)),
         "worst position error, m": float(np.max(np.linalg.norm(found_r - position, axis=0))),

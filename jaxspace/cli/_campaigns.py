@@ -142,7 +142,7 @@ def _run_and_report(
     with waiting("simulating the nominal run"):
         nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with progress("compiling and planning", total=runs, unit="run") as bar:
+    with progress("compiling and starting", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
 
@@ -214,7 +214,7 @@ def _times(result: Dispersion, whole: float) -> str:
     computing = max(result.seconds - ahead, 1e-9)
     use = 100.0 * result.utilisation
     return (
-        f"{whole:.1f} s in all: {ahead:.1f} s to compile and to plan, {computing:.1f} s for the "
+        f"{whole:.1f} s in all: {ahead:.1f} s to compile and to start, {computing:.1f} s for the "
         f"runs ({result.runs / computing:.0f} runs/s, {use:.0f} % of {result.cores} cores)"
     )
 

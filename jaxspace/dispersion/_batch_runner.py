@@ -1,17 +1,10 @@
-"""Plan, run, check, refine: many runs at fixed steps, with an error estimate for each of them.
+"""Draw, run, check: many runs of a campaign, each by its own steps.
 
-Pilot runs with adaptive steps, the nominal run among them, give a plan of steps for every phase.
-The errors of a trial call show how much finer this plan has to be for the other runs. All runs
-follow the plan in blocks, and the embedded error estimate shows for every run whether it was fine
-enough. Runs that missed the tolerance are repeated on finer plans, and those that still miss it
-with adaptive steps, one by one; the status reports where that fails too.
-
-One compiled program draws the inputs, and another runs the missions of every call and every plan,
-whatever the numbers of runs, chunks, cores and processes are. For this the plans are padded to one
-length, a call has a fixed number of runs in fixed blocks, and a call is never divided among cores.
-The numbers of run i therefore depend on the campaign, the seed and i alone, to the last bit (on one
-kind of processor): but for a step at the number of planned runs from which a program that takes
-longer to compile, and flies faster, pays (`is_small`).
+One compiled program draws the inputs, and another runs the missions of every call, whatever the
+numbers of runs, chunks, cores and processes are: a call has a fixed number of runs in fixed blocks,
+and is never divided among cores. The numbers of run i therefore depend on the campaign, the seed
+and i alone, to the last bit (on one kind of processor): but for a step at the number of planned
+runs from which a program that takes longer to compile, and flies faster, pays (`is_small`).
 """
 
 import hashlib
@@ -27,28 +20,25 @@ from jaxtyping import PyTree
 from ..core.processors import cores
 from ..integration.accuracy import Accuracy
 from ..integration.exact_part import exact
-from ..integration.status import Status
+from ..integration.status import SimulationError, Status
 from ..simulation.blocks import Blocks
 from ..stores.results import RunResults
 from ._campaign import Campaign
 from ._chosen_times import warn_of_times_outside
+from ._exact_parts import for_turns
+from ._first_runs import check_outputs
 from ._isolation import isolate
-from ._outputs import check_apart, outputs_to_check
-from ._pilots import StepsForTurns, check_nominal, expected_steps, pilot_plans
-from ._planned import PlannedCampaign
-from ._plans import FINENESS, TRIAL, Plans, padded, placeholders, refinement
-from ._program import Drawn, draw_inputs, drawn_by, program
+from ._prepared import PreparedCampaign
+from ._program import Drawn, draw_inputs, drawn_by, program, runs_as_small_program
 from ._saved_states import StatesToStore
 
 # Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
 CALL = 512
 ACCELERATOR_CALL = 2**14
-# Runs in one call with adaptive steps, of which there are few.
-ADAPTIVE_CALL = 8
 
 
 class BatchRunner:
-    """Runs numbers of a planned campaign.
+    """Runs numbers of a prepared campaign.
 
     **Arguments**
 
@@ -58,26 +48,24 @@ class BatchRunner:
 
     def __init__(
         self,
-        planned: PlannedCampaign,
+        prepared: PreparedCampaign,
         devices: Sequence[jax.Device],
         in_flight: int | None = None,
     ):
-        self.planned = planned
+        self.prepared = prepared
         self.call = call_size(devices)
         self.blocks = Blocks.on(devices[:1], self.call)
         # A second CPU device would compile the program again, and add no core.
         self.devices = devices[:1] if devices[0].platform == "cpu" else devices
         self.in_flight = in_flight
-        # A run of the trial, for names and shapes.
-        self.example: RunResults | None = None
         # The outputs of the nominal run, if it met the tolerance.
         self.nominal: dict[str, float] | None = None
-        # The results of the first call, if those of the trial are the final ones.
-        self.trial: RunResults | None = None
-        self.key = jax.random.key(planned.seed)
+        # The results of the first call, which `prepare` makes.
+        self.first: RunResults | None = None
+        self.key = jax.random.key(prepared.seed)
 
     @classmethod
-    def plan(
+    def prepare(
         cls,
         campaign: Campaign,
         accuracy: Accuracy,
@@ -86,137 +74,99 @@ class BatchRunner:
         samples: StatesToStore,
         runs: int,
     ) -> "BatchRunner":
-        """Plan a campaign of so many runs by its pilots and a trial, and compile their program.
-
-        Without pilots where no phase follows a plan and the outputs are those of the library: their
-        program would take as long to compile as half of that of all runs.
+        """Compile the program of a campaign of so many runs, and run its first call.
 
         The exact part of the motion is in closed form where the steps would run out otherwise.
-        Warns of times that none of the runs of the trial reaches. **Raises** `SimulationError` if
-        the nominal run fails, and `InputError` for outputs that are not one number for each run."""
-        size = Blocks.on(devices[:1], call_size(devices)).size
-        steps, small = expected_steps(campaign, accuracy, samples, size, runs)
-        expected = placeholders(steps)
-        planned = PlannedCampaign(campaign, accuracy, seed, (expected,), small, samples, "")
-        runner = cls(planned, devices)
-        first = np.arange(runner.call, dtype=np.uint32)
-
-        def draw(used: np.ndarray) -> Drawn:
-            return runner._draw(first, used)
-
-        used = np.ones(runner.call, bool)
-        unplanned = all(plan is None for plan in expected)
-        piloted = not unplanned or outputs_to_check(campaign.outputs) is not None
-        drawn = eqx.filter_eval_shape(drawn_by, *runner._chosen(first, used, 0))
-        lowered: Future[None] = Future()
-
-        def plans_of_pilots() -> list[np.ndarray | None]:
-            draw(used)
-            # Traced first, because the program of all runs takes longest to compile. Errors of its
-            # functions are raised here, before any mission runs.
-            lowered.result()
-            if not piloted:
-                return [None] * len(expected)
-            pilots, flown = pilot_plans(campaign, accuracy, draw, runner.call, samples)
-            # Meanwhile the program of all runs is compiled.
-            check_apart(campaign.outputs, campaign.along, flown)
-            return pilots
-
-        # That program needs of the plans their lengths alone, and is compiled while they are found.
-        # Two threads, and none of them this one: where there are more threads than arenas for
-        # memory, a new one often shares that of the main thread, and they wait for each other.
-        with ThreadPoolExecutor(2) as pool:
-            # An error of the compiler is raised again where the program is called.
-            pool.submit(runner._compile, drawn, lowered)
-            result = pool.submit(plans_of_pilots)
-        try:
-            pilots = result.result()
-            trial = padded(pilots, [TRIAL] * len(pilots))
-            with ThreadPoolExecutor(1) as pool:
-                # One of the pilots, so that their plan is fine enough for it.
-                nominal = pool.submit(runner._nominal, trial)
-                # A whole call, whose program all further ones reuse.
-                results, errors = runner._call(first, trial, runner.blocks)
-            status, outputs = nominal.result()
-            if not piloted:
-                check_nominal(campaign, accuracy, status)
-        except StepsForTurns:
-            return cls.plan(campaign, exact(accuracy), seed, devices, samples, runs)
+        Warns of times that none of the runs of the first call reaches. **Raises** `SimulationError`
+        if the nominal run fails, and `InputError` for outputs that are not one number for each run,
+        or that mix runs."""
+        block = Blocks.on(devices[:1], call_size(devices)).size
+        small = runs_as_small_program(campaign, accuracy, block, runs)
+        prepared = PreparedCampaign(campaign, accuracy, seed, small, samples, "")
+        runner = cls(prepared, devices)
+        runner._compile_and_check()
+        status, nominal = runner._run_first()
+        if for_turns(campaign, accuracy, status) is not None:
+            return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs)
+        if status in (Status.NOT_FINITE, Status.MAX_STEPS):
+            raise SimulationError(f"The nominal run cannot be run. {Status(status).sentence}")
         if status != Status.TOLERANCE_MISSED:
-            runner.nominal = outputs
-        factors = [refinement(phase_errors) for phase_errors in np.asarray(errors)[:, :CALL]]
-        plans = tuple(padded(pilots, [level * f for f in factors]) for level in FINENESS)
-        runner.planned = planned._replace(plans=plans, digest=_digest(results))
-        runner.example = jax.tree.map(lambda x: x[..., :1].copy(), results)
-        # Runs without a plan take the same steps again.
-        runner.trial = results if unplanned else None
-        warn_of_times_outside(campaign, samples, results.trajectories)
+            runner.nominal = nominal
+        first = runner.first
+        assert first is not None
+        runner.prepared = prepared._replace(digest=_digest(first))
+        warn_of_times_outside(campaign, samples, first.trajectories)
         return runner
+
+    @property
+    def example(self) -> RunResults:
+        """A run of the first call, for names and shapes."""
+        assert self.first is not None
+        return jax.tree.map(lambda x: x[..., :1].copy(), self.first)
 
     def chunk(self, wished: int) -> int:
         """Runs between two stores: `wished`, rounded up to whole calls."""
         return self.call * -(-wished // self.call)
 
     def run(self, first: int, count: int) -> RunResults:
-        """`count` runs from the number `first` on, checked and refined."""
+        """`count` runs from the number `first` on."""
         whole = self.call * -(-count // self.call)
-        results = self._results(np.arange(first, first + whole), self.planned.plans[0])
-        # A copy, because refined runs are written into it, and arrays of JAX are read-only.
-        results = jax.tree.map(lambda x: x[..., :count].copy(), results)
-        for plans in self.planned.plans[1:]:
-            missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
-            if missed.size == 0:
-                break
-            _replace(results, missed, self._again(first + missed, plans))
-        missed = np.flatnonzero(results.status == Status.TOLERANCE_MISSED)
-        if missed.size:
-            _replace(results, missed, self._adaptive(first + missed))
-        return results
-
-    def _again(self, numbers: np.ndarray, plans: Plans) -> RunResults:
-        """The runs of these `numbers` on finer plans."""
-        results = self._results(_filled(numbers, self.call), plans)
-        return jax.tree.map(lambda x: x[..., : numbers.size], results)
-
-    def _adaptive(self, numbers: np.ndarray) -> RunResults:
-        """The runs of these `numbers` with adaptive steps."""
-        no_plans = (None,) * len(self.planned.plans[0])
-        alone = self.blocks._replace(size=1)
-        results = self._results(_filled(numbers, ADAPTIVE_CALL), no_plans, ADAPTIVE_CALL, alone)
-        return jax.tree.map(lambda x: x[..., : numbers.size], results)
-
-    def _results(
-        self,
-        numbers: np.ndarray,
-        plans: Plans,
-        call: int | None = None,
-        blocks: Blocks | None = None,
-    ) -> RunResults:
-        """The runs of these `numbers`, which fill whole calls."""
-        size, blocks = call or self.call, blocks or self.blocks
-        calls = list(numbers.astype(np.uint32).reshape(-1, size))
+        numbers = np.arange(first, first + whole, dtype=np.uint32)
+        calls = list(numbers.reshape(-1, self.call))
         every = max(cores(), 2 * len(self.devices))
-        trial = np.arange(self.call)
         width = min(len(calls), every if self.in_flight is None else self.in_flight)
 
         def one(k: int) -> RunResults:
-            if self.trial is not None and size == self.call and np.array_equal(calls[k], trial):
-                return self.trial
-            return self._call(calls[k], plans, blocks, k)[0]
+            # The runs of the first call are there since it was prepared.
+            known = self.first if calls[k][0] == 0 else None
+            return self._call(calls[k], k) if known is None else known
 
         # A CPU computes the calls of one thread one after the other, however many are started.
         with ThreadPoolExecutor(width) as pool:
             results = list(pool.map(one, range(len(calls))))
-        return jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
+        joined = jax.tree.map(lambda *x: np.concatenate(x, axis=-1), *results)
+        return jax.tree.map(lambda x: x[..., :count], joined)
 
-    def _call(
-        self, numbers: np.ndarray, plans: Plans, blocks: Blocks, k: int = 0
-    ) -> tuple[RunResults, np.ndarray]:
+    def _compile_and_check(self) -> None:
+        """Compile the program of all runs, and meanwhile check the outputs on the first of them."""
+        prepared = self.prepared
+        first = np.arange(self.call, dtype=np.uint32)
+
+        def draw(used: np.ndarray) -> Drawn:
+            return self._draw(first, np.pad(used, (0, self.call - used.size)))
+
+        drawn = eqx.filter_eval_shape(drawn_by, *self._chosen(first, np.ones(self.call, bool), 0))
+        lowered: Future[None] = Future()
+
+        def check() -> None:
+            # Compiles the draws.
+            self._draw(first, np.ones(self.call, bool))
+            # Traced first, because the program of all runs takes longest to compile. Errors of its
+            # functions are raised here, before any mission runs.
+            lowered.result()
+            check_outputs(prepared.campaign, prepared.accuracy, draw)
+
+        # Two threads, and none of them this one: where there are more threads than arenas for
+        # memory, a new one often shares that of the main thread, and they wait for each other.
+        with ThreadPoolExecutor(2) as pool:
+            # An error of the compiler is raised again where the program is called.
+            pool.submit(self._compile, drawn, lowered)
+            checked = pool.submit(check)
+        checked.result()
+
+    def _run_first(self) -> tuple[int, dict[str, float]]:
+        """The first call, and meanwhile the nominal run: its status and outputs."""
+        with ThreadPoolExecutor(1) as pool:
+            nominal = pool.submit(self._nominal)
+            self.first = self._call(np.arange(self.call, dtype=np.uint32))
+        return nominal.result()
+
+    def _call(self, numbers: np.ndarray, k: int = 0) -> RunResults:
         """The results of call number `k`; a run that raises has the status for it."""
 
         def call(used: np.ndarray) -> PyTree:
-            drawn = self._draw(numbers, used, k)
-            return jax.tree.map(np.asarray, self._program(*self._arguments(drawn, plans, blocks)))
+            given = self._arguments(self._draw(numbers, used, k))
+            return jax.tree.map(np.asarray, self._program(*given))
 
         return isolate(call, numbers.size)
 
@@ -224,7 +174,7 @@ class BatchRunner:
         """The inputs of call number `k`, on its device."""
         return draw_inputs(*self._chosen(numbers, used, k))
 
-    def _nominal(self, plans: Plans) -> tuple[int, dict[str, float]]:
+    def _nominal(self) -> tuple[int, dict[str, float]]:
         """The status of the nominal run and those of its outputs that are finite, by the program of
         all runs, in a call of copies of it."""
         size = self.call
@@ -232,8 +182,8 @@ class BatchRunner:
         # Those of the runs say that they were not used.
         zeros = np.zeros(size, drawn.status.dtype)
         drawn = drawn._replace(status=jax.device_put(zeros, self.devices[0]))
-        given = self._arguments(drawn, plans, self.blocks)
-        results, _ = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
+        given = self._arguments(drawn)
+        results = isolate(lambda used: jax.block_until_ready(self._program(*given)), 1)
         outputs = {name: float(np.asarray(x)[0]) for name, x in results.outputs.items()}
         finite = {name: x for name, x in outputs.items() if np.isfinite(x)}
         return int(np.asarray(results.status)[0]), finite
@@ -248,7 +198,7 @@ class BatchRunner:
             zeros = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), drawn)
             # On a device, as what is drawn: elsewhere the program would be another one.
             drawn = jax.device_put(zeros, self.devices[0])
-            given = self._arguments(drawn, self.planned.plans[0], self.blocks)
+            given = self._arguments(drawn)
             traced = self._program.lower(*given)
         except BaseException as error:
             lowered.set_exception(error)
@@ -264,32 +214,17 @@ class BatchRunner:
         """Arguments of `draw_inputs` for call number `k`."""
         device = self.devices[k % len(self.devices)]
         given = jax.device_put((jnp.asarray(numbers), jnp.asarray(used)), device)
-        return self.planned.campaign, self.key, *given
+        return self.prepared.campaign, self.key, *given
 
-    def _arguments(self, drawn: Drawn, plans: Plans, blocks: Blocks) -> tuple[PyTree, ...]:
+    def _arguments(self, drawn: Drawn) -> tuple[PyTree, ...]:
         """Arguments of the compiled program of the missions."""
-        planned = self.planned
-        given = planned.campaign, planned.accuracy, drawn, plans, blocks
-        return *given, planned.samples, planned.small
+        campaign, accuracy, _, small, samples, _ = self.prepared
+        return campaign, accuracy, drawn, self.blocks, samples, small
 
 
 def call_size(devices: Sequence[jax.Device]) -> int:
     """Number of runs in one call on these devices."""
     return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
-
-
-def _filled(numbers: np.ndarray, size: int) -> np.ndarray:
-    """The numbers, padded with the last one to a multiple of `size`."""
-    return np.concatenate([numbers, np.full(-numbers.size % size, numbers[-1])])
-
-
-def _replace(results: RunResults, runs: np.ndarray, again: RunResults) -> None:
-    """Put the repetitions of these `runs` in their places."""
-    spent = results.evaluations[runs]
-    for old, new in zip(jax.tree.leaves(results), jax.tree.leaves(again), strict=True):
-        old[..., runs] = new
-    # The cost of a repeated run is that of all attempts.
-    results.evaluations[runs] += spent
 
 
 def _digest(results: RunResults) -> str:

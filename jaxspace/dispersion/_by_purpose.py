@@ -5,9 +5,9 @@ deviation. The numerical error e(r) at a tolerance r may be a twentieth of that:
 
     e(r) <= s / (20 sqrt(n)),     e(r)^2 = mean of (y_i(r) - y_i(r_ref))^2
 
-over the runs i of the first call, which are planned, checked and refined as those of the campaign,
-by its program: a tolerance is a number of it. r_ref is far tighter. The mean is off by less than
-e(r), and errors add in squares: the sampling error grows by less than an eight-hundredth.
+over the runs i of the first call, which are those of the campaign, by its program: a tolerance is a
+number of it. r_ref is far tighter. The mean is off by less than e(r), and errors add in squares:
+the sampling error grows by less than an eight-hundredth.
 """
 
 import math

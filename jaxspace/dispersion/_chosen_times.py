@@ -98,7 +98,8 @@ def _chosen_in(
 def warn_of_times_outside(
     campaign: Campaign, kept: StatesToStore, trajectories: Mapping[str, np.ndarray]
 ) -> None:
-    """Warn of times that no run of the trial reaches, in phases whose times differ between runs."""
+    """Warn of times that no run of the first call reaches, in phases whose times differ between
+    runs."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)

@@ -60,9 +60,8 @@ def stored(
     until: StopRule | None,
 ) -> Dispersion:
     """Compute the missing chunks of a store and write them, up to where the rule is met."""
-    planned = runner.planned
-    assert runner.example is not None
-    columns = columns_of(ordered(runner.example, planned.campaign), planned.campaign.units)
+    campaign = runner.prepared.campaign
+    columns = columns_of(ordered(runner.example, campaign), campaign.units)
     if engine.leads:
         writer.prepare(columns, attributes)
     engine.sync("prepared")
@@ -148,7 +147,7 @@ def _computed(
         for result in computed:
             # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
             # that progress that a user has seen survives an interruption.
-            yield result.chunk, (ordered(result.results, runner.planned.campaign), result.cpu)
+            yield result.chunk, (ordered(result.results, runner.prepared.campaign), result.cpu)
             done += runs_of[result.chunk]
             if progress is not None:
                 progress(done, total)

@@ -55,7 +55,7 @@ class DaskCluster(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload = payload_of(runner.planned)
+        payload = payload_of(runner.prepared)
         waiting = list(extents)
         started = set()
         finished = queue.SimpleQueue()

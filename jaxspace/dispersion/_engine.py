@@ -108,7 +108,7 @@ def disperse(
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
       and `devices` are, and also after a restart. Only a campaign of so many `runs` that a longer
-      compilation pays (`is_small`) has other roundings than one of fewer.
+      compilation pays (`is_small`) takes other steps than one of fewer.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
@@ -128,7 +128,7 @@ def disperse(
       earlier one, before its jump. Once a phase ends by an event or after a random duration, the
       following phases start and end at different times in each run. That phase and all later ones
       then have a row for every one of the later times, and a run is NaN in the rows at which it is
-      in another phase or has ended. A time that no run of the trial reaches causes a warning.
+      in another phase or has ended. A time that no run of the first call reaches causes a warning.
 
       If a controller samples a phase, no time may lie in it or later, nor in or after an earlier
       phase whose end is not known in advance.
@@ -177,13 +177,13 @@ def disperse(
             writer = StoreWriter(store, overwrite=overwrite, resume=resume)
             _enter(writer, using, stack)
 
-        def plan(rtol: float) -> BatchRunner:
+        def prepare(rtol: float) -> BatchRunner:
             tolerance = dataclasses.replace(accuracy, rtol=rtol)
-            return BatchRunner.plan(campaign, tolerance, seed, local, kept_states, runs)
+            return BatchRunner.prepare(campaign, tolerance, seed, local, kept_states, runs)
 
         there = writer.store.attributes if writer is not None and resume else None
-        runner, found = _planned(plan, asked, accuracy, runs, there)
-        # After planning and compiling: the time that follows grows with the number of runs.
+        runner, found = _prepared(prepare, asked, accuracy, runs, there)
+        # After compiling and the first call: the time that follows grows with the number of runs.
         preparation = time.perf_counter() - started
         attributes = _attributes_of(runner, runs, chunk, times, until, notes or {})
         attributes |= {**found, "samples": samples, "preparation_seconds": preparation}
@@ -222,12 +222,12 @@ def _attributes_of(
     until: StopRule | None,
     notes: Mapping[str, object],
 ) -> Record:
-    """What a result records of a planned campaign; `notes` are the user's. Raises `InputError` for
+    """What a result records of a prepared campaign; `notes` are the user's. Raises `InputError` for
     a rule about an output that the campaign does not have."""
-    planned = runner.planned
-    attributes: Record = {**record(planned.campaign, planned.accuracy, runs), **notes}
-    attributes |= {"digest": planned.digest, "chunk": runner.chunk(chunk), "seed": planned.seed}
-    if planned.small:
+    prepared = runner.prepared
+    attributes: Record = {**record(prepared.campaign, prepared.accuracy, runs), **notes}
+    attributes |= {"digest": prepared.digest, "chunk": runner.chunk(chunk), "seed": prepared.seed}
+    if prepared.small:
         attributes["small_program"] = True
     if runner.nominal is not None:
         attributes["nominal"] = runner.nominal
@@ -235,8 +235,7 @@ def _attributes_of(
         attributes["times"] = [float(t) for t in times]
         attributes["times_kept"] = TIMES_KEPT
     if until is not None:
-        assert runner.example is not None
-        check_rule(until, ordered(runner.example, planned.campaign).outputs)
+        check_rule(until, ordered(runner.example, prepared.campaign).outputs)
         attributes["until"] = dataclasses.asdict(until)
     return attributes
 
@@ -250,7 +249,7 @@ def _held(
     until: StopRule | None,
     started: float,
 ) -> Dispersion:
-    """The runs of a planned campaign in memory, without a store. `started`: when, s, by the clock
+    """The runs of a prepared campaign in memory, without a store. `started`: when, s, by the clock
     `time.perf_counter`."""
     chunks = in_memory(runner, engine, attributes["chunk"], runs, progress, until)
     # A tree transformation sorts dicts by name.
@@ -262,42 +261,42 @@ def _held(
         attributes[ENOUGH] = len(every.status)
     seconds = time.perf_counter() - started
     attributes["cpu_seconds"] = sum(cpu for _, cpu in chunks.values())
-    campaign, seed = runner.planned.campaign, runner.planned.seed
+    campaign, seed = runner.prepared.campaign, runner.prepared.seed
     results = ordered(every, campaign)
     return Dispersion(*results[:4], dict(campaign.units), seed, seconds, attributes)
 
 
-def _planned(
-    plan: Callable[[float], BatchRunner],
+def _prepared(
+    prepare: Callable[[float], BatchRunner],
     asked: Accuracy | ByPurpose,
     accuracy: Accuracy,
     runs: int,
     there: Record | None,
 ) -> tuple[BatchRunner, Record]:
-    """The planned campaign, with the tolerance that serves its purpose where that is asked for; and
-    what is recorded of its numerical errors.
+    """The prepared campaign, with the tolerance that serves its purpose where that is asked for;
+    and what is recorded of its numerical errors.
 
     **Arguments**
 
-    - `plan`: the campaign with a tolerance; `accuracy`: the one that is given, or the default.
+    - `prepare`: the campaign with a tolerance; `accuracy`: the one that is given, or the default.
     - `there`: the attributes of a store that is resumed, whose tolerance stays."""
 
     def simulated(rtol: float) -> RunResults:
         # The warnings are those of the campaign itself.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            runner = plan(rtol)
+            runner = prepare(rtol)
             return runner.run(0, runner.call)
 
     given = float(np.asarray(accuracy.rtol))
     # A store that goes on keeps its tolerance, by which its runs have their digits.
     if there is not None:
         by_purpose = isinstance(asked, ByPurpose) and "by_purpose" in there
-        return plan(there["rtol"] if by_purpose else given), {}
+        return prepare(there["rtol"] if by_purpose else given), {}
     if isinstance(asked, ByPurpose):
         found = tolerance_by_purpose(simulated, runs)
-        return plan(found.purpose.tolerance), found.record
-    runner = plan(given)
+        return prepare(found.purpose.tolerance), found.record
+    runner = prepare(given)
     if runs < MEASURED:
         return runner, {}
     return runner, recorded(errors_at(given, runner.run(0, runner.call), simulated))

@@ -24,11 +24,11 @@ from .names import check_names
 # iterations, whose last digits then change.
 ROUNDING = {"float64": 1e-9}
 COARSE = 1e-4
-# Which of the pilots: known numbers, or those of a trace.
+# Which of the first runs: known numbers, or those of a trace.
 Rows: TypeAlias = Int[Array, " runs"] | Int[np.ndarray, " runs"]
 
 
-class PilotRuns(NamedTuple):
+class FirstRuns(NamedTuple):
     """The nominal run and the first runs of a campaign, on which the outputs are checked."""
 
     result: MissionTrajectory
@@ -88,11 +88,11 @@ def outputs_to_check(function: OutputFunction) -> OutputFunction | None:
     return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
 
 
-def check_apart(function: OutputFunction, along: int, pilots: PilotRuns) -> None:
+def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
     """Check that the outputs of a run, of `along` states of each phase, depend on that run alone.
 
-    The outputs of the pilots are computed again with copies of one pilot in place of all: each row
-    must equal that of the pilot among the others. Those of the library are left out
+    The outputs of the `first` runs are computed again with copies of one run in place of all: each
+    row must equal that of the run among the others. Those of the library are left out
     (`outputs_to_check`).
 
     **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
@@ -100,23 +100,23 @@ def check_apart(function: OutputFunction, along: int, pilots: PilotRuns) -> None
     unknown = outputs_to_check(function)
     if unknown is None:
         return
-    count = len(next(iter(pilots.samples.values())))
-    status = np.broadcast_to(pilots.result.status, (count,))
+    count = len(next(iter(first.samples.values())))
+    status = np.broadcast_to(first.result.status, (count,))
 
     def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         # A run that raises an error is computed with the nominal inputs.
         rows = np.where(used, np.arange(count), 0)
-        return rows, _numbers(_at(unknown, along, pilots, rows))
+        return rows, _numbers(_at(unknown, along, first, rows))
 
     try:
         rows, among = isolate(compute, count)
     except SimulationError as error:
-        nominal = eqx.filter_jit(_taken)(pilots, np.zeros(count, int), along)
+        nominal = eqx.filter_jit(_taken)(first, np.zeros(count, int), along)
         raise raised("The nominal run", unknown, *nominal, error) from error
     used = (rows == np.arange(count)) & (status <= Status.EVENT)
-    # Two pilots: the greatest of all runs, as an output, equals that of one of them.
+    # Two runs: the greatest of all runs, as an output, equals that of one of them.
     for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
-        alone = _numbers(_at(unknown, along, pilots, np.full(count, row)))
+        alone = _numbers(_at(unknown, along, first, np.full(count, row)))
         for name, x in alone.items():
             here = among[name][row].item()
             other = ~_same(x, here, among[name])
@@ -126,7 +126,7 @@ def check_apart(function: OutputFunction, along: int, pilots: PilotRuns) -> None
 
 
 def _refuse(name: str, row: int, here: float, other: float, alone: bool) -> None:
-    # The first pilot is the nominal run, the next one is run 0.
+    # The first row is the nominal run, the next one is run 0.
     run = f"run {row - 1}" if row else "the nominal run"
     where = "alone" if alone else "at another place in a block"
     raise InputError(
@@ -155,24 +155,24 @@ def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
 def _at(
     function: OutputFunction,
     along: int,
-    pilots: PilotRuns,
+    first: FirstRuns,
     rows: Rows,
 ) -> dict[str, Array]:
-    """The outputs of the pilots of these rows."""
-    return outputs_of(function, *_taken(pilots, rows, along))
+    """The outputs of the runs of these rows."""
+    return outputs_of(function, *_taken(first, rows, along))
 
 
-def _taken(pilots: PilotRuns, rows: Rows, along: int) -> PilotRuns:
-    """The pilots of these rows, with `along` states of each phase."""
+def _taken(first: FirstRuns, rows: Rows, along: int) -> FirstRuns:
+    """The runs of these rows, with `along` states of each phase."""
     count = rows.shape[0]
 
     def taken(x: PyTree) -> PyTree:
         # The runs are last; shared arrays have no such axis.
         return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
 
-    phases = tuple(_filled(phase, along) for phase in pilots.result.phases)
-    result = dataclasses.replace(pilots.result, phases=phases)
-    return jax.tree.map(taken, pilots._replace(result=result))
+    phases = tuple(_filled(phase, along) for phase in first.result.phases)
+    result = dataclasses.replace(first.result, phases=phases)
+    return jax.tree.map(taken, first._replace(result=result))
 
 
 def _filled(phase: Trajectory, along: int) -> Trajectory:

@@ -50,7 +50,7 @@ class ProcessPool(AbstractEngine):
         return self._workers
 
     def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload = payload_of(runner.planned)
+        payload = payload_of(runner.prepared)
         losses = dict.fromkeys(extents, 0)
         hopeless = []
         while losses:

@@ -1,8 +1,8 @@
 """The two programs of a campaign: one draws the inputs of a call, one runs its missions.
 
 The campaign is an argument of both, so that campaigns of the same functions share the compiled
-programs, whatever their numbers. Draws are a separate program because the pilots use it, too:
-otherwise they would be compiled twice.
+programs, whatever their numbers. Draws are a separate program because the check of the outputs
+uses it, too: otherwise they would be compiled twice.
 """
 
 import functools
@@ -17,16 +17,16 @@ from jaxtyping import Array, Bool, Float, Integer
 from ..core.barrier import barrier
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
+from ..integration.programs import Runs, is_small
 from ..integration.status import Status
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
-from ..simulation.phases import resolve_phases
+from ..simulation.phases import resolve_and_count, resolve_phases
 from ..simulation.trajectory import Trajectory
 from ..stores.results import RunResults
 from ._campaign import Campaign
 from ._outputs import outputs_of
-from ._plans import Plans
 from ._saved_states import StatesToStore, for_outputs, for_store, saved_of
 
 
@@ -66,6 +66,19 @@ draw_inputs = eqx.filter_jit(drawn_by, **QUICK)
 """`drawn_by`, compiled."""
 
 
+def runs_as_small_program(campaign: Campaign, accuracy: Accuracy, block: int, runs: int) -> bool:
+    """Whether the steps of this many planned `runs` are a small program.
+
+    `block`: runs in a block, whose program then finds its vector fields traced."""
+
+    def small(campaign: Campaign, accuracy: Accuracy) -> bool:
+        mission, y0 = campaign.mission(campaign.nominal(block))
+        _, operations = resolve_and_count(mission, y0, accuracy, 1)
+        return is_small(Runs.CAMPAIGN, operations, runs)
+
+    return eqx.filter_eval_shape(small, campaign, accuracy)
+
+
 @functools.cache
 def program(platform: str) -> Any:
     """`_run`, compiled for the widest vectors of a CPU."""
@@ -76,37 +89,35 @@ def _run(
     campaign: Campaign,
     accuracy: Accuracy,
     drawn: Drawn,
-    plans: Plans,
     blocks: Blocks,
     samples: StatesToStore,
     small: bool,
-) -> tuple[RunResults, Float[Array, "phases runs"]]:
-    """The runs with these inputs, and the largest local error of each phase of each run."""
+) -> RunResults:
+    """The runs with these inputs."""
 
     def block(
         batched: tuple[dict[str, Array], Array],
-        arguments: tuple[Campaign, Accuracy, Plans, StatesToStore],
-    ) -> tuple[RunResults, Array]:
+        arguments: tuple[Campaign, Accuracy, StatesToStore],
+    ) -> RunResults:
         return _block(*arguments, *batched, small)
 
     batched = (drawn.used, drawn.status)
-    results, errors = blocks.map(block, batched, (campaign, accuracy, plans, samples))
-    return results._replace(inputs=drawn.inputs), errors
+    results = blocks.map(block, batched, (campaign, accuracy, samples))
+    return results._replace(inputs=drawn.inputs)
 
 
 def _block(
     campaign: Campaign,
     accuracy: Accuracy,
-    plans: Plans,
     samples: StatesToStore,
     inputs: dict[str, Float[Array, " runs"]],
     not_run: Integer[Array, " runs"],
     small: bool,
-) -> tuple[RunResults, Float[Array, "phases runs"]]:
+) -> RunResults:
     mission, y0 = campaign.mission(inputs)
     configs = resolve_phases(mission, y0, accuracy, 1, small=small)
     saved = saved_of(campaign.along, samples)
-    result = run_mission(mission, y0, campaign.start, saved, configs, 1, plans, rolled=True)
+    result = run_mission(mission, y0, campaign.start, saved, configs, 1, rolled=True)
     outputs = outputs_of(campaign.outputs, for_outputs(result, samples), inputs)
     # A run that is refused has been computed beside the others: its own status says so.
     status = jnp.where(not_run == Status.COMPLETED, result.status, not_run)
@@ -118,9 +129,7 @@ def _block(
     stored = for_store(result, campaign.along, samples)
     kept = trajectories(result.names, stored, not_run.shape)
     outputs, kept = nan_where_failed((outputs, kept), status)
-    errors = [every(run.stats.get("largest_local_error", jnp.zeros(()))) for run in result.phases]
-    results = RunResults({}, outputs, every(status), every(evaluations), kept)
-    return results, jnp.stack(errors)
+    return RunResults({}, outputs, every(status), every(evaluations), kept)
 
 
 def trajectories(

@@ -17,7 +17,7 @@ from ..core import InputError
 from ..core.user_code import run_module
 from ..stores.results import RunResults
 from ._batch_runner import BatchRunner
-from ._planned import PlannedCampaign
+from ._prepared import PreparedCampaign
 
 RETRIES = 3
 # Settings of jax that change a program or its results, or say where compiled programs are stored.
@@ -113,13 +113,13 @@ def without_main() -> Iterator[None]:
         main.__spec__ = spec
 
 
-def payload_of(planned: PlannedCampaign) -> bytes:
+def payload_of(prepared: PreparedCampaign) -> bytes:
     """The campaign with the settings of jax, for another process.
 
     Raises `InputError` where it holds what cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
     # Copied from the device, which another process may not have.
-    arrays = jax.device_get(planned)
+    arrays = jax.device_get(prepared)
     buffer = io.BytesIO()
     try:
         # cloudpickle sends the code of functions, so that those of the user's script arrive too.
@@ -134,18 +134,18 @@ def payload_of(planned: PlannedCampaign) -> bytes:
             f"comes with the extra cluster, or define its functions in a module."
         ) from error
     # The modules travel apart, because they must have run before the campaign is read.
-    return pickle.dumps((settings, planned.campaign.modules, buffer.getvalue()))
+    return pickle.dumps((settings, prepared.campaign.modules, buffer.getvalue()))
 
 
 # One is enough: a worker serves one campaign after the other, each for a long time.
 @functools.lru_cache(maxsize=1)
 def _runner(payload: bytes) -> BatchRunner:
-    settings, modules, planned = pickle.loads(payload)
+    settings, modules, prepared = pickle.loads(payload)
     for name, value in settings.items():
         jax.config.update(name, value)
     for name, text in modules:
         run_module(name, text)
-    return BatchRunner(pickle.loads(planned), jax.local_devices(), in_flight=1)
+    return BatchRunner(pickle.loads(prepared), jax.local_devices(), in_flight=1)
 
 
 def compute_chunk(payload: bytes, extent: Extent) -> Done:

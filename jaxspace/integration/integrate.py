@@ -47,8 +47,6 @@ def integrate(
     config: IntegrationConfig,
     run_axes: int,
     *,
-    plan: Float[Array, " nodes"] | None = None,
-    record_steps: bool = False,
     dense: bool = False,
     trimmed: bool = False,
     for_search: bool = False,
@@ -65,8 +63,7 @@ def integrate(
       the state at the end. With fractions of each run, in any order, steps end at them.
     - `config`: from `resolve`.
     - `run_axes`: how many trailing axes carry runs.
-    - `plan`: steps that are fixed beforehand, as nodes in normalised time.
-    - `record_steps`, `dense`: whether to return the ends of the steps, and the states there.
+    - `dense`: whether to return the ends of the steps, and the states there.
     - `trimmed`: of a short run: whether to try a first step of its whole length, and to leave out
       segments of no length at both ends. Only where the final state alone is saved and nothing is
       differentiated: a break at one of its ends would have a derivative.
@@ -89,9 +86,7 @@ def integrate(
         result = by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
         return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
-    request = _Request(
-        fractions, plan, record_steps, dense, trimmed, for_search, until, start_known
-    )
+    request = _Request(fractions, dense, trimmed, for_search, until, start_known)
     if not config.decoupled:
         return _by_steps(system, y0, t0, t1, config, run_axes, request)
     decoupled = system.decoupled()
@@ -107,8 +102,6 @@ class _Request(NamedTuple):
     """A request for an integration; fields as the arguments of `integrate`."""
 
     fractions: Float[Array, "times *#runs"] | None
-    plan: Float[Array, " nodes"] | None
-    record_steps: bool
     dense: bool
     trimmed: bool
     for_search: bool
@@ -149,8 +142,6 @@ def _by_steps(
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
-        # The runs have no common steps that another integration could follow.
-        result = result._replace(step_ends=None)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
 
@@ -220,14 +211,9 @@ def _settings(
         save_ts = ends if landing else segments.normalised(fractions.astype(ends.dtype))
     traits = solver_traits(config.solver)
     # The loop sees a fixed-step method as one that takes one step in each segment.
-    plan = ends if traits.fixed_step else request.plan
-    # The steps of a plan are those of all runs, as those of the pilots from which it comes.
-    together = run_axes > 0 and (plan is not None or request.record_steps)
-    max_steps = config.max_steps
-    if plan is not None:
-        steps = plan.shape[0] - 1
-        # The limit holds for steps that the run chooses, and not for those of a plan.
-        max_steps = min(steps, config.max_steps) if traits.fixed_step else steps
+    plan = ends if traits.fixed_step else None
+    together = run_axes > 0 and traits.fixed_step
+    max_steps = min(len(segments), config.max_steps) if traits.fixed_step else config.max_steps
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     # The search for events reads the polynomial of every step.
     method = bind(
@@ -246,7 +232,7 @@ def _settings(
         plan,
         reach,
         max_steps,
-        request.record_steps,
+        False,
         request.dense,
         sought,
         first_step=first_step,
@@ -308,7 +294,7 @@ def take_step(
     # The step may begin or end at a break.
     segments = Segments(u, t0, t1 - t0, breaks_of(system) is not None)
     field = ScaledVectorField(system, segments)
-    request = _Request(None, None, False, False, False, False, (), None)
+    request = _Request(None, False, False, False, (), None)
     settings = _settings(config, field.segments, False, run_axes, request)
     method = settings.method
     seen = field_of_step(method, field, u[0], u[1])

@@ -116,15 +116,12 @@ class IntegrationResult(NamedTuple):
     - `status`: of each run.
     - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
       of each run in units of the tolerance.
-    - `step_ends`: normalised times of the ends of the steps, infinite beyond the last, if
-      requested.
     - `dense`: the steps, if requested.
     - `found`: the events that ended the runs, if events are sought."""
 
     states: State
     status: Int[Array, "*runs"]
     stats: dict[str, Array]
-    step_ends: Float[Array, " steps"] | None
     dense: DenseOutput | None
     found: FoundEvents | None = None
 
@@ -159,10 +156,6 @@ def result_of(
     **Returns** an `IntegrationResult`."""
     run_axes = settings.tolerance.run_axes
     error = outcome.max_local_error
-    if settings.plan is not None and config.max_step is not None:
-        longest = _longest_step(settings.plan, field.segments)
-        # A plan may exceed the limit by rounding.
-        error = jnp.maximum(error, longest / config.max_step - 1e-3)
     states = outcome.states
     if landed is not None:
         states = _at_fractions(states, field.segments.u, landed, run_axes)
@@ -193,14 +186,7 @@ def result_of(
         times = jax.vmap(field.segments.time)(settings.save_ts)
         on_constraints = field.system.projected(times, states)
         states = states if on_constraints is None else on_constraints
-    return IntegrationResult(states, status, stats, outcome.step_ends, dense)
-
-
-def _longest_step(plan: Array, segments: Segments) -> Array:
-    """The longest of the planned steps, s, in each run."""
-    # A padded plan goes on beyond the end of the run.
-    times = jax.vmap(segments.time)(jnp.minimum(plan, float(len(segments))))
-    return jax.lax.stop_gradient(jnp.max(jnp.abs(jnp.diff(times, axis=0)), axis=0))
+    return IntegrationResult(states, status, stats, dense)
 
 
 def _at_fractions(states: State, u: Array, fractions: Array, run_axes: int) -> State:

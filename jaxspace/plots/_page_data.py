@@ -100,7 +100,7 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
     record = dispersion.attributes
     ahead = float(record.get("preparation_seconds", 0.0))
     parts = {
-        "compiling and planning": ahead,
+        "compiling and starting": ahead,
         "running": dispersion.seconds - ahead,
         # The seconds of a dispersion are without it.
         "storing": float(record.get("storing_seconds", 0.0)),

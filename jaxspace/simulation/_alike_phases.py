@@ -35,19 +35,17 @@ def alike_groups(
     legs: Sequence[Leg],
     num_saved: int | Sequence[SaveTimes],
     configs: tuple[IntegrationConfig, ...],
-    plans: tuple[Array | None, ...] | None,
 ) -> dict[int, list[int]]:
     """The phases of a mission that can be run in a loop, by the first of each group: each saves its
-    two ends alone and takes its steps freely.
+    two ends alone, by steps that can be searched for an event.
 
     Arguments as of `run_mission`."""
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
-    planned = [None] * len(legs) if plans is None else plans
     groups: list[list[int]] = [[]]
     for number, leg in enumerate(legs):
         last, config = groups[-1], configs[number]
         ends_alone = isinstance(saved[number], int) and saved[number] == 2
-        if planned[number] is not None or not ends_alone or not searches_steps(config):
+        if not ends_alone or not searches_steps(config):
             # Nothing joins an empty group but the first of the next one.
             groups.append([])
             continue

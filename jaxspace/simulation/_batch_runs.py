@@ -131,8 +131,7 @@ def _every_run(result: Trajectory) -> Trajectory:
     if dense is not None:
         dense = dense._replace(ts=times(dense.ts))
     stats = {name: every(x) for name, x in result.stats.items()}
-    # The ends of the steps belong to the block, and not to a single run.
-    return dataclasses.replace(result, stats=stats, dense=dense, step_ends=None)
+    return dataclasses.replace(result, stats=stats, dense=dense)
 
 
 def _order_of(

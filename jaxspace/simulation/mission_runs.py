@@ -41,12 +41,10 @@ def _run_phase(
     y0: State,
     t0: Scalar,
     num_saved: SaveTimes,
-    plan: Array | None,
-    record_steps: bool,
 ) -> tuple[Trajectory, Scalar, State]:
     """A phase without its name, so that equal phases are compiled once; and the time and the state
     after its jump."""
-    run = run_to_end(integrator, until, y0, t0, num_saved, plan, record_steps)
+    run = run_to_end(integrator, until, y0, t0, num_saved)
     return run, *_left_by(then, run, integrator.run_axes)
 
 
@@ -58,8 +56,6 @@ def run_mission(
     num_saved: int | Sequence[SaveTimes],
     configs: tuple[IntegrationConfig, ...],
     run_axes: int,
-    plans: tuple[Array | None, ...] | None = None,
-    record_steps: bool | Sequence[bool] = False,
     *,
     rolled: bool = False,
 ) -> MissionTrajectory:
@@ -71,15 +67,11 @@ def run_mission(
     - `num_saved`: number of states that each phase saves from its start to its end; or the
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
-    - `plans`: fixed steps for each phase, as nodes in normalised time.
-    - `record_steps`: whether to return the ends of the steps, of all phases or of each.
     - `rolled`: whether phases that differ in their numbers alone share a program (`run_alike`),
       which compiles sooner and takes other steps."""
     legs, branch_names = legs_of(mission)
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
-    planned = [None] * len(legs) if plans is None else plans
-    recorded = [record_steps] * len(legs) if isinstance(record_steps, bool) else record_steps
-    groups = alike_groups(legs, num_saved, configs, plans) if rolled else {}
+    groups = alike_groups(legs, num_saved, configs) if rolled else {}
     alike: dict[int, Trajectory] = {}
     results: list[Trajectory] = []
     # Of each phase: time and state after its jump, and the status up to there.
@@ -96,8 +88,7 @@ def run_mission(
             result = alike[number]
             t, y = _left_by(leg.phase.then, result, run_axes)
         else:
-            steps = planned[number], recorded[number]
-            result, t, y = _run_leg(leg.phase, y, t, saved[number], config, run_axes, *steps)
+            result, t, y = _run_leg(leg.phase, y, t, saved[number], config, run_axes)
         results.append(result)
         status = result.status if status is None else combine_status(status, result.status)
         ends.append(BranchEnd(y, t, status))
@@ -151,15 +142,13 @@ def _run_leg(
     saved: SaveTimes,
     config: IntegrationConfig,
     run_axes: int,
-    plan: Array | None,
-    record_steps: bool,
 ) -> tuple[Trajectory, Scalar, State]:
     """A phase of a system or of a closed loop, and the time and the state after its jump."""
     moving = phase.system.started_at(t0)
     if isinstance(moving, AbstractRunnable):
         assert isinstance(saved, int)
-        # A closed loop takes fixed steps between its samples, and no plan.
+        # A closed loop takes fixed steps between its samples.
         result = moving.run(phase.until, y0, t0, saved, config, run_axes)
         return result, *_left_by(phase.then, result, run_axes)
     integrator = Integrator(moving, config, run_axes)
-    return _run_phase(integrator, phase.until, phase.then, y0, t0, saved, plan, record_steps)
+    return _run_phase(integrator, phase.until, phase.then, y0, t0, saved)

@@ -2,7 +2,7 @@
 at its own time."""
 
 import dataclasses
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 import equinox as eqx
 import jax
@@ -11,10 +11,9 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import Scalar, State
 from ..core.safe import safe_divide
-from ..integration.config import IntegrationConfig
 from ..integration.event_search import FoundEvents
 from ..integration.events import Event, closures_of_events
-from ..integration.integrate import locates_events, searches_steps
+from ..integration.integrate import locates_events
 from ..integration.layout import (
     broadcast_state,
     of_each,
@@ -26,10 +25,8 @@ from ..integration.layout import (
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, time_unresolved
 from ._integrator import Integrator
-from ._mission import Phase
 from ._to_event import SoughtCondition, ended, search_to_event, straight_to_event
 from .checks import check_events
-from .runnable import AbstractRunnable
 from .trajectory import Trajectory, without_events
 
 
@@ -61,29 +58,19 @@ SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
 duration, from 0 to 1; or times of the mission."""
 
 
-def ends_on_the_way(phase: Phase, num_saved: SaveTimes, config: IntegrationConfig) -> bool:
-    """Whether one integration of a phase locates the event that ends it: where no states are saved
-    at times that depend on the event. It does not take planned steps."""
-    ends_alone = isinstance(num_saved, int) and num_saved == 2
-    event = isinstance(phase.until, Event) and not isinstance(phase.system, AbstractRunnable)
-    return event and ends_alone and searches_steps(config)
-
-
 def run_to_end(
     integrator: Integrator,
     until: Scalar | Event,
     y0: State,
     t0: Scalar,
     num_saved: SaveTimes,
-    plan: Array | None,
-    record_steps: bool,
 ) -> Trajectory:
     """A phase up to its end, before its jump.
 
     **Arguments**
 
     - `until`: of the phase; `y0`: the state at its start `t0`, s.
-    - `num_saved`, `plan`, `record_steps`: as those of `run_mission`, of one phase."""
+    - `num_saved`: as that of `run_mission`, of one phase."""
     system, _, run_axes = integrator
     if run_axes:
         y0 = broadcast_state(system, t0, y0)
@@ -93,7 +80,7 @@ def run_to_end(
     t0 = jnp.broadcast_to(jnp.asarray(t0, dtype), runs)
     t1 = t0 + (until.within if isinstance(until, Event) else until)
     if not isinstance(until, Event):
-        run = _saved(integrator, y0, t0, t1, num_saved, plan=plan, record_steps=record_steps)
+        run = _saved(integrator, y0, t0, t1, num_saved)
         duration = jnp.broadcast_to(jnp.asarray(until, dtype), runs)
         lost = time_unresolved(t0, duration, rounded=False)
         status = jnp.where(lost, Status.TIME_UNRESOLVED, run.status).astype(jnp.int32)
@@ -103,7 +90,7 @@ def run_to_end(
     beyond = until.beyond(t0, y0)
     # Nothing happens in no time, and the state at the end has the derivatives of that at the start.
     span = t0, t1 if beyond is None else jnp.where(beyond, t0, t1)
-    run = _run_to_event(integrator, until, y0, span, num_saved, plan, record_steps)
+    run = _run_to_event(integrator, until, y0, span, num_saved)
     return with_missed(run, beyond)
 
 
@@ -129,27 +116,24 @@ def _run_to_event(
     y0: State,
     span: tuple[Scalar, Scalar],
     num_saved: SaveTimes,
-    plan: Array | None,
-    record_steps: bool,
 ) -> Trajectory:
     """`run_to_end` for an event within a `span`, s."""
     system, config, run_axes = integrator
     t0, t1 = span
-    if plan is None and not record_steps and locates_events(config, system, y0, t0):
+    if locates_events(config, system, y0, t0):
         if isinstance(num_saved, int) and num_saved == 2:
             times = jnp.stack([t0, t1])
             return straight_to_event(integrator, y0, times, (until,))
         # A batch would hold all of its states twice.
         if isinstance(num_saved, int) and not run_axes:
             return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
-    steps = {"plan": plan, "record_steps": record_steps}
-    return _search_and_run(integrator, y0, t0, t1, until, num_saved, **steps)
+    return _search_and_run(integrator, y0, t0, t1, until, num_saved)
 
 
 def _saved(
-    integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, num_saved: SaveTimes, **steps: Any
+    integrator: Integrator, y0: State, t0: Scalar, t1: Scalar, num_saved: SaveTimes
 ) -> Trajectory:
-    """A phase from `t0` to `t1`, with its saved states; `steps` are arguments of `integrate`."""
+    """A phase from `t0` to `t1`, with its saved states."""
     run_axes = integrator.run_axes
     if isinstance(num_saved, int):
         fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
@@ -159,7 +143,7 @@ def _saved(
         fractions = num_saved.astype(t0.dtype)
     ends_alone = fractions.shape[0] == 2
     # Start and end alone need no save times within a step, which would cost evaluations.
-    result = integrator.run(y0, t0, t1, None if ends_alone else fractions, **steps)
+    result = integrator.run(y0, t0, t1, None if ends_alone else fractions)
     if ends_alone:
         result = result._replace(states=with_start(y0, result.states, run_axes))
     return without_events(t0 + of_each(fractions, t1 - t0), result, run_axes)
@@ -172,12 +156,11 @@ def _search_and_run(
     t1: Scalar,
     event: Event,
     num_saved: SaveTimes,
-    **steps: Any,
 ) -> Trajectory:
     """A phase up to an event, whose search is one integration, and whose states are another."""
 
     def run_until(found: FoundEvents) -> Trajectory:
-        run = _saved(integrator, y0, t0, found.time, num_saved, **steps)
+        run = _saved(integrator, y0, t0, found.time, num_saved)
         # To the last bit, by which it is the one of the event.
         return dataclasses.replace(run, ts=run.ts.at[-1].set(found.time))
 

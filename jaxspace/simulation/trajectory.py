@@ -64,7 +64,6 @@ class Trajectory(eqx.Module):
       those before the failure.
     - `control`: in a phase that is a closed loop, its `commands` and `readings`, with the shapes of
       the states, and the `memory` of the controller at the end; otherwise `None`.
-    - `step_ends`: the ends of the steps, in normalised time, where they were recorded as a plan.
     - `call`: what was run; `None` within `Campaign.outputs`, whose functions have the numbers
       alone.
 
@@ -81,7 +80,6 @@ class Trajectory(eqx.Module):
     dense: DenseOutput | None = None
     crossings: tuple[Crossings, ...] = ()
     control: dict[str, PyTree] | None = None
-    step_ends: Float[Array, " steps"] | None = None
     call: RunCall | None = None
 
     @property
@@ -323,7 +321,7 @@ def without_events(ts: Array, result: IntegrationResult, run_axes: int) -> Traje
     which = -jnp.ones(runs, jnp.int32)
     happened = jnp.zeros((0, *runs), bool)
     run = of_each_run(ts, runs), result.states, result.status, which, happened, result.stats
-    return Trajectory(*run, run_axes, result.dense, step_ends=result.step_ends)
+    return Trajectory(*run, run_axes, result.dense)
 
 
 def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"]:

@@ -14,7 +14,15 @@ from test_campaigns import INPUTS, fly, last, raising, swing
 import jaxspace
 from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError, output
-from jaxspace.dispersion import Campaign, Constant, Normal, _batch_runner, disperse, moments
+from jaxspace.dispersion import (
+    Campaign,
+    Constant,
+    Normal,
+    _batch_runner,
+    _first_runs,
+    disperse,
+    moments,
+)
 from jaxspace.dispersion._outputs import outputs_to_check
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 from jaxspace.vehicles.landings import landing
@@ -37,7 +45,7 @@ def of(outputs, **options):
         # Not of other runs, but of the place of a run among them.
         lambda r, s: r.final["x"] + jnp.arange(s["w"].size, dtype=float),
         lambda r, s: jax.random.normal(jax.random.key(0), s["w"].shape),
-        # Reads states between the ends of a phase, which pilots have none of.
+        # Reads states between the ends of a phase, which the first runs have none of.
         lambda r, s: jnp.sum(r.phases[0].states["x"][2]) * s["w"],
     ],
 )
@@ -96,9 +104,9 @@ def test_outputs_of_single_runs_pass():
 )
 def test_wrong_outputs_are_named_before_anything_flies(outputs, words, monkeypatch):
     def never(*_):
-        raise AssertionError("pilots have flown")
+        raise AssertionError("the first runs have flown")
 
-    monkeypatch.setattr(_batch_runner, "pilot_plans", never)
+    monkeypatch.setattr(_batch_runner, "check_outputs", never)
     with pytest.raises(InputError, match=re.escape(words)):
         fly(campaign=of(outputs), runs=64)
 
@@ -255,10 +263,9 @@ class Way:
         return {"x": result.final["x"]}
 
 
-def test_a_mission_whose_steps_are_searched_needs_no_pilots(monkeypatch):
-    """The phases before and after the event follow no plan either; the nominal run is still
-    checked."""
-    monkeypatch.setattr(_batch_runner, "pilot_plans", None)
+def test_the_nominal_run_is_checked_where_the_outputs_are_not(monkeypatch):
+    """No program beside that of all runs is compiled."""
+    monkeypatch.setattr(_first_runs, "run_mission", None)
     inputs = {"w": Normal(3.0, 0.3), "one": Constant(1.0)}
     outputs = Way()
     kept = disperse(Campaign(thrown, inputs, outputs), 600, seed=1, accuracy=1e-9)

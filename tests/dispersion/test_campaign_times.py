@@ -288,7 +288,7 @@ def test_times_need_a_store(tmp_path):
 
 @pytest.mark.sweep
 def test_states_of_runs_with_breaks_of_their_own(tmp_path):
-    """A motor whose burn time scatters: steps end at save times, too, which the plan must know."""
+    """A motor whose burn time scatters: steps end at save times, too."""
     text = KICK_STAGE.read_text().replace('until = "burnout"', 'duration = "100 s"')
     (tmp_path / "kick.toml").write_text(text)
     file, burn = jaxspace.load(tmp_path / "kick.toml"), "effects.thrust.burn_time"

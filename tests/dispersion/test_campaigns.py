@@ -34,7 +34,7 @@ from jaxspace.dispersion import (
     Sobol,
     StoreError,
     Uniform,
-    _pilots,
+    _program,
     disperse,
     open_store,
 )
@@ -205,14 +205,15 @@ def test_a_store_refuses_another_campaign_and_names_the_difference(copy, changed
 
 
 def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
-    """Once: workers take it from the plan, and a resumed store refuses another one."""
-    monkeypatch.setattr(_pilots, "is_small", lambda kind, operations, runs: runs < 1000)
+    """Once: workers take it from what was prepared, and a resumed store refuses another one."""
+    monkeypatch.setattr(_program, "is_small", lambda kind, operations, runs: runs < 1000)
     stores = {runs: tmp_path / f"{runs}.zarr" for runs in (600, 900, 1100)}
     few, more, many = (fly(store, runs=runs).outputs["x"] for runs, store in stores.items())
     apart = fly(runs=900, engine="processes").outputs["x"]
     np.testing.assert_array_equal(few, more[:600])
     np.testing.assert_array_equal(more, apart)
-    np.testing.assert_allclose(more, many[:900], rtol=1e-12, atol=1e-12)
+    # Their first steps differ, and so do all others: both to 1e-9 a step, in some twenty steps.
+    np.testing.assert_allclose(more, many[:900], rtol=0.0, atol=2e-8)
     kinds = [open_store(s).attributes.get("small_program") for s in stores.values()]
     assert kinds == [True, True, None]
     monkeypatch.undo()
@@ -606,10 +607,10 @@ def test_a_run_that_raises_costs_its_own_row(whole):
     assert 3 <= fast.sum() <= 30
     np.testing.assert_array_equal(d.status == Status.RAISED, fast)
     assert np.all(np.isnan(d.outputs["x"][fast])) and np.all(np.isfinite(d.outputs["x"][~fast]))
-    # As in the campaign without the function: to the tolerance, for a pilot is among them and the
-    # plan is another one.
+    # As in the campaign without the function, but for the roundings of another program: some eps in
+    # each of a few dozen steps.
     there = open_store(whole).outputs["x"][:600]
-    np.testing.assert_allclose(d.outputs["x"][~fast], there[~fast], rtol=0.0, atol=1e-8)
+    np.testing.assert_allclose(d.outputs["x"][~fast], there[~fast], rtol=0.0, atol=1e-12)
 
 
 BAD_RUNS = {
@@ -623,12 +624,13 @@ BAD_RUNS = {
 @pytest.mark.sweep
 @pytest.mark.parametrize("kind", BAD_RUNS)
 def test_runs_beside_a_bad_one_keep_their_bits(kind):
-    """Where it is none of the first 512, by which the steps are planned."""
+    """Wherever it is: in the first call, too."""
     make, status = BAD_RUNS[kind]
     accuracy = Accuracy(rtol=1e-9, max_steps=200)
-    alone, among = (fly(campaign=make(limit), accuracy=accuracy) for limit in (np.inf, 2.3))
-    fast = among.inputs["w"] > 2.3
-    assert 0 < fast.sum() < 10 and not np.any(fast[:512]) and alone.good.all()
+    alone, among = (fly(campaign=make(limit), accuracy=accuracy) for limit in (np.inf, 2.2))
+    fast = among.inputs["w"] > 2.2
+    # Two deviations above the mean lie 2.3 % of the runs: 50 +- 7.
+    assert 15 < fast.sum() < 85 and np.any(fast[:512]) and alone.good.all()
     np.testing.assert_array_equal(among.status[fast], status)
     assert among.good[~fast].all()
     for name in CAMPAIGN.units:
@@ -670,9 +672,8 @@ def test_a_run_that_never_ends_is_counted(tmp_path):
     assert np.isfinite(row.mean) and row.runs == np.sum(kept.good)
 
 
-def test_a_run_that_no_plan_fits_takes_steps_of_its_own():
-    """Some of these runs end so close to the singularity that the finest plan misses the
-    tolerance."""
+def test_runs_that_end_beside_a_singularity_take_the_steps_they_need():
+    """Their numbers depend on their own number alone, whatever their neighbours take."""
     campaign = Campaign(escape, {"x0": Uniform(0.1, 0.3333)}, lambda r, s: {"x": r.final["x"]})
     kept = disperse(campaign, 1024, accuracy=1e-8)
     assert kept.good.all()
@@ -681,7 +682,6 @@ def test_a_run_that_no_plan_fits_takes_steps_of_its_own():
     # An error on the way grows by 1/left, relative to x; a run takes some hundred steps.
     error = kept.outputs["x"] * left / kept.inputs["x0"] - 1.0
     assert np.max(np.abs(error) * left) < 1e-7
-    # Its numbers depend on its own number alone, here too: the same in a shorter campaign.
     short = disperse(campaign, 512, accuracy=1e-8)
     np.testing.assert_array_equal(short.outputs["x"], kept.outputs["x"][:512])
 
@@ -741,9 +741,9 @@ def test_an_unknown_engine_is_refused(engine, words):
         fly(engine=engine)
 
 
-def test_a_nominal_run_that_ends_well_alone_is_dispersed():
-    """Twenty steps serve the nominal run. Runs that swing up to twice as fast share theirs with it,
-    and their plan is finer than `max_steps`, which is a limit of what a run takes by itself."""
+def test_the_limit_of_steps_holds_for_each_run():
+    """What serves the nominal run serves the runs that swing as fast; the steps of those that swing
+    up to twice as fast run out, in their own rows."""
     inputs = {"w": Uniform(1.0, 4.0), "x0": Uniform(0.9, 1.1)}
     campaign = Campaign(swing, inputs, last, CAMPAIGN.units)
     # A few more, because the rest is the choice of the first step.
@@ -751,10 +751,12 @@ def test_a_nominal_run_that_ends_well_alone_is_dispersed():
     mission, y0 = swing({name: jnp.asarray(d.mean) for name, d in inputs.items()})
     assert simulate_mission(mission, y0, 0.0, accuracy=enough).status == Status.COMPLETED
     found = disperse(campaign, 64, seed=1, accuracy=enough)
-    assert np.all(found.good)
     w, x0 = found.inputs["w"], found.inputs["x0"]
+    assert np.all(found.good[w < 2.5]) and not np.all(found.good)
+    assert set(found.status) == {Status.COMPLETED, Status.MAX_STEPS}
+    exact = np.where(found.good, x0 * np.cos(w * DURATION), np.nan)
     # Some steps of 1e-9 each.
-    np.testing.assert_allclose(found.outputs["x"], x0 * np.cos(w * DURATION), atol=1e-7)
+    np.testing.assert_allclose(found.outputs["x"], exact, atol=1e-7)
     # Of the nominal run alone the steps run out: every door says so.
     few = Accuracy(rtol=1e-9, max_steps=10)
     for fly_it in (

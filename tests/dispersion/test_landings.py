@@ -119,7 +119,7 @@ def test_a_report_has_the_ellipses_and_the_requirement():
 
 
 def test_nominal_outputs_of_a_campaign_need_no_further_run():
-    """Without pilots the campaign itself has them: the file is asked for no run."""
+    """The campaign itself has them: the file is asked for no run."""
     there = campaign()
     there.attributes["nominal"] = {"east": 900.0}
     assert nominal_outputs(load(SCENE), there) == {"east": (900.0, "m")}

@@ -25,8 +25,6 @@ from jaxspace.simulation import (
     simulate_batch,
     simulate_mission,
 )
-from jaxspace.simulation.mission_runs import run_mission
-from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, Stormer, Tsit5
 
 T, WIDTH = 5.0, 0.02
@@ -171,21 +169,16 @@ def test_no_step_of_any_run_is_longer(precision):
         )
     )
     y0 = jax.tree.map(lambda x: jnp.asarray(x, precision)[:, None], start())
-    phase = Phase(system, jnp.asarray(spans, precision))
     accuracy = Accuracy(jnp.asarray(1e-4, precision), max_step=jnp.asarray(0.3, precision))
-    mission = Mission([phase])
-    configs = resolve_phases(mission, y0, accuracy, 1)
-    zero = jnp.zeros((), precision)
-    result = run_mission(mission, y0, zero, 2, configs, 1, record_steps=True)
+    ts = jnp.stack([jnp.zeros(2, precision), jnp.asarray(spans, precision)])
+    result = simulate_batch(system, y0, ts, accuracy=accuracy, dense=True)
     assert result.status.tolist() == [Status.COMPLETED] * 2
-    clock = np.asarray(result.phases[0].step_ends)
-    clock = np.concatenate([[0.0], clock[np.isfinite(clock)]])
     for k, span in enumerate(spans):
-        breaks = np.sort(np.clip(np.asarray(system.breaks())[:, k] / span, 0.0, 1.0)) * span
-        times = np.interp(clock, np.arange(4.0), [0.0, *breaks, span])
+        times = np.asarray(result.dense.ts)[:, k]
+        times = times[np.isfinite(times)]
         assert np.max(np.abs(np.diff(times))) < 0.3 * (1.0 + 1e-5)
-    # As few as that takes, about.
-    assert clock.size < 1.5 * max(map(abs, spans)) / 0.3 + 20
+        # As few as that takes, about.
+        assert times[-1] == span and times.size < 1.5 * abs(span) / 0.3 + 20
 
 
 def test_runs_of_a_batch_see_their_pulses():
@@ -210,25 +203,6 @@ def test_phases_and_the_search_for_events_see_their_pulses():
     )
     assert run.status == Status.EVENT and abs(run.end - jnp.pi) > 0.1
     np.testing.assert_allclose(exact(struck(kick=100.0 * KICK), run.end)[1], 0.0, atol=1e-8)
-
-
-def test_steps_fixed_beforehand_are_judged_by_it():
-    """A plan made for a shorter span: for the run that takes longer, its steps are too long."""
-    y0 = jax.tree.map(lambda x: jnp.stack([x, x], axis=1), start())
-    system = Struck(jnp.asarray(2.345), KICK[:, None], jnp.asarray(WIDTH))
-
-    def result(durations, **more):
-        mission = Mission([Phase(system, jnp.asarray(durations))])
-        configs = resolve_phases(mission, y0, accuracy, 1)
-        return run_mission(mission, y0, jnp.array(0.0), 2, configs, 1, **more)
-
-    accuracy = Accuracy(1e-3, method=DOP853(), max_step=0.1)
-    clock = np.asarray(result([3.0, 3.0], record_steps=True).phases[0].step_ends)
-    plan = jnp.concatenate([jnp.zeros(1), clock[np.isfinite(clock)]])
-    assert result([3.0, 4.0], plans=(plan,)).status.tolist() == [
-        Status.COMPLETED,
-        Status.TOLERANCE_MISSED,
-    ]
 
 
 def test_runs_of_a_dispersion_keep_to_it():

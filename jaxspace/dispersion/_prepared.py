@@ -4,23 +4,20 @@ from typing import NamedTuple
 
 from ..integration.accuracy import Accuracy
 from ._campaign import Campaign
-from ._plans import Plans
 from ._saved_states import StatesToStore
 
 
-class PlannedCampaign(NamedTuple):
+class PreparedCampaign(NamedTuple):
     """Everything on which the numbers of a run depend; it can be sent to another process.
 
-    - `plans`: one for every factor of refinement.
     - `small`: whether the steps are a small program (`is_small`).
     - `samples`: number of saved states of each phase, 0 for none; or their times.
-    - `digest`: of the results of the trial, which differs between campaigns, versions or processors
-      with different results."""
+    - `digest`: of the results of the first call, which differs between campaigns, versions or
+      processors with different results."""
 
     campaign: Campaign
     accuracy: Accuracy
     seed: int
-    plans: tuple[Plans, ...]
     small: bool
     samples: StatesToStore
     digest: str
