@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.roots import increasing_root
 from ..core.safe import end_sqrt
 
@@ -123,9 +123,10 @@ def pseudo_potential_minimum(A: Scalar, C: Scalar, Wl: Scalar, h_Z: Scalar, n: S
     return jnp.where(sleeps, jnp.where(stands, 0.0, jnp.pi), inside)
 
 
+@computed_once
 def _constant(x: Scalar) -> Scalar:
     """A value without derivatives, rounded once for every use."""
-    return barrier(jax.lax.stop_gradient(x))
+    return jax.lax.stop_gradient(x)
 
 
 def _gyroscopic(

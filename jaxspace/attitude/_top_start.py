@@ -13,7 +13,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import Flag, Scalar, Vector
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.safe import safe_divide, safe_sqrt
 from ..rotations import Quaternion
 from ._cayley_klein import conjugate, pairs_of, product, times_i
@@ -58,6 +58,7 @@ class TopStart(NamedTuple):
     near: Scalar
 
 
+@computed_once
 def start_of(q: Array, omega: Vector, N: Scalar, beta: Scalar) -> TopStart:
     """The start from a unit quaternion, omega, rad/s, N, 1/s, and beta, 1/s^2, not negative."""
     Z = vertical(Quaternion(q))

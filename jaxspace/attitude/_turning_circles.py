@@ -32,7 +32,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Flag, Scalar
-from ..core.barrier import barrier
+from ..core.barrier import computed_once
 from ..core.safe import safe_divide, safe_sqrt
 
 # Newton's steps: the two bounds from which they start are within a factor of 1.5 of the root, and
@@ -98,8 +98,7 @@ def turning_circles(
     half_slope = N * g - e
     a2 = 2.0 * b - e - N * N
     a1 = 2.0 * b * half_slope
-    # Behind a barrier, because every form below reads it.
-    d = barrier(_largest_root(a2, a1, (b * g) ** 2))
+    d = _largest_root(a2, a1, (b * g) ** 2)
     # Of each pair of forms, the one that adds non-negative numbers. Those divided by d have d > 0,
     # because a1 < 0 or a2 < 0; those divided by |beta| have |beta| > 0, because a2 > 0. Where d
     # vanishes with a2, at the critical spin, the sum still has a derivative.
@@ -152,6 +151,7 @@ def _width_squared(start: Place, b: Scalar, d: Scalar, applies: Flag) -> Scalar:
     return 0.25 * offset * offset + product
 
 
+@computed_once
 def _largest_root(a2: Scalar, a1: Scalar, c: Scalar) -> Scalar:
     """The largest root of d^3 + a2 d^2 + a1 d = c, where one is not negative and two are not
     positive."""

@@ -145,9 +145,9 @@ class TopMotion(AbstractClosedForm):
         hangs = Wl < 0.0
         # A top that hangs is one that stands, seen upside down: one formula serves both.
         q = jnp.where(hangs, raised(q), q)
-        # Barriers between the stages: fused into one, the program compiles for much longer.
-        start = barrier(start_of(q, omega, C * omega[2] / A, 2.0 * jnp.abs(Wl) / A))
+        start = start_of(q, omega, C * omega[2] / A, 2.0 * jnp.abs(Wl) / A)
         phase = jacobi(duration, start.x, start.y, start.difference)
+        # Between its stages, too: fused into one, the program compiles for much longer.
         return start, barrier(phase), hangs
 
 

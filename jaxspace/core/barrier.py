@@ -5,7 +5,9 @@ linear in every argument: it fails where some of the tangents are constants, suc
 second derivative.
 """
 
-from collections.abc import Sequence
+import functools
+from collections.abc import Callable, Sequence
+from typing import ParamSpec, TypeVar
 
 import jax
 import jax.numpy as jnp
@@ -13,6 +15,9 @@ from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, ArrayLike, PyTree
+
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 
 barrier_p = Primitive("barrier")
 barrier_p.multiple_results = True
@@ -35,6 +40,17 @@ def barrier(tree: PyTree, *, everywhere: bool = False) -> PyTree:
     leaves, structure = jax.tree.flatten(tree)
     arrays = [x if isinstance(x, jax.Array) else jnp.asarray(x) for x in leaves]
     return jax.tree.unflatten(structure, barrier_p.bind(*arrays, everywhere=everywhere))
+
+
+def computed_once(function: Callable[Arguments, Result]) -> Callable[Arguments, Result]:
+    """A decorator of a part of a formula of which the rest reads several results, or one result
+    several times: its results stand behind a `barrier`, and the formula itself needs none."""
+
+    @functools.wraps(function)
+    def held(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Result:
+        return barrier(function(*args, **kwargs))
+
+    return held
 
 
 def _values(*args: ArrayLike, everywhere: bool) -> list[ArrayLike]:

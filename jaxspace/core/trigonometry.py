@@ -16,6 +16,7 @@ Functions; the polynomials interpolate at Chebyshev's places, with errors below 
 import jax
 import jax.numpy as jnp
 
+from .barrier import computed_once
 from .types import Scalar
 
 _QUARTER = (float.fromhex("0x1.921fb544p0"), float.fromhex("0x1.0b4611a6p-34"))
@@ -49,6 +50,12 @@ def _polynomial(coefficients: tuple[float, ...], x: Scalar) -> Scalar:
 def sincos(x: Scalar) -> tuple[Scalar, Scalar]:
     """Sine and cosine of `x`, rad: beyond 1e6 rad to a rounding of `x`."""
     return _sincos(jnp.asarray(x))
+
+
+@computed_once
+def sincos_once(x: Scalar) -> tuple[Scalar, Scalar]:
+    """`sincos`, where several components of a result read both."""
+    return sincos(x)
 
 
 @jax.jit

@@ -29,7 +29,7 @@ from typing import NamedTuple, TypeAlias
 import jax.numpy as jnp
 
 from ..core import Flag, Scalar
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.special import stumpff, stumpff_near
 from ..core.square_roots import sqrt
 
@@ -77,7 +77,7 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     e = barrier(jnp.sqrt(jnp.where(closed, zeta * zeta + beta * sigma * sigma, 1.0 - beta * p)))
     conic = barrier(_Conic(beta, closed, s, e, p / (1.0 + e)))
     q = conic.q
-    x0, t0 = barrier(_start(conic, sigma, zeta))
+    x0, t0 = _start(conic, sigma, zeta)
     s3 = s * s * s
     # Whole turns are subtracted first, so that the iteration starts within half a turn of
     # periapsis.
@@ -86,9 +86,9 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     t, left = barrier((t0 + left, left))
     # The start is within 2.5e-3 of the anomaly. The first step leaves 1e-11 of it, and Newton's
     # step then rounding alone.
-    x = barrier(_mikkola(t, conic))
-    g2, g3 = barrier(_g(x, beta, stumpff))
-    x, g2, g3 = barrier(_advanced(barrier(_step(x, g2, g3, t, conic)), x, g2, g3, beta))
+    x = _mikkola(t, conic)
+    g2, g3 = _g(x, beta, stumpff)
+    x, g2, g3 = barrier(_advanced(_step(x, g2, g3, t, conic), x, g2, g3, beta))
     change = (t - q * x - e * g3) / (q + e * g2)
     g1 = x - beta * g3
     x = x + change
@@ -100,6 +100,7 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     return _from_start(barrier(end), sigma, beta, jnp.abs(t0) + jnp.abs(t))
 
 
+@computed_once
 def _g(x: Scalar, beta: Scalar, functions: Stumpff) -> tuple[Scalar, Scalar]:
     """G2 and G3 at the anomaly x."""
     x2 = x * x
@@ -120,6 +121,7 @@ def _advanced(
     return x + d, g2 + g1 * (d - beta * d3) + g0 * d2, g3 + g2 * d + g1 * d2 + g0 * d3
 
 
+@computed_once
 def _start(conic: _Conic, sigma: Scalar, zeta: Scalar) -> tuple[Scalar, Scalar]:
     """Anomaly and time of the start, from periapsis.
 
@@ -132,7 +134,7 @@ def _start(conic: _Conic, sigma: Scalar, zeta: Scalar) -> tuple[Scalar, Scalar]:
     rough = barrier(jnp.where(closed, _arc(y, zeta), jnp.log(sine + jnp.sqrt(1.0 + sine * sine))))
     far = jnp.logical_and(rough > math.pi, jnp.logical_not(closed))
     x = jnp.where(far, 0.0, jnp.where(sigma < 0.0, -rough, rough) / s)
-    g2, g3 = barrier(_g(x, beta, stumpff_near))
+    g2, g3 = _g(x, beta, stumpff_near)
     g0 = 1.0 - beta * g2
     g1 = x - beta * g3
     d = (sigma * g0 - zeta * g1) / safe_e
@@ -158,6 +160,7 @@ def _arc(y: Scalar, x: Scalar) -> Scalar:
     return jnp.where(x < 0.0, math.pi - angle, angle)
 
 
+@computed_once
 def _mikkola(t: Scalar, conic: _Conic) -> Scalar:
     """The anomaly at the time `t` from periapsis, within a quarter of a per cent.
 
@@ -192,6 +195,7 @@ def _mikkola(t: Scalar, conic: _Conic) -> Scalar:
     )
 
 
+@computed_once
 def _step(x: Scalar, g2: Scalar, g3: Scalar, t: Scalar, conic: _Conic) -> Scalar:
     """The correction of x, of fourth order."""
     beta, _, _, e, q = conic
@@ -211,7 +215,7 @@ def _from_start(end: Anomaly, sigma: Scalar, beta: Scalar, terms: Scalar) -> Ano
 
     `terms` is the size of the terms of Kepler's equation about periapsis."""
     chi, _, _, rho, slope, left = end
-    g2, g3 = barrier(_g(chi, beta, stumpff))
+    g2, g3 = _g(chi, beta, stumpff)
     g1 = chi - beta * g3
     # Kepler's equation from the start corrects the result where its terms are the smaller ones, so
     # that a short duration keeps all of its digits.

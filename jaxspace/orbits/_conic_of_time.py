@@ -24,7 +24,7 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core import Flag, Scalar
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.square_roots import inverse_sqrt, sqrt
 from ._transfer_time import one_minus_plus, series_k, transfer_time
 
@@ -86,6 +86,7 @@ def _direct(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
     return jnp.where(time > 0.0, x, jnp.nan)
 
 
+@computed_once
 def _derivatives(
     x: Scalar, lam: Scalar, kappa: Scalar, revolutions: int
 ) -> tuple[Scalar, Scalar, Scalar, Scalar]:
@@ -101,9 +102,10 @@ def _derivatives(
     bend = kappa * q * q * q
     second = (3.0 * value + 5.0 * x * slope + 2.0 * bend) * per_energy
     third = (7.0 * x * second + 8.0 * slope - 6.0 * bend * q * q * x) * per_energy
-    return barrier((value, slope, second, third))
+    return value, slope, second, third
 
 
+@computed_once
 def _first_guess(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
     """A starting value of x, within a fifth of 1 + x.
 
@@ -126,7 +128,7 @@ def _first_guess(time: Scalar, lam: Scalar, kappa: Scalar) -> Scalar:
     above = du * t1 * t1 / slope1
     ellipse = s * (below * (1.0 - s) ** 2 + s * (3.0 - 2.0 * s - above * (1.0 - s)))
     slow = _slow_guess(time / math.pi, t0 / math.pi, lam, root, more)
-    return barrier(jnp.where(time >= t0, slow, jnp.where(time <= t1, hyperbola, ellipse)))
+    return jnp.where(time >= t0, slow, jnp.where(time <= t1, hyperbola, ellipse))
 
 
 def _slow_guess(t: Scalar, t0: Scalar, lam: Scalar, root: Scalar, more: Scalar) -> Scalar:

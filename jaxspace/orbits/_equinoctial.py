@@ -29,7 +29,7 @@ from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
 from ..core.square_roots import inverse_sqrt, sqrt
-from ..core.trigonometry import atan2, sincos
+from ..core.trigonometry import atan2, sincos_once
 from ..core.vectors import dot, norm
 from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
 from .kepler import conic_flow
@@ -113,7 +113,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     # A hyperbola starts at its periapsis; an ellipse starts where its eccentric longitude equals
     # the mean one, because a circle has no periapsis.
     K = jnp.where(closed, x.mean_longitude, 0.0)
-    s, c = barrier(sincos(K))
+    s, c = sincos_once(K)
     f1, g1 = (jnp.where(closed, y, 0.0) for y in (f, g))
     b = 1.0 / (1.0 + jnp.sqrt(1.0 - f1 * f1 - g1 * g1))
     X = jnp.where(closed, (1.0 - g1 * g1 * b) * c + f1 * g1 * b * s - f1, f)
@@ -146,7 +146,7 @@ def _mean_longitude(
     root = sqrt(p1 * alpha1)
     b = 1.0 / (1.0 + root)
     L = x.true_longitude
-    s, c = barrier(sincos(L))
+    s, c = sincos_once(L)
     X, Y = r * alpha1 * c, r * alpha1 * s
     cosine_K = f1 + ((1.0 - f1 * f1 * b) * X - f1 * g1 * b * Y) / root
     sine_K = g1 + ((1.0 - g1 * g1 * b) * Y - f1 * g1 * b * X) / root

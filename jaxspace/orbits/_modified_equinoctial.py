@@ -27,13 +27,13 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractParameters, InputError, NumberField, Scalar, Vector, check, quantity
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
-from ..core.trigonometry import atan2, sincos
+from ..core.trigonometry import atan2, sincos_once
 from ..core.types import as_float
-from ..core.vectors import cross, dot, scale, unit
-from .elements import eccentricity_vector
+from ..core.vectors import dot, scale, unit
+from .elements import constant_vectors
 
 
 @final
@@ -95,17 +95,16 @@ class ModifiedEquinoctialElements(AbstractParameters):
 def _of_state(
     retrograde: bool, position: Vector, velocity: Vector, mu: Scalar
 ) -> ModifiedEquinoctialElements:
-    # Behind barriers: fused with the elements, each of the six would compute all this again.
-    momentum, e = barrier((cross(position, velocity), eccentricity_vector(position, velocity, mu)))
-    h, k = barrier(_tilt(momentum, retrograde))
-    F, G = barrier(orbit_axes(h, k, retrograde))
+    momentum, e = constant_vectors(position, velocity, mu)
+    h, k = _tilt(momentum, retrograde)
+    F, G = orbit_axes(h, k, retrograde)
     longitude = atan2(dot(position, G), dot(position, F))
     p = dot(momentum, momentum) / mu
     return ModifiedEquinoctialElements(p, dot(e, F), dot(e, G), h, k, longitude, retrograde)
 
 
 def _state(x: ModifiedEquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
-    s, c = barrier(sincos(as_float(x.true_longitude)))
+    s, c = sincos_once(as_float(x.true_longitude))
     F, G = orbit_axes(x.h, x.k, x.retrograde)
     return state_along(F, G, x.semi_latus_rectum, (x.f, x.g), (c, s), mu)
 
@@ -116,13 +115,13 @@ def state_along(
     """The state in the direction `u` of an orbit with the eccentricity vector `e`, both by their
     components along F and G."""
     (f, g), (c, s) = e, u
-    F, G = barrier((F, G))
     r = p / (1.0 + f * c + g * s)
     speed = jnp.sqrt(mu / p)
     x, y, vx, vy = barrier((r * c, r * s, -speed * (g + s), speed * (f + c)))
     return scale(x, F) + scale(y, G), scale(vx, F) + scale(vy, G)
 
 
+@computed_once
 def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
     """h and k from the angular momentum."""
     w = unit(momentum)
@@ -139,6 +138,7 @@ def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
     return -w[1] * per, w[0] * per
 
 
+@computed_once
 def orbit_axes(h: Scalar, k: Scalar, retrograde: bool) -> tuple[Vector, Vector]:
     """The unit vectors F and G in the plane of the orbit."""
     sense = -1.0 if retrograde else 1.0

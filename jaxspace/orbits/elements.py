@@ -58,7 +58,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractParameters, NumberField, Scalar, Vector, check, output, quantity
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
 from ..core.formula import POSITIVE, formula
@@ -248,8 +248,7 @@ def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> Class
 
 
 def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
-    # Behind barriers: fused with the elements, each of the six would compute all this again.
-    h, e = barrier((cross(position, velocity), eccentricity_vector(position, velocity, mu)))
+    h, e = constant_vectors(position, velocity, mu)
     length = norm(e)
     noise = length <= _NOISE * float(jnp.finfo(e.dtype).eps)
     e, length = barrier((jnp.where(noise, 0.0, e), jnp.where(noise, 0.0, length)))
@@ -262,6 +261,13 @@ def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElemen
     # Angles in the plane of the orbit are from the node n towards m, which is 90 degrees ahead.
     y, x = barrier(((across, h[0], dot(e, m), ahead), (h[2], -h[1], dot(e, n), along)))
     return ClassicalElements(dot(h, h) / mu, length, *map(safe_atan2, y, x))
+
+
+@computed_once
+def constant_vectors(position: Vector, velocity: Vector, mu: Scalar) -> tuple[Vector, Vector]:
+    """The angular momentum per unit mass and the eccentricity vector of an orbit, which all of its
+    elements read."""
+    return cross(position, velocity), eccentricity_vector(position, velocity, mu)
 
 
 def _node_axes(h: Vector) -> tuple[Vector, Vector, Scalar]:
@@ -292,11 +298,16 @@ def state_from_elements(elements: ClassicalElements, mu: Scalar) -> tuple[Vector
     return in_blocks(_state, (0, 0), elements, mu)
 
 
+@computed_once
+def _sines_and_cosines(angles: tuple[Scalar, ...]) -> tuple[tuple[Scalar, Scalar], ...]:
+    """The sine and the cosine of each angle, which all components of a state read."""
+    return tuple(sincos(as_float(x)) for x in angles)
+
+
 def _state(x: ClassicalElements, mu: Scalar) -> tuple[Vector, Vector]:
     p, e = x.semi_latus_rectum, x.eccentricity
     angles = (x.node, x.inclination, x.argument_of_periapsis, x.true_anomaly)
-    # Behind barriers: fused with the components, each of the six would compute all this again.
-    (sn, cn), (si, ci), (sw, cw), (sf, cf) = barrier(tuple(map(sincos, map(as_float, angles))))
+    (sn, cn), (si, ci), (sw, cw), (sf, cf) = _sines_and_cosines(angles)
     r = p / (1.0 + e * cf)
     speed = jnp.sqrt(mu / p)
     # From the node, and a right angle ahead of it in the plane of the orbit.

@@ -29,7 +29,7 @@ import jax
 import jax.numpy as jnp
 
 from ..core import Scalar, Vector
-from ..core.barrier import barrier
+from ..core.barrier import barrier, computed_once
 from ..core.formula import POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import with_rank
@@ -147,6 +147,7 @@ def _hidden_part_rule(primals, tangents):
     return hidden, jnp.where(c <= b - a, 0.0, slope)
 
 
+@computed_once
 def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     """alpha and beta, rad: 0 for disks that do not overlap, pi for one that is covered."""
     # A negative side says that one disk lies within the other.
@@ -154,7 +155,7 @@ def _half_angles(a: Scalar, b: Scalar, c: Scalar) -> tuple[Scalar, Scalar]:
     # The square root of a square at the ends has no slope: the rule above does without it.
     alpha = 2.0 * safe_atan2(safe_sqrt(x * z), safe_sqrt(total * y))
     beta = 2.0 * safe_atan2(safe_sqrt(y * z), safe_sqrt(total * x))
-    return barrier((alpha, beta))
+    return alpha, beta
 
 
 def _segment(x: Scalar) -> Scalar:
