@@ -65,7 +65,9 @@ def disperse(
     notes: Mapping[str, object] | None = None,
     progress: Callable[[int, int], None] | None = None,
     devices: int | Sequence[jax.Device] | None = None,
-) -> Dispersion: ...
+) -> Dispersion:
+    """All runs of a campaign."""
+    ...
 
 
 @overload
@@ -74,7 +76,9 @@ def disperse(
     *,
     method: Literal["lincov", "second_order", "unscented"],
     accuracy: CampaignAccuracy = None,
-) -> Moments: ...
+) -> Moments:
+    """Mean and covariance, by a method that makes no runs."""
+    ...
 
 
 def disperse(

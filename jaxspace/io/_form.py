@@ -114,7 +114,26 @@ def form(data: Mapping[str, object], catalog: Catalog) -> tuple[Table, list[str]
 def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
     """The form of a file of a kind, with the name of its `system` where it has one."""
     state = BodyState if kind != "system" else state_class(catalog.systems[system])
-    common = {
+    common, campaign = _common_entries(catalog, state), _campaign_entries()
+    if kind == "flight":
+        return Table({**common, **flight_entries(), **campaign})
+    common["planet"] = Entry(Table(catalog.shared("planet")), None, doc="what attracts")
+    if kind == "system":
+        return Table({**common, **_system_entries(catalog, system), **campaign})
+    body = _body_entries(catalog)
+    if kind == "scene":
+        refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
+        return Table({**common, **body, **_one_run(catalog), **campaign}, refused)
+    phases = {
+        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other"),
+        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="parts that leave, by name"),
+    }
+    return Table({**common, **body, **phases, **campaign}, {})
+
+
+def _common_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
+    """What every file may give, for states of this class."""
+    return {
         "format": Entry(Whole(1, FORMAT), FORMAT, doc="of scene files, for which it is written"),
         "modules": Entry(
             ListOf(Text()), (), doc="Python files that it needs; each runs only by --with"
@@ -134,53 +153,45 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
         "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
     }
-    planet = {"planet": Entry(Table(catalog.shared("planet")), None, doc="what attracts")}
-    dispersion = {
+
+
+def _campaign_entries() -> dict[str, Entry]:
+    """The tables of a campaign and of a search."""
+    search = optimize_table(OutputList(), TOLERANCE)
+    return {
         "dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept"),
-        "optimize": Entry(
-            optimize_table(OutputList(), TOLERANCE), None, doc="what is best, and what is free"
-        ),
+        "optimize": Entry(search, None, doc="what is best, and what is free"),
     }
-    if kind == "flight":
-        return Table({**common, **flight_entries(), **dispersion})
-    common |= planet
-    if kind == "system":
-        # A system is a complete model, without bodies and effects.
-        cls = catalog.systems[system]
-        system_entry = Entry(
-            _named(system, catalog.kinds[cls]), doc="the system and its parameters"
-        )
-        initial = Entry(initial_kind(catalog, cls), doc="the initial state")
-        return Table(
-            {
-                **common,
-                "system": system_entry,
-                "initial": initial,
-                "times": Entry(TIMES, doc="from when to when"),
-                "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
-                **dispersion,
-            }
-        )
-    bodies = bodies_kind(catalog)
+
+
+def _system_entries(catalog: Catalog, system: str) -> dict[str, Entry]:
+    """The tables of a system, which is a complete model, without bodies and effects."""
+    cls = catalog.systems[system]
+    named = _named(system, catalog.kinds[cls])
+    return {
+        "system": Entry(named, doc="the system and its parameters"),
+        "initial": Entry(initial_kind(catalog, cls), doc="the initial state"),
+        **_one_run(catalog),
+    }
+
+
+def _body_entries(catalog: Catalog) -> dict[str, Entry]:
+    """The tables of a body and of what acts on it."""
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
-    tables = {
-        "body": Entry(bodies, {}, doc="mass properties"),
+    return {
+        "body": Entry(bodies_kind(catalog), {}, doc="mass properties"),
         # A body without any effect moves freely, which is a scene as well.
         "effects": Entry(EffectTables(effects, catalog.refused), {}, doc="what acts on the body"),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
-    ending = {
-        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other"),
-        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="parts that leave, by name"),
+
+
+def _one_run(catalog: Catalog) -> dict[str, Entry]:
+    """The tables of a run that has no phases."""
+    return {
+        "times": Entry(TIMES, doc="from when to when"),
+        "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
     }
-    refused = {}
-    if kind == "scene":
-        refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
-        ending = {
-            "times": Entry(TIMES, doc="from when to when"),
-            "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
-        }
-    return Table({**common, **tables, **ending, **dispersion}, refused)
 
 
 def bodies_kind(catalog: Catalog) -> Object:

@@ -33,7 +33,9 @@ def propagate_covariance(
     events: Sequence[Event] = (),
     dense: bool = False,
     throw: bool | None = None,
-) -> tuple[Trajectory, Float[Array, "n n times *runs"]]: ...
+) -> tuple[Trajectory, Float[Array, "n n times *runs"]]:
+    """The covariance along a run of a system."""
+    ...
 
 
 @overload
@@ -49,7 +51,9 @@ def propagate_covariance(
     accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
     num_saved: int = 2,
     throw: bool | None = None,
-) -> tuple[MissionTrajectory, MissionCovariance]: ...
+) -> tuple[MissionTrajectory, MissionCovariance]:
+    """The covariance along the phases of a mission."""
+    ...
 
 
 def propagate_covariance(

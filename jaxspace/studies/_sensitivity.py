@@ -112,7 +112,9 @@ def sensitivity(
     events: Sequence[Event] = (),
     dense: bool = False,
     throw: bool | None = None,
-) -> tuple[Trajectory, Sensitivity]: ...
+) -> tuple[Trajectory, Sensitivity]:
+    """The derivatives along a run of a system."""
+    ...
 
 
 @overload
@@ -128,7 +130,9 @@ def sensitivity(
     accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
     num_saved: int = 2,
     throw: bool | None = None,
-) -> tuple[MissionTrajectory, MissionSensitivity]: ...
+) -> tuple[MissionTrajectory, MissionSensitivity]:
+    """The derivatives along the phases of a mission."""
+    ...
 
 
 def sensitivity(
