@@ -88,6 +88,16 @@ def test_a_measurement_of_the_quick_part_adds_to_what_is_known(tmp_path, monkeyp
     assert read_costs() == alone | {"long": 9.0, "shares": 3.0}
 
 
+def test_tests_of_a_package_are_in_its_folder():
+    """Else `make quick PACKAGE=...` leaves them out; and two files of one name, whichever folders
+    they are in, are one module to the interpreter."""
+    packages = [name for name in MODULES if not name.startswith("_")]
+    flat = [file.stem.removeprefix("test_") for file in TESTS.glob("test_*.py")]
+    assert not [f for f in flat for name in packages if f == name or f.startswith(f"{name}_")]
+    files = [file.name for file in TESTS.rglob("test_*.py")]
+    assert len(set(files)) == len(files)
+
+
 def test_the_compiler_is_set_as_asked(pytestconfig):
     optimised = pytestconfig.getoption("--optimised") or pytestconfig.getoption("--sweep") == "all"
     assert jax.config.values["jax_disable_most_optimizations"] is not optimised

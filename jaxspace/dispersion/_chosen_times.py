@@ -51,6 +51,8 @@ def choose_times(
     # A branch may run at a time at which the mission itself has ended.
     left = functools.reduce(np.intersect1d, [end.times for end in last.values()])
     known = all(end.known for end in last.values())
+    # The mission ends with its longest branch. Where ends differ between runs, nothing is known of
+    # the times behind the first of them.
     start = (max if known else min)(end.start for end in last.values() if end.known == known)
     _check_left(left, first, start, [leg.phase for leg in legs_of(mission)[0]], known)
     return tuple(result)
@@ -82,10 +84,12 @@ def _chosen_in(
             f"`samples` keeps states of such a phase."
         )
     if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
+        # A sum of durations meets the start to rounding only.
         near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
         times = jnp.asarray(np.where(near, start, left))
         return OwnTimes(times, along), before._replace(known=False)
     duration = float(phase.until)
+    # The state of a phase of no length is that of the phase before, which has its time.
     if not duration:
         return None, before
     places = (left - start) / duration
@@ -102,6 +106,7 @@ def warn_of_times_outside(
     runs."""
     if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
         return
+    # Only names and order of the phases are needed, and nothing is computed.
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
     reached: dict[float, bool] = {}
     for leg, chosen in zip(legs_of(mission)[0], kept, strict=True):
@@ -141,6 +146,8 @@ def _check_left(
 
 def _saved(places: np.ndarray, along: int) -> ChosenTimes:
     places = np.unique(places)
+    # The outputs read states at equal distances, and the store keeps the chosen ones: one run saves
+    # both.
     even = np.linspace(0.0, 1.0, along)
     fractions = np.union1d(places, even)
     outputs, kept = (jnp.asarray(np.searchsorted(fractions, x)) for x in (even, places))

@@ -63,6 +63,7 @@ def stored(
     campaign = runner.prepared.campaign
     columns = columns_of(ordered(runner.example, campaign), campaign.units)
     if engine.leads:
+        # One process makes the store, and the others join it when it is there.
         writer.prepare(columns, attributes)
     engine.sync("prepared")
     writer.host = engine.host
@@ -81,16 +82,20 @@ def stored(
     for number, part in enumerate(_parts(extents, engine, ending)):
         if enough is not None:
             break
+        # What earlier calls and parts have stored counts as done.
         done = store.runs - sum(e.runs for e in extents if e.chunk >= part[0].chunk)
         computed = _computed(runner, engine, engine.share(part), store.runs, progress, done)
         storing += _written(writer, computed, ending)
         engine.sync(f"part {number}")
         if ending is not None:
+            # The rule sees the chunks of all processes, so that all of them stop after the same
+            # part.
             ending.read(store, [extent.chunk for extent in part if engine.shares])
             enough = ending.enough()
     engine.sync("finished")
     if engine.leads:
         _finish(writer, store, enough, storing)
+    # Before any process reads the store, chunks beyond the end have been removed.
     engine.sync("ended")
     store = store.read()
     return as_dispersion(store, store.finished())

@@ -36,6 +36,7 @@ def saved_states(along: int, kept: int) -> tuple[int, int]:
     The number is at least `along`, and `kept` of the states are stored."""
     if kept < 2:
         return along, 1
+    # Rounded up: no fewer states than the outputs need, and both ends of a phase among the stored.
     every_nth = -(-(along - 1) // (kept - 1))
     return every_nth * (kept - 1) + 1, every_nth
 
@@ -61,6 +62,7 @@ def _even(phase: Trajectory, chosen: ChosenTimes | OwnTimes | None) -> Trajector
     if chosen is None:
         return phase
     if isinstance(chosen, OwnTimes):
+        # The chosen times are the first rows, the evenly spaced ones follow.
         return _picked(phase, slice(chosen.times.shape[0], None))
     return _picked(phase, chosen.outputs)
 

@@ -141,6 +141,7 @@ def payload_of(prepared: PreparedCampaign) -> bytes:
 @functools.lru_cache(maxsize=1)
 def _runner(payload: bytes) -> BatchRunner:
     settings, modules, prepared = pickle.loads(payload)
+    # Before the campaign is read: its arrays would lose their double precision.
     for name, value in settings.items():
         jax.config.update(name, value)
     for name, text in modules:

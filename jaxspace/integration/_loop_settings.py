@@ -90,6 +90,7 @@ class LoopSettings(eqx.Module):
     def buffers(self, y: State, clock: Array, step: Array | None) -> Buffers:
         """Empty buffers for states like `y` and times like `clock`, and for a derivative for
         recorded steps like `step`. Raises `InputError` where the memory does not suffice."""
+        # Room for all steps that are allowed, because a compiled program cannot ask for more.
         limit = self.max_steps
         saved = ends = states = recording = None
         if self.save_ts is not None:

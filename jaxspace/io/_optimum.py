@@ -125,6 +125,7 @@ class Optimum:
         a = 0
         for demand in self.task.demands:
             if demand.limit == "equal":
+                # The constraint is the value less its target, and falls where the target rises.
                 slope = -equal[e]
                 e = e + 1
             else:
@@ -156,6 +157,7 @@ class Optimum:
         Raises `InputError` for an infeasible problem, which has no optimum."""
         if self.infeasible:
             raise InputError(f"An optimum alone has sensitivities. {self.sentence()}")
+        # Numbers of the tables of the search say how it went, and not where its optimum lies.
         fixed = {
             path: float(x)
             for path, x in measures(self.file.values)

@@ -108,6 +108,7 @@ def run_alike(
         system, event = parts_of(differing)
         event = dataclasses.replace(event, condition=SoughtCondition(event.condition, sought, t))
         events = closures_of_events((event,), t, y)
+        # A phase that starts beyond its event lasts no time, as it does outside of a loop.
         beyond = events[0].beyond(t, y)
         if beyond is not None:
             beyond = beyond & sought

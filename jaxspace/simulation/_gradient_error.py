@@ -80,6 +80,7 @@ def gradient_error(
     x, dtype = _checked(x, accuracy)
     rtol = DEFAULT_RTOL[dtype.name] if accuracy.rtol is None else float(accuracy.rtol)
     other_rtol = max(FINER * rtol, 2.0 * least_tolerance(dtype))
+    # At the limit of the precision no finer tolerance is left: a looser one is compared with.
     if other_rtol > LITTLE * rtol:
         other_rtol = min(rtol / FINER, MOST)
     gradient, other = (_derivative(function, x, accuracy, r, forward) for r in (rtol, other_rtol))
@@ -120,6 +121,8 @@ def gradient_within(
     least = 2.0 * least_tolerance(dtype)
     rtol = min(APART * max(USUAL, least), MOST)
     search = None
+    # Each derivative decides on the next tolerance. All are of one program, so that a further one
+    # costs its runs alone.
     while True:
         gradient = _derivative(function, x, accuracy, rtol, forward)
         measured = _measured(gradient, within)
@@ -130,6 +133,7 @@ def gradient_within(
             break
         rtol = float(search.rtol)
     estimate = float(search.estimate)
+    # So written, because an estimate that is NaN has missed, too.
     if not estimate <= 1.0:
         raise_on_failure(
             jnp.asarray(Status.FINAL_ERROR_MISSED),
@@ -164,6 +168,7 @@ def _derivative(
     rtol: float,
     forward: bool,
 ) -> PyTree:
+    # An array and no number: another tolerance then compiles nothing.
     return _program(function, x, accuracy, jnp.asarray(rtol, state_dtype(x)), forward)
 
 

@@ -83,6 +83,7 @@ class Instant(NamedTuple):
         y: State,
     ) -> "Instant":
         """The instant after an event has `acted`, which left the state `y` at the time `t`, s."""
+        # These numbers only decide what acts next; derivatives come from the corrections.
         arrays = jax.tree.map(jax.lax.stop_gradient, (t, y))
         kept, ahead = [], []
         for number, event in enumerate(events):

@@ -84,6 +84,7 @@ def ended(
     later = jnp.arange(len(run)).reshape(-1, *(1,) * hit.ndim) > 0
     stopped = later & hit & (sign * run.ts >= sign * found.time)
     status = combine_status(run.status, found.status)
+    # A run that failed on its way has met no event.
     hit = hit & (status == Status.COMPLETED)
     # Once for all saved states, of which each would compute its own.
     stopped, hit, status, t, y = barrier((stopped, hit, status, *end))
@@ -128,6 +129,7 @@ def _straight_to_event(
     assert found is not None
     if differentiated:
         at = found.which, found.time, state_at(result.states, -1, run_axes)
+        # It is located already: the correction adds the derivatives.
         time, state = newton_correct(integrator.system, events, *at, located=True)
         found = found._replace(time=time, state=state)
     if ends_alone:
@@ -166,6 +168,7 @@ def through_times_to_event(
 
     `through(times, found)`: the run through these times, of which each run has its own: those up to
     what was found."""
+    # Every run ends at its own time, and so has its own save times.
     asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
 

@@ -122,5 +122,6 @@ def _reads(event: Event, t: Scalar | jax.ShapeDtypeStruct, y: PyTree, part: str)
     traced, *_ = eqx.filter_make_jaxpr(condition)(getattr(y, part), t, y)
     jaxpr = traced.jaxpr
     variables = jaxpr.invars[len(jaxpr.invars) - others - len(leaves) : len(jaxpr.invars) - others]
+    # By identity, because literals among the inputs cannot be hashed.
     read = {id(x) for operation in jaxpr.eqns for x in operation.invars}
     return any(id(x) in read for x in variables)

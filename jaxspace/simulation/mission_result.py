@@ -93,6 +93,7 @@ class MissionTrajectory(eqx.Module):
             return self
         heads = tuple(f"{name}." for name in self.branch_names)
         phases = {k: phase for k, phase in self.items() if not k.startswith(heads)}
+        # The status of the whole counts the failures of branches, which are left out here.
         status = functools.reduce(combine_status, [run.status for run in phases.values()])
         return self._with_named(phases, status=status, branches=(), branch_names=())
 
