@@ -128,6 +128,7 @@ def _judged(problem: Problem, x: Design, fresh: Dispersion) -> JudgedDesign:
 
 def _measured(statistic: AbstractStatistic, fresh: Dispersion) -> Measured:
     x = fresh.values(statistic.output).astype(float)
+    # A failed run has no value; the share of failed runs is judged by itself.
     return statistic.measured(x, fresh.good & np.isfinite(x))
 
 
@@ -137,6 +138,7 @@ def _judged_limit(constraint: Constraint, fresh: Dispersion) -> JudgedLimit:
     estimate = Estimate(measured.value, measured.error)
     required = constraint.requirement
     verdict: Verdict | None = None
+    # A limit of a mean requires nothing of a single run.
     if required is not None and required.allowed is not None:
         violation = fresh.violation(
             constraint.statistic.output,

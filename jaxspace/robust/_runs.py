@@ -107,6 +107,7 @@ class Problem(NamedTuple):
         """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report."""
         runs = self.runs(x)
         if self.normals is None:
+            # A single run has neither quantile nor share.
             alone = {name: values[0] for name, values in runs.outputs.items()}
             objective = self.objective.at_nominal(alone[self.objective.output])
             margins = [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
@@ -164,6 +165,7 @@ def problem_of(
 def enough_runs(statistics: Sequence[AbstractStatistic], least: int) -> int:
     """The power of two, from `least` on, that all of these statistics can be known from."""
     most = max((statistic.fewest_runs for statistic in statistics), default=1)
+    # Sobol points fill the unit cube evenly in powers of two.
     return max(least, 2 ** int(np.ceil(np.log2(most))))
 
 

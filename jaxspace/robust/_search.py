@@ -101,6 +101,7 @@ def store_of(
     if store is None:
         return as_store(store, resume)
     limits = [c.text() for c in problem.constraints]
+    # With other statistics or runs it would be another search, whose store is refused.
     words = (problem.objective.text(), *limits, f"{runs} runs of seed {seed}")
     return SearchStore(store, resume, "; ".join(words))
 
@@ -159,6 +160,7 @@ def _searched(
         forward_ratio=FORWARD_RATIO,
     )
     optimum = DesignOptimum(minimum.x, start, minimum.criterion, minimum, problem, seed)
+    # A start at which too many runs fail shows no way on: only the author can choose another.
     if not math.isfinite(optimum.value) and int(minimum.steps) == 0:
         failed = failures(optimum.runs)
         if failed:

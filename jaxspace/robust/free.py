@@ -69,6 +69,7 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     """
     if not free:
         raise InputError("free is empty: it must name at least one number.")
+    # Of two runs and of four: an array that is longer for four carries the runs.
     normals = fixed_normals(campaign, 2, 0)
     built = campaign.build(inputs_at(campaign, normals))
     wider = campaign.build(inputs_at(campaign, jnp.concatenate([normals, normals])))

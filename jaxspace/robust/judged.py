@@ -97,6 +97,7 @@ class JudgedDesigns(eqx.Module):
         """By how much the statistic that was minimised is larger on fresh runs than on those of the
         search, with the error of both."""
         fresh = self.designs["robust"].measured
+        # Two independent samples, whose errors add in squares.
         both = np.hypot(fresh.error, self.on_search.error)
         return _difference(fresh.value, self.on_search.value, float(both))
 

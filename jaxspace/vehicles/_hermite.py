@@ -109,6 +109,7 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
     At a node the interval above it; the slope of what is held is one at both ends."""
     nodes = of_all_runs(nodes)
     nodes = with_rank(nodes, max(jnp.ndim(x), nodes.ndim - 1)) if nodes.ndim > 1 else nodes
+    # By comparisons, because `clip` has half a slope at both ends.
     held = jnp.where(x < nodes[0], nodes[0], jnp.where(x > nodes[-1], nodes[-1], x))
     inner = nodes[1:-1]
     if nodes.ndim == 1:

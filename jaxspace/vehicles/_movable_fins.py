@@ -95,6 +95,7 @@ class MovableFins(AbstractEffect):
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         del body
         rank = y.omega.ndim - 1
+        # The zero brings the runs and the precision of the state.
         return {self.PART: self.mixed(with_rank(self.command, rank)) + 0.0 * y.omega[0]}
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -137,8 +137,10 @@ class LocalAir(AbstractParameters):
 
     def _velocity(self, position: Vector, height: Scalar) -> Vector:
         up = axis(2, position[2])
+        # A wind is level; gusts may rise.
         blowing = [] if self.wind is None else [(*self.wind.at(height), 0.0 * height)]
         if self.gusts is not None:
+            # Turbulence depends on the height above the ground, a wind on that above the sea.
             blowing.append(self.gusts.at(height - self.elevation))
         if self.radius is None:
             moving = jnp.zeros_like(position)
@@ -150,6 +152,7 @@ class LocalAir(AbstractParameters):
         if not blowing:
             return moving
         east, north, rising = (sum(parts[1:], parts[0]) for parts in zip(*blowing, strict=True))
+        # At a pole `unit` gives zero: no wind, and no NaN.
         e, outwards = unit(across), unit(position)
         moving = moving + east * e + north * cross(outwards, e)
         return moving if self.gusts is None else moving + rising * outwards
