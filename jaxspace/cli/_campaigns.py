@@ -237,9 +237,11 @@ def replay(
     file = _scene(store, dispersion, modules)
     make_folder(folder)
     # A hypercube is made for the runs that were planned, also where fewer were enough.
+    runs = dispersion.attributes["planned_runs"]
+    accuracy = accuracy_of(file, dispersion)
     with waiting(f"simulating run {run}"):
-        result = file.campaign(warn=False, runs=dispersion.attributes["planned_runs"]).replay(
-            run, seed=dispersion.seed, accuracy=accuracy_of(file, dispersion), num_saved=samples
+        result = file.campaign(warn=False, runs=runs).replay(
+            run, seed=dispersion.seed, accuracy=accuracy, num_saved=samples, runs=runs
         )
     print(replay_report(file, result, dispersion))
     title = f"{file.title}, run {run}"

@@ -29,12 +29,16 @@ from ._exact_parts import for_turns
 from ._first_runs import check_outputs
 from ._isolation import isolate
 from ._prepared import PreparedCampaign
-from ._program import Drawn, draw_inputs, drawn_by, program, runs_as_small_program
+from ._program import (
+    CALL,
+    Drawn,
+    call_size,
+    draw_inputs,
+    drawn_by,
+    program,
+    runs_as_small_program,
+)
 from ._saved_states import StatesToStore
-
-# Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
-CALL = 512
-ACCELERATOR_CALL = 2**14
 
 
 class BatchRunner:
@@ -220,11 +224,6 @@ class BatchRunner:
         """Arguments of the compiled program of the missions."""
         campaign, accuracy, _, small, samples, _ = self.prepared
         return campaign, accuracy, drawn, self.blocks, samples, small
-
-
-def call_size(devices: Sequence[jax.Device]) -> int:
-    """Number of runs in one call on these devices."""
-    return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
 
 
 def _digest(results: RunResults) -> str:

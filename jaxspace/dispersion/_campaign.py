@@ -27,6 +27,9 @@ from .replay import Replay, replay
 
 T = TypeVar("T")
 
+RUNS = 1000
+"""How many runs there are by default: enough for a mean and a deviation to a few percent."""
+
 
 def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str, T], ...]:
     """A dict as pairs, which can be hashed, as a static field has to be."""
@@ -197,6 +200,7 @@ class Campaign(AbstractCampaign):
         seed: int = 0,
         accuracy: CampaignAccuracy = None,
         num_saved: int = 200,
+        runs: int = RUNS,
     ) -> Replay:
         """Run one sample again, in full detail.
 
@@ -206,14 +210,16 @@ class Campaign(AbstractCampaign):
         - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
           campaign. One by purpose is in the result: `dispersion.purpose.tolerance`.
         - `num_saved`: number of states of each phase that are saved.
+        - `runs`: number of runs of the campaign, from which its program follows (`is_small`).
 
-        **Returns** a `Replay`: inputs, outputs and the trajectory. A run that fails has the status
+        **Returns** a `Replay`: inputs and outputs, those of the campaign to the last bit, and the
+        trajectory. A run that fails has the status
         for it.
 
         **Raises** `InputError` for a number below zero and for a refused run whose mission cannot
         be built, and `SimulationError` where a function of the campaign that is called back raises
         an error."""
-        return replay(self, number, seed, self.accuracy_for(accuracy), num_saved)
+        return replay(self, number, seed, self.accuracy_for(accuracy), num_saved, runs)
 
     def text(self) -> str:
         """The inputs in words, one on each line, and the design."""

@@ -14,7 +14,7 @@ import numpy as np
 
 from ..core import InputError
 from ..core.record import Record
-from ..integration.accuracy import DEFAULT_RTOL, Accuracy
+from ..integration.accuracy import Accuracy
 from ..integration.config import check_tolerance
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
@@ -23,7 +23,7 @@ from ..stores.store import ENOUGH, DamagedStore
 from ..stores.writer import StoreWriter
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose
-from ._campaign import Campaign
+from ._campaign import RUNS, Campaign
 from ._chosen_times import choose_times
 from ._computed_chunks import in_memory, ordered, stored
 from ._ending import check_rule
@@ -33,10 +33,8 @@ from ._saved_states import StatesToStore
 from ._whole import check_whole
 from ._work import AbstractEngine
 from .covariance import MONTE_CARLO, Moments, moments
-from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy
+from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy, with_tolerance
 
-RUNS = 1000
-"""How many runs there are by default: enough for a mean and a deviation to a few percent."""
 CHUNK = 8192
 """Runs in a chunk: large enough that storing them takes a percent of the time to compute them."""
 MEASURED = 10_000
@@ -326,10 +324,9 @@ def _resolved(accuracy: Accuracy) -> Accuracy:
     """The accuracy with its tolerance filled in.
 
     Raises `InputError` for one that the precision in use cannot reach."""
-    dtype = jnp.result_type(float)
-    rtol = DEFAULT_RTOL[dtype.name] if accuracy.rtol is None else accuracy.rtol
-    check_tolerance(float(rtol), dtype)
-    return dataclasses.replace(accuracy, rtol=rtol)
+    accuracy = with_tolerance(accuracy)
+    check_tolerance(float(np.asarray(accuracy.rtol)), jnp.result_type(float))
+    return accuracy
 
 
 def _devices(chosen: int | Sequence[jax.Device] | None) -> list[jax.Device]:

@@ -6,7 +6,7 @@ from typing import TypeAlias
 
 import equinox as eqx
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Integer
+from jaxtyping import Array, Bool, Float, Integer
 
 from ..core import State
 from ..core.quantities import Quantity
@@ -52,6 +52,10 @@ class AbstractCampaign(eqx.Module):
     @abstractmethod
     def mission(self, samples: dict[str, Float[Array, " *runs"]]) -> tuple[Mission, State]:
         """The mission and the initial state of runs with these inputs."""
+
+    @abstractmethod
+    def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
+        """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
 
     @abstractmethod
     def refusal(self, samples: Mapping[str, ArrayLike]) -> str:

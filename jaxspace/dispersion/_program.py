@@ -25,9 +25,13 @@ from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_and_count, resolve_phases
 from ..simulation.trajectory import Trajectory
 from ..stores.results import RunResults
-from ._campaign import Campaign
+from ._interface import AbstractCampaign
 from ._outputs import outputs_of
 from ._saved_states import StatesToStore, for_outputs, for_store, saved_of
+
+# Runs in one call: enough to outweigh its overhead, on a core and on an accelerator.
+CALL = 512
+ACCELERATOR_CALL = 2**14
 
 
 class Drawn(NamedTuple):
@@ -43,7 +47,7 @@ class Drawn(NamedTuple):
 
 
 def drawn_by(
-    campaign: Campaign,
+    campaign: AbstractCampaign,
     key: Array,
     numbers: Integer[Array, " runs"],
     used: Bool[Array, " runs"],
@@ -66,12 +70,19 @@ draw_inputs = eqx.filter_jit(drawn_by, **QUICK)
 """`drawn_by`, compiled."""
 
 
-def runs_as_small_program(campaign: Campaign, accuracy: Accuracy, block: int, runs: int) -> bool:
+def call_size(devices: Sequence[jax.Device]) -> int:
+    """Number of runs in one call on these devices."""
+    return CALL if devices[0].platform == "cpu" else ACCELERATOR_CALL
+
+
+def runs_as_small_program(
+    campaign: AbstractCampaign, accuracy: Accuracy, block: int, runs: int
+) -> bool:
     """Whether the steps of this many planned `runs` are a small program.
 
     `block`: runs in a block, whose program then finds its vector fields traced."""
 
-    def small(campaign: Campaign, accuracy: Accuracy) -> bool:
+    def small(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:
         mission, y0 = campaign.mission(campaign.nominal(block))
         _, operations = resolve_and_count(mission, y0, accuracy, 1)
         return is_small(Runs.CAMPAIGN, operations, runs)
@@ -86,7 +97,7 @@ def program(platform: str) -> Any:
 
 
 def _run(
-    campaign: Campaign,
+    campaign: AbstractCampaign,
     accuracy: Accuracy,
     drawn: Drawn,
     blocks: Blocks,
@@ -97,7 +108,7 @@ def _run(
 
     def block(
         batched: tuple[dict[str, Array], Array],
-        arguments: tuple[Campaign, Accuracy, StatesToStore],
+        arguments: tuple[AbstractCampaign, Accuracy, StatesToStore],
     ) -> RunResults:
         return _block(*arguments, *batched, small)
 
@@ -107,7 +118,7 @@ def _run(
 
 
 def _block(
-    campaign: Campaign,
+    campaign: AbstractCampaign,
     accuracy: Accuracy,
     samples: StatesToStore,
     inputs: dict[str, Float[Array, " runs"]],

@@ -2,12 +2,14 @@
 
 __all__ = ["ByPurpose"]
 
+import dataclasses
 from typing import TypeAlias, final
 
 import equinox as eqx
+import jax.numpy as jnp
 
 from ..core import InputError, Scalar
-from ..integration.accuracy import DEFAULT, Accuracy, as_accuracy
+from ..integration.accuracy import DEFAULT, DEFAULT_RTOL, Accuracy, as_accuracy
 
 BY_PURPOSE = "by purpose"
 
@@ -55,3 +57,10 @@ def as_campaign_accuracy(given: object) -> Accuracy | ByPurpose:
             f".{InputError.hint(given, [BY_PURPOSE])}"
         )
     return as_accuracy(given)
+
+
+def with_tolerance(accuracy: Accuracy) -> Accuracy:
+    """The accuracy with the default tolerance where it has none."""
+    if accuracy.rtol is not None:
+        return accuracy
+    return dataclasses.replace(accuracy, rtol=DEFAULT_RTOL[jnp.result_type(float).name])

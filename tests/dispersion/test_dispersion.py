@@ -281,6 +281,9 @@ def test_a_mission_with_an_event_is_cut_into_chunks_alike():
     assert np.any(fast) and np.all(one.evaluations[fast] > 2 * one.evaluations.min())
     for name in ("x", "t"):
         np.testing.assert_array_equal(one.outputs[name], two.outputs[name])
+        # A run alone has the same bits, its neighbours fast or not.
+        for number in (int(np.argmax(fast)), int(np.argmin(fast))):
+            assert campaign.replay(number, seed=1).outputs[name] == one.outputs[name][number]
     assert np.all(one.status <= Status.EVENT)
     np.testing.assert_allclose(one.outputs["t"], 2.0, rtol=1e-9)
     np.testing.assert_allclose(
