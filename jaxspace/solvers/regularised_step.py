@@ -22,7 +22,7 @@ from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State
 from ..core.barrier import barrier
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from .runge_kutta import blend, combine, weighted
+from .runge_kutta import blend, combine, stage_loop, weighted
 from .vector_field import ScaledField
 
 Regular = Float[Array, "variables *runs"]
@@ -82,7 +82,12 @@ def order_of(form: AbstractRegularised) -> float:
 
 
 def attempt(
-    form: AbstractRegularised, t: Scalar, duration: Scalar, z: Regular, h: Scalar
+    form: AbstractRegularised,
+    t: Scalar,
+    duration: Scalar,
+    z: Regular,
+    h: Scalar,
+    in_loop: bool = False,
 ) -> Attempt:
     """Take one step `h` in fictitious time.
 
@@ -92,13 +97,20 @@ def attempt(
     - `t`, `duration`: start and length of the segment, s.
     - `z`: the variables before the step.
     - `h`: the step.
+    - `in_loop`: whether the stages are a loop of the program (`stage_loop`).
 
     **Returns** the variables after it, their error estimates and the rate of time at `z`."""
     if isinstance(form, AbstractSecondOrderForm):
-        return _second_order_attempt(form, z, h)
+        return _second_order_attempt(form, z, h, in_loop)
     ks = []
-    for row in tableau.DOP853_A:
-        ks.append(derivative_in(form, t, duration, combine(z, h, row, ks) if row else z))
+    if in_loop:
+        ks = stage_loop(
+            lambda _, change: derivative_in(form, t, duration, z + h * change),
+            *(z, tableau.DOP853_C, tableau.DOP853_A),
+        )
+    else:
+        for row in tableau.DOP853_A:
+            ks.append(derivative_in(form, t, duration, combine(z, h, row, ks) if row else z))
     z1 = barrier(combine(z, h, tableau.DOP853_B, ks))
     error = blend(
         combine(None, h, tableau.DOP853_ERROR_5, ks), combine(None, h, tableau.DOP853_ERROR_3, ks)
@@ -111,18 +123,26 @@ def _rates(form: AbstractSecondOrderForm, q: Array, held: Array) -> tuple[Array,
     return barrier(form.rates(barrier(q), held))
 
 
-def _second_order_attempt(form: AbstractSecondOrderForm, z: Regular, h: Scalar) -> Attempt:
+def _second_order_attempt(
+    form: AbstractSecondOrderForm, z: Regular, h: Scalar, in_loop: bool
+) -> Attempt:
     n = (z.shape[0] - 2) // 2
     q, p, held = barrier((z[:n], z[n : 2 * n], form.held(z)))
-    ks: list[Array] = []
+    c, a = tableau.RKN1210_C, tableau.RKN1210_A
+    ks, rates = [], []
     # The part of the time that is no function of q and p is integrated as a velocity: its rate
     # depends on q alone, and no rate depends on it.
-    rates: list[Array] = []
-    for node, row in zip(tableau.RKN1210_C, tableau.RKN1210_A, strict=True):
-        mean = node * p + h * weighted(row, ks) if row else node * p
-        k, rate = _rates(form, q + h * mean, held)
-        ks.append(k)
-        rates.append(rate)
+    if in_loop:
+        ks, rates = stage_loop(
+            lambda node, change: _rates(form, q + h * (node * p + h * change[0]), held),
+            *((q, z[-1]), c, a),
+        )
+    else:
+        for node, row in zip(c, a, strict=True):
+            mean = node * p + h * weighted(row, ks) if row else node * p
+            k, rate = _rates(form, q + h * mean, held)
+            ks.append(k)
+            rates.append(rate)
     q1 = q + h * (p + h * weighted(tableau.RKN1210_POSITION, ks))
     p1 = p + h * weighted(tableau.RKN1210_VELOCITY, ks)
     rest = h * weighted(tableau.RKN1210_VELOCITY, rates)

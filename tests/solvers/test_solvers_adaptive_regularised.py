@@ -2,6 +2,7 @@
 in time and Cartesian variables, which shares neither the variables nor the steps."""
 
 import diffrax
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,13 +18,14 @@ from jaxspace import (
     simulate_mission_batch,
 )
 from jaxspace.bodies import Load
-from jaxspace.core import InputError
+from jaxspace.core import AbstractSecondOrderForm, InputError
 from jaxspace.core.vectors import dot
 from jaxspace.integration import select_method
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Event, Mission, Phase
 from jaxspace.solvers import DOP853, RKN1210, AdaptiveRegularised
+from jaxspace.solvers.regularised_step import attempt, form_in
 
 OWN = AdaptiveRegularised()
 # Below every periapsis here; what counts is J2 R^2.
@@ -206,6 +208,44 @@ def test_single_precision():
     true = simulate(OBLATE, y0, ts.astype(float), accuracy=accuracy(OWN))
     found = jax.tree.map(lambda x: x.astype(float), run.states)
     assert difference(found, true.states) < 4e-5
+
+
+@pytest.mark.parametrize("scene", [OBLATE, DRAGGED], ids=["second order", "first order"])
+def test_a_loop_of_stages_is_the_same_step(scene):
+    """For the derivatives of many runs."""
+    states = [at_periapsis(e) for e in (0.1, 0.7, 0.9)]
+    y0 = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *states)
+    whole = scene.regularised()
+    z = whole.to_regularised(y0)
+    form = form_in(whole, z)
+    assert isinstance(form, AbstractSecondOrderForm) is (scene is OBLATE)
+    h = jnp.array([0.3, -0.2, 0.1])
+    step = eqx.filter_jit(attempt)
+    one, other = (step(form, 0.0, 10.0, z, h, in_loop) for in_loop in (False, True))
+    # Sums of up to 17 terms in another order.
+    np.testing.assert_allclose(one.z, other.z, rtol=0.0, atol=1e-14)
+    np.testing.assert_allclose(one.rate, other.rate, rtol=1e-14)
+
+
+@pytest.mark.sweep
+def test_derivatives_of_many_runs():
+    """In a batch, whose stages are a loop there, as alone."""
+    states = [at_periapsis(e) for e in (0.5, 0.7, 0.9)]
+    y0s = jax.tree.map(lambda *x: jnp.stack(x, axis=-1), *states)
+    ts = jnp.array([0.0, 9.0])
+
+    def together(y):
+        run = simulate_batch(OBLATE, y, ts, accuracy=accuracy(OWN, 1e-11))
+        return jnp.sum(run.final.position)
+
+    def alone(y):
+        return jnp.sum(simulate(OBLATE, y, ts, accuracy=accuracy(OWN, 1e-11)).final.position)
+
+    found, one = jax.jit(jax.grad(together))(y0s), jax.jit(jax.grad(alone))
+    for k, y in enumerate(states):
+        expected = one(y).velocity
+        size = np.max(np.abs(expected))
+        np.testing.assert_allclose(found.velocity[:, k], expected, rtol=0.0, atol=1e-8 * size)
 
 
 @pytest.mark.sweep
