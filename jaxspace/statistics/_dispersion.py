@@ -18,11 +18,11 @@ from ..core.text import aligned, in_words
 from ..integration.status import Status
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors
-from .correlation import RankCorrelation, rank_correlation
+from .correlation import RankCorrelation, strongest_correlations
 from .datasets import as_dataset, as_frame
 from .limits import Percentile, Probability, clopper_pearson, percentile
 from .purpose import Purpose
-from .requirements import Requirement, Verdict, requirement_of, verdict_of
+from .requirements import Requirement, Verdict, extreme_place, requirement_of, verdict_of
 from .spread import Convergence, Ellipsoid, StopRule, convergence, ellipsoid
 from .table import Row, row_of
 
@@ -32,8 +32,6 @@ if TYPE_CHECKING:
     import pandas
     import xarray
 
-# Which run of an output is asked for.
-WHICH = ("worst", "least", "greatest")
 # Rows of a printed result.
 MOST_ROWS = 30
 
@@ -361,20 +359,7 @@ class Dispersion(eqx.Module):
         good run has a number."""
         x = np.where(self.good, self.values(output).astype(float), np.nan)
         low, high = self.requirements.get(output, (None, None))
-        if which not in WHICH:
-            raise InputError(f"which is {which!r}: it must be one of {', '.join(WHICH)}.")
-        if which == "worst" and low is None and high is None:
-            raise InputError(
-                f"{output} has no requirement, by which a run is the worst one: it must be least "
-                f"or greatest, or the output must have at_least or at_most."
-            )
-        # By the nearer of both limits; negative where the requirement is violated.
-        margins = [*([] if low is None else [x - low]), *([] if high is None else [high - x])]
-        by = {"least": x, "greatest": -x}.get(which)
-        by = np.min(margins, axis=0) if by is None else by
-        if np.isnan(by).all():
-            raise InputError(f"{output} is a number in no run that ended well.")
-        return int(self._numbers_of_runs[np.nanargmin(by)])
+        return int(self._numbers_of_runs[extreme_place(which, output, x, low, high)])
 
     @property
     def _numbers_of_runs(self) -> np.ndarray:
@@ -389,17 +374,9 @@ class Dispersion(eqx.Module):
 
     def rank_correlations(self, output: str, count: int = 5) -> dict[str, RankCorrelation]:
         """Spearman's rank correlation of an output with the inputs, the strongest first."""
-        result = {}
-        for name in self.inputs:
-            x, y = self.values(name), self.values(output)
-            some = self.good & ~(np.isnan(x) | np.isnan(y))
-            x = x[some].astype(float)
-            y = y[some].astype(float)
-            # Fewer pairs have no interval, and a constant input has no ranks.
-            if x.size >= 5 and np.ptp(x) > 0.0:
-                result[name] = rank_correlation(x, y)
-        order = sorted(result.items(), key=lambda pair: -abs(pair[1].value))
-        return dict(order[:count])
+        y = self.values(output)[self.good]
+        given = {name: self.values(name)[self.good] for name in self.inputs}
+        return strongest_correlations(given, y, count)
 
     def to_csv(self, path: "str | os.PathLike[str]") -> None:
         """Write the runs as a table of text: a line for each run, with its number, its status, its

@@ -2,6 +2,7 @@
 
 __all__ = ["RankCorrelation", "rank_correlation"]
 
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
@@ -52,3 +53,19 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     low, high = (float(np.tanh(centre + s * half)) for s in (-1.0, 1.0))
     # The clipped transform of a perfect correlation would leave it outside by rounding.
     return RankCorrelation(r, min(low, r), max(high, r))
+
+
+def strongest_correlations(
+    inputs: Mapping[str, np.ndarray], y: np.ndarray, count: int
+) -> dict[str, RankCorrelation]:
+    """The correlations of `y` with the `inputs`, each (runs,), of which the `count` strongest are
+    listed, the strongest first."""
+    result = {}
+    for name, x in inputs.items():
+        some = ~(np.isnan(x) | np.isnan(y))
+        a, b = x[some].astype(float), y[some].astype(float)
+        # Fewer pairs have no interval, and a constant input has no ranks.
+        if a.size >= 5 and np.ptp(a) > 0.0:
+            result[name] = rank_correlation(a, b)
+    order = sorted(result.items(), key=lambda pair: -abs(pair[1].value))
+    return dict(order[:count])

@@ -10,11 +10,15 @@ __all__ = ["Requirement", "Verdict"]
 from collections.abc import Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
+import numpy as np
+
 from ..core import InputError
 from ..core.printing import printed
 from .limits import Probability, check_share
 
 Word: TypeAlias = Literal["pass", "fail", "not yet known"]
+# Which run of an output is asked for.
+WHICH = ("worst", "least", "greatest")
 
 
 @printed()
@@ -75,3 +79,25 @@ def verdict_of(violation: Probability, allowed: float) -> Verdict:
     elif violation.low > allowed:
         word = "fail"
     return Verdict(word, violation, allowed)
+
+
+def extreme_place(
+    which: str, output: str, x: np.ndarray, low: float | None, high: float | None
+) -> int:
+    """The place of the run that is "least", "greatest" or "worst" by the values `x` of an output,
+    (runs,), NaN for runs that do not count; `low` and `high` are its limits. Raises `InputError` as
+    `Dispersion.run_of` does."""
+    if which not in WHICH:
+        raise InputError(f"which is {which!r}: it must be one of {', '.join(WHICH)}.")
+    if which == "worst" and low is None and high is None:
+        raise InputError(
+            f"{output} has no requirement, by which a run is the worst one: it must be least "
+            f"or greatest, or the output must have at_least or at_most."
+        )
+    # By the nearer of both limits; negative where the requirement is violated.
+    margins = [*([] if low is None else [x - low]), *([] if high is None else [high - x])]
+    by = {"least": x, "greatest": -x}.get(which)
+    by = np.min(margins, axis=0) if by is None else by
+    if np.isnan(by).all():
+        raise InputError(f"{output} is a number in no run that ended well.")
+    return int(np.nanargmin(by))
