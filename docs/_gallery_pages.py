@@ -56,8 +56,8 @@ GOALS = {
         "fig_4_16_2 fig_4_16_3"
     ),
     "Climb": (
-        "gimballed_ascent dispersed_ascent transfer_payload fig_8_5_1 fig_8_3_1 "
-        "fig_8_1_2 fig_8_4_2 fig_8_4_3 fig_8_4_4"
+        "gimballed_ascent dispersed_ascent transfer_payload flexible_gains "
+        "fig_8_5_1 fig_8_3_1 fig_8_1_2 fig_8_4_2 fig_8_4_3 fig_8_4_4"
     ),
     "Land inside a circle": (
         "windy_landing upright_landing branches booster_return air_brake "

@@ -36,6 +36,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "upright_landing",
         "air_brake",
         "roll_control",
+        "flexible_gains",
         "sampled_slew",
         "wheel_slew",
     ),

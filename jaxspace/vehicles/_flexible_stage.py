@@ -31,10 +31,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
-from ..core import InputError, Scalar, State, Vector, quantity
+from ..core import InputError, Scalar, State, Vector, output, quantity
 from ..core.checks import is_concrete
 from ..core.shapes import with_rank
-from ..core.vectors import unit
+from ..core.vectors import norm, unit
 from ..mechanics import MissileState
 from ..mechanics.missile_loop import MissileLoop, MissileLoopState
 
@@ -134,6 +134,22 @@ class FlexibleStage(AbstractEffect):
             },
         )
 
+    @output("rad")
+    def lean(self, y: BodyState) -> Scalar:
+        """Angle between the mean axis and the target as the autopilot counts it (sines for rad),
+        rad."""
+        return _size(self._inclination(y)[0])
+
+    @output("rad/s")
+    def lean_rate(self, y: BodyState) -> Scalar:
+        """How fast the mean axis turns, whichever way, rad/s."""
+        return _size(self._inclination(y)[1])
+
+    @output("rad")
+    def engine_angle(self, y: BodyState) -> Scalar:
+        """Angle of the engine to the straight beam, whichever way it swivels, rad."""
+        return _size(y.part(self.part)["engine"])
+
     def _inclination(self, y: BodyState) -> tuple[Two, Two]:
         """Inclination of the mean axis to x and y from the target, sines for rad, and its rate."""
         target = y.attitude.rotate_back(with_rank(unit(self.target), y.omega.ndim - 1))
@@ -155,6 +171,11 @@ class FlexibleStage(AbstractEffect):
                     f"The {name} of the body is {given} {kg}: it must be that of the beam of "
                     f"FlexibleStage, {expected} {kg}."
                 )
+
+
+def _size(x: Two) -> Scalar:
+    """Length of a vector of components along x and y."""
+    return norm(jnp.concatenate([x, jnp.zeros_like(x[:1])]))
 
 
 def _rolled(spin: Scalar, x: Array) -> Array:
