@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from jaxspace import load
+from jaxspace import Scene, load
 from jaxspace.dispersion import Campaign, disperse
 from jaxspace.io import SceneFile
 from jaxspace.mechanics.missile_loop import MissileLoop
 from jaxspace.robust import judge_designs
 from jaxspace.statistics import Dispersion
 from jaxspace.studies import modes
+from jaxspace.vehicles import FlexibleStage
 
 SCENE = Path(__file__).parents[1] / "examples" / "scenes" / "flexible_gains.toml"
 DURATION = 4.0
@@ -30,7 +31,11 @@ def file() -> SceneFile:
 def loop_of(campaign: Campaign, runs: Dispersion) -> MissileLoop:
     """The loop of the stage, with the numbers of these runs."""
     mission, _ = campaign.mission({name: jnp.asarray(x) for name, x in runs.inputs.items()})
-    return mission.phases[0].system.effects[-1].loop
+    made = mission.phases[0].system
+    assert isinstance(made, Scene)
+    stage = made.effects[-1]
+    assert isinstance(stage, FlexibleStage)
+    return stage.loop
 
 
 def linear_ends(loop: MissileLoop, runs: Dispersion) -> dict[str, np.ndarray]:

@@ -26,7 +26,7 @@ def test_every_script_has_its_picture():
 
 def test_every_script_was_timed():
     assert list(seconds()) == list(SCRIPTS)
-    assert all(0.0 < float(x) < 120.0 for x in seconds().values())
+    assert all(0.0 < float(x) < 150.0 for x in seconds().values())
 
 
 def test_every_script_has_a_goal(monkeypatch):
