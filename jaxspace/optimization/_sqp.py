@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array
 
+from ..core import Flag, Scalar
 from ._gradient_check import probed_error
 from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
@@ -155,20 +156,7 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     small = jnp.where(curved, s.radius, 0.35 * jnp.minimum(s.radius, length))
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
-    far = penalty(s.at.c, s.at.d)
-    reached = penalty(c, d)
-    # A corrected model has other constraints than those at x.
-    present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
-    # Where even the model leaves half of the violation, the objective still outweighs it.
-    stuck = (reached > 0.5 * far) & present
-    # A short step reduces little where a long one would reduce much.
-    least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
-    hopeless = (far - reached < least) & present & (s.rho >= MOST_WEIGHT)
-    rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
-    # A weight far above the multipliers follows a curved constraint in tiny steps.
-    largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=0.0)
-    eased = jnp.minimum(s.rho, jnp.maximum(0.25 * s.rho, 2.0 * largest))
-    rho = jnp.where(take & (reached <= 0.01 * far), eased, rho)
+    rho, hopeless = _weighted(s, penalty(c, d), take)
     B = jnp.where(take, damped_bfgs(s, trial, p, y, nu), s.B)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
     shift = (trial.c - c, trial.d - d)
@@ -193,3 +181,23 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
     row = jnp.stack([moved.at.f / s.weight[0], moved.violation, moved.gradient])
     return moved._replace(rows=s.rows.at[s.taken].set(row))
+
+
+def _weighted(s: SqpState, reached: Scalar, take: Flag) -> tuple[Scalar, Flag]:
+    """The weight of the violation after the pending step, whose model leaves the penalty `reached`;
+    and whether no larger weight helps. `take`: whether the step is accepted."""
+    p, y, nu, solved = s.pending
+    far = penalty(s.at.c, s.at.d)
+    # A corrected model has other constraints than those at x.
+    present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
+    # Where even the model leaves half of the violation, the objective still outweighs it.
+    stuck = (reached > 0.5 * far) & present
+    # A short step reduces little where a long one would reduce much.
+    least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
+    hopeless = (far - reached < least) & present & (s.rho >= MOST_WEIGHT)
+    rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
+    # A weight far above the multipliers follows a curved constraint in tiny steps.
+    largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=0.0)
+    eased = jnp.minimum(s.rho, jnp.maximum(0.25 * s.rho, 2.0 * largest))
+    rho = jnp.where(take & (reached <= 0.01 * far), eased, rho)
+    return rho, hopeless

@@ -17,7 +17,7 @@ from jaxspace.statistics import Dispersion
 from jaxspace.studies import modes
 from jaxspace.vehicles import FlexibleStage
 
-SCENE = Path(__file__).parents[1] / "examples" / "scenes" / "flexible_gains.toml"
+SCENE = Path(__file__).parents[2] / "examples" / "scenes" / "flexible_gains.toml"
 DURATION = 4.0
 # Sine of the three degrees of the target.
 TURN = 0.05233595624294383
