@@ -1,14 +1,16 @@
 """A design under dispersion: altitude of ignition and thrust of a lander for which the drop of 99 %
-of all landings is least, while 99 % stop above the ground. By `robust.optimise_design`, and by
-SLSQP of SciPy over `disperse` with differences of common random numbers.
+of all landings is least, while 99 % stop above the ground; with 21 unknowns the thrust is a table
+of time with twenty nodes. By `robust.optimise_design`, and by SLSQP of SciPy over `disperse` with
+differences of common random numbers.
 
 Processor seconds are those of the search with compilation. The value is the 99 % quantile of the
 height, m, over 65,536 fresh runs of each design, and the violation the share that hits the ground.
-Beside it the runs per processor second inside the search, with the gradient by both unknowns and
+Beside it the runs per processor second inside the search, with the gradient by all unknowns and
 without, those of the plain campaign, and those of a plain `vmap` of diffrax with the gradient."""
 
 import time
-from typing import Any, final
+from collections.abc import Callable
+from typing import Any, NamedTuple, final
 
 import diffrax
 import equinox as eqx
@@ -18,9 +20,10 @@ import numpy as np
 import optimistix
 import scipy.optimize
 
-from jaxspace.core import AbstractSystem, Scalar
+from jaxspace.core import AbstractSystem, Scalar, Table
 from jaxspace.dispersion import Campaign, Normal, disperse
 from jaxspace.dispersion.evaluate import inputs_at
+from jaxspace.optimization.batch_descent import FORWARD_RATIO
 from jaxspace.robust import optimise_design
 from jaxspace.robust._runs import problem_of
 from jaxspace.robust.statistics import Quantile
@@ -30,7 +33,8 @@ from jaxspace.solvers import Tsit5
 RUNS, FRESH, SHARE = 2048, 65_536, 0.99
 # Altitude, m, and thrust, m/s^2: start, least and greatest.
 START, LOW, HIGH = np.array([[600.0, 8.0], [100.0, 6.0], [1200.0, 9.0]])
-SIZE = HIGH - LOW
+# Times of the nodes of the thrust, s from the ignition on, and how long the phase may last.
+NODES = np.linspace(0.0, 30.0, 20)
 LEAST, MOST = Quantile("height", 1.0 - SHARE), Quantile("height", SHARE)
 # Of the difference quotients of SciPy, in sizes of the unknowns: best of 1e-2, 1e-3 and 1e-4.
 STEP = 1e-3
@@ -94,44 +98,93 @@ SCATTER = {
 }
 
 
+@final
+class Throttled(AbstractSystem):
+    """The lander under a thrust that is a table of time from the start of its phase on."""
+
+    thrust: Table
+    factor: Scalar
+    drag: Scalar
+
+    def started_at(self, t0):
+        return eqx.tree_at(lambda s: s.thrust.times, self, self.thrust.times + t0)
+
+    def vector_field(self, t, y):
+        drag = -self.drag * y["v"] * jnp.abs(y["v"])
+        return {"z": y["v"], "v": self.factor * self.thrust(t) + drag - 3.7}
+
+    def invariants(self, t, y):
+        return {}
+
+
+class BuildThrottled(eqx.Module):
+    """As `Build`, with the table of the thrust behind the altitude."""
+
+    x: Any
+
+    def __call__(self, inputs):
+        mission, y0 = Build(self.x)(inputs)
+        fall, brake = mission.phases
+        factor, drag = inputs["factor"], inputs["drag"]
+        values = jnp.broadcast_to(self.x[1:, None], (NODES.size, *factor.shape))
+        times = jnp.broadcast_to(jnp.asarray(NODES)[:, None], values.shape)
+        system = Throttled(Table(times, values), factor, drag)
+        return Mission([fall, Phase(system, brake.until, name="brake")]), y0
+
+
 def landing(x) -> Campaign:
     """The campaign of a design: its altitude of ignition, m, and thrust, m/s^2."""
     accuracy = Accuracy(1e-6, method=Tsit5(), max_steps=256)
-    return Campaign(Build(jnp.asarray(x)), SCATTER, outputs, accuracy=accuracy)
+    build = Build if x.size == START.size else BuildThrottled
+    return Campaign(build(jnp.asarray(x)), SCATTER, outputs, accuracy=accuracy)
 
 
-def ours() -> tuple[np.ndarray, dict]:
+class Task(NamedTuple):
+    """Start and bounds of the unknowns."""
+
+    start: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
+def task_of(nodes: int) -> Task:
+    """The task with so many numbers of the thrust."""
+    return Task(*(np.r_[x[0], np.full(nodes, x[1])] for x in (START, LOW, HIGH)))
+
+
+def ours(task: Task) -> tuple[np.ndarray, dict]:
     """The design, and how long it took."""
     began = time.process_time()
     found = optimise_design(
         landing,
-        jnp.asarray(START),
+        jnp.asarray(task.start),
         minimise=MOST,
         subject_to=[LEAST.at_least(0.0)],
-        bounds=(jnp.asarray(LOW), jnp.asarray(HIGH)),
+        bounds=(jnp.asarray(task.low), jnp.asarray(task.high)),
         runs=RUNS,
     )
     spent = time.process_time() - began
     return np.asarray(found.x), {"processor_seconds": spent, "steps": int(found.minimum.steps)}
 
 
-def by_scipy() -> tuple[np.ndarray, dict]:
+def by_scipy(task: Task) -> tuple[np.ndarray, dict]:
     """The same by SLSQP over campaigns of as many runs."""
     began = time.process_time()
     known: dict[bytes, np.ndarray] = {}
+    size = task.high - task.low
 
     def heights(z):
         # Objective and constraint ask for the same runs.
         if z.tobytes() not in known:
-            known[z.tobytes()] = disperse(landing(SIZE * z), RUNS).values("height")
+            known[z.tobytes()] = disperse(landing(size * z), RUNS).values("height")
         return known[z.tobytes()]
 
     scale = 100.0
     found = scipy.optimize.minimize(
         lambda z: np.quantile(heights(z), SHARE) / scale,
-        START / SIZE,
+        task.start / size,
         method="SLSQP",
-        bounds=list(zip(LOW / SIZE, HIGH / SIZE, strict=True)),
+        bounds=list(zip(task.low / size, task.high / size, strict=True)),
         constraints={
             "type": "ineq",
             "fun": lambda z: np.quantile(heights(z), 1.0 - SHARE) / scale,
@@ -143,7 +196,7 @@ def by_scipy() -> tuple[np.ndarray, dict]:
     )
     spent = time.process_time() - began
     row = {"processor_seconds": spent, "steps": int(found.nit), "campaigns": len(known)}
-    return SIZE * found.x, row
+    return size * found.x, row
 
 
 def judged(x: np.ndarray) -> dict:
@@ -153,20 +206,26 @@ def judged(x: np.ndarray) -> dict:
     return {"value_m": value, "violation": fresh.violation("height", at_least=0.0).value}
 
 
-def rate(call, runs: int) -> float:
-    """Runs per processor second: the median of several calls after a first one."""
-    call()
-    seconds = []
+def rates(calls: dict[str, tuple[Callable[[], Any], int]]) -> dict[str, dict]:
+    """Runs per processor second of calls, each with its runs, that are made in turn: the median of
+    several after a first one."""
+    seconds: dict[str, list[float]] = {name: [] for name in calls}
+    for call, _ in calls.values():
+        call()
     for _ in range(REPEATS):
-        began = time.process_time()
-        jax.block_until_ready(call())
-        seconds.append(time.process_time() - began)
-    return runs / float(np.median(seconds))
+        for name, (call, _) in calls.items():
+            began = time.process_time()
+            jax.block_until_ready(call())
+            seconds[name].append(time.process_time() - began)
+    return {
+        name: {"runs_per_cpu_second": runs / float(np.median(seconds[name]))}
+        for name, (_, runs) in calls.items()
+    }
 
 
-def rates() -> dict:
-    """Runs per processor second inside the search, and of the plain campaign."""
-    x = jnp.asarray(START)
+def calls_of(task: Task) -> dict[str, tuple[Callable[[], Any], int]]:
+    """The runs of the search, with their gradient and without, and those of the plain campaign."""
+    x = jnp.asarray(task.start)
     limits = (LEAST.at_least(0.0),)
     problem = problem_of(landing, x, MOST, limits, RUNS, 0, None, 0.0)
 
@@ -174,18 +233,14 @@ def rates() -> dict:
         found = problem(x)
         return jnp.concatenate([found.objective[None], found.non_negative])
 
-    value, gradient = jax.jit(numbers), jax.jit(jax.jacfwd(numbers))
+    # As the search chooses it.
+    mode = jax.jacfwd if x.size <= FORWARD_RATIO * 2 else jax.jacrev
+    value, gradient = jax.jit(numbers), jax.jit(mode(numbers))
     campaign = landing(x)
-    of_diffrax = jax.jit(jax.jacfwd(by_diffrax()))
-
-    def plain():
-        return disperse(campaign, FRESH).values("height")
-
     return {
-        "search with gradient": rate(lambda: gradient(x), RUNS),
-        "search, values alone": rate(lambda: value(x), RUNS),
-        "plain campaign": rate(plain, FRESH),
-        "vmap of diffrax with gradient": rate(lambda: of_diffrax(x), RUNS),
+        "search with gradient": (lambda: gradient(x), RUNS),
+        "search, values alone": (lambda: value(x), RUNS),
+        "plain campaign": (lambda: disperse(campaign, FRESH).values("height"), FRESH),
     }
 
 
@@ -225,7 +280,16 @@ def by_diffrax():
 
 def measure() -> dict:
     """A dictionary of what was seen."""
+    tasks = {"2 unknowns": task_of(1), "21 unknowns": task_of(NODES.size)}
+    ways = {"optimise_design": ours, "SLSQP over disperse": by_scipy}
     # Before they are judged, which compiles the program of the campaign.
-    found = {"optimise_design": ours(), "SLSQP over disperse": by_scipy()}
+    found = {f"{n}: {w}": way(task) for n, task in tasks.items() for w, way in ways.items()}
     rows = {name: {**row, **judged(x)} for name, (x, row) in found.items()}
-    return rows | {name: {"runs_per_cpu_second": speed} for name, speed in rates().items()}
+    start = jnp.asarray(START)
+    of_diffrax = jax.jit(jax.jacfwd(by_diffrax()))
+    for name, task in tasks.items():
+        calls = calls_of(task)
+        if task.start.size == START.size:
+            calls["vmap of diffrax with gradient"] = (lambda: of_diffrax(start), RUNS)
+        rows |= {f"{name}: {call}": row for call, row in rates(calls).items()}
+    return rows
