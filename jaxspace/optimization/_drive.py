@@ -89,12 +89,13 @@ def _watched(
     # A search that is resumed may have nothing left to do.
     more = bool(at_once(unfinished, state))
     taken = int(state.taken)
+    known = taken > 0
     try:
         while more:
             # The first evaluation was already made, to see whether the numbers are known.
             evaluation = evaluate(state) if evaluation is None else evaluation
             state, goes_on = move(state, evaluation)
-            evaluation = None
+            evaluation, known = None, True
             more = bool(goes_on)
             if store is not None:
                 store.save(state, last=not more)
@@ -103,6 +104,9 @@ def _watched(
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
+        # Before the first evaluation nothing is known that could be told.
+        if not known:
+            raise
         # The state of the last whole step, from which `minimise` can continue.
         if store is not None:
             store.save(state, last=True)

@@ -72,7 +72,8 @@ def minimise(
       the larger of the start and 1. Objective and constraints are scaled by their derivatives at
       the start.
     - `progress`: called after each step with its number, objective, scaled violation and
-      gradient; not under `jit`. Ctrl-C ends such a search with the best result so far.
+      gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
+      first step on.
     - `store`: the path of a file in which the search keeps its state; not under `jit`.
     - `resume`: whether it goes on from that file, where there is one, after its process was ended:
       with the same steps, bit for bit, that it would have taken.

@@ -2,15 +2,18 @@
 with known optima."""
 
 import dataclasses
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from jaxtyping import Array
 from scipy.optimize import minimize_scalar
 
 from jaxspace.core import AbstractSystem, InputError, Scalar
 from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
+from jaxspace.optimization._drive import drive
 from jaxspace.optimization.steering import minimum_time_steering
 from jaxspace.simulation import Accuracy, Event, simulate_batch
 from jaxspace.solvers import Tsit5
@@ -260,6 +263,22 @@ def test_hard_valleys(exact):
 
 def valley(x):
     return Criterion(100.0 * (x[1] - x[0] ** 2) ** 2 + (1.0 - x[0]) ** 2, x[0] + x[1] - 1.5)
+
+
+class Counted(NamedTuple):
+    """A search that counts its steps."""
+
+    taken: Array
+
+
+def test_an_interruption_before_the_first_step_is_passed_on():
+    """Nothing is known that a result could tell, as which of the unknowns matter."""
+
+    def stopped(state: Counted, evaluation: Array) -> Counted:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        drive(lambda s: s.taken, stopped, lambda s: s.taken < 3, Counted(jnp.asarray(0)), print)
 
 
 def test_a_search_is_watched_and_goes_on():
