@@ -128,6 +128,10 @@ def pytest_runtest_setup(item):
     # The long sweeps continue campaigns of other processes, whose digits have to be the same.
     every = item.config.getoption("--sweep") == "all"
     optimised = every or is_optimised(item.config) and suite.looks_at_digits(item.path)
+    if jax.config.values["jax_disable_most_optimizations"] is optimised:
+        # JAX would go on with the programs that it has in memory, which have other digits than the
+        # processes that a test starts.
+        jax.clear_caches()
     jax.config.update("jax_disable_most_optimizations", not optimised)
     return (yield)
 

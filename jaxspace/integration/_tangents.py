@@ -220,7 +220,8 @@ class TangentControl(eqx.Module):
         zero in the first run, and for a step that the motion rejects or is not `going` on."""
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
-        duration = jnp.abs(field.duration(step.s, step.length))
+        # In single precision the time may have double precision.
+        duration = jnp.abs(field.duration(step.s, step.length)).astype(state.limited.dtype)
         free = (step.motion < FREE) & (step.length > LONG) & (state.count < MOST_FREE)
         # The last steps of a segment are cut short, and free for that reason alone.
         some = (step.number % EVERY == SINCE) | free & (duration > state.limited)

@@ -42,6 +42,14 @@ def pulled(x):
     return numbers(loop.sideways(state), loop.mean_turn(state), *jnp.diag(inertia))
 
 
+def leaning(x):
+    """Lean of a flexible stage, its rate and the angle of its engine: attitude, rate, engine."""
+    body = m.FlexibleMissile(*MISSILE[:6], actuator_stiffness=3e6, modes=2)
+    stage = v.FlexibleStage(m.missile_loop.MissileLoop(body, 1.0, 0.1, 2.0, 1500.0, 2.5, 0.01, 4.0))
+    y = BodyState(attitude=Quaternion(x[:4]), omega=x[4:7], parts={stage.part: {"engine": x[7:9]}})
+    return jnp.stack([stage.lean(y), stage.lean_rate(y), stage.engine_angle(y)])
+
+
 def swivelled(x):
     """Tangents of a nozzle, and its motor: thrust, impulse, propellant, gain, damping, limit, time,
     mass, attitude, rate and direction."""
@@ -106,6 +114,14 @@ FORMS = (
         [
             (*MISSILE, 0.03, 0.02, -0.01, 0.1, -0.2, 5e3),
             (*MISSILE, 0.0, 0.0, 1e-9, 0.0, 0.0, 5e3),
+        ],
+    ),
+    Form(
+        leaning,
+        tuple(f"vehicles.FlexibleStage.{name}" for name in ("lean", "lean_rate", "engine_angle")),
+        [
+            (0.9, 0.1, -0.3, 0.2, 0.02, -0.01, 0.5, 0.03, -0.01),
+            (1.0, 1e-9, 2e-9, 0.3, 1e-8, 0.0, 0.1, 1e-7, 0.0),
         ],
     ),
     Form(
