@@ -3,7 +3,7 @@ derivatives by forward mode; 256 low orbits for three revolutions, in one progra
 user for vectors of 512 bits, at the default `max_steps`. Forward mode takes the steps twice, to
 record them and along the record, and a column costs as much as 0.6 to 1.0 of a run, since a tangent
 has the sums of the method like a state and only the roots and quotients of the field are shared:
-with six columns six to eight runs, by the method of Stormer seventeen. A rule by hand for the
+with six columns eight or nine runs, by the method of Stormer twenty-two. A rule by hand for the
 gradient of gravity, which is symmetric, made no column cheaper."""
 
 from typing import Any
