@@ -3,8 +3,9 @@ derivatives by forward mode; 256 low orbits for three revolutions, in one progra
 user for vectors of 512 bits, at the default `max_steps`. Forward mode takes the steps twice, to
 record them and along the record, and a column costs as much as 0.6 to 1.0 of a run, since a tangent
 has the sums of the method like a state and only the roots and quotients of the field are shared:
-with six columns eight or nine runs, by the method of Stormer twenty-two. A rule by hand for the
-gradient of gravity, which is symmetric, made no column cheaper."""
+with six columns eight or nine runs, by the method of Stormer twenty-three. A rule by hand for the
+gradient of gravity, which is symmetric, made no column cheaper. Without derivative control the
+steps look at the motion alone; forward mode of a single run is along one direction."""
 
 from typing import Any
 
@@ -14,7 +15,7 @@ from jaxtyping import Array
 
 from jaxspace import AbstractSystem, BodyState
 from jaxspace.orbits import TwoBody
-from jaxspace.simulation import Accuracy, simulate_batch
+from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import DOP853, Stormer, Tsit5
 
 from ._measure import WIDE, in_turn, worst
@@ -22,12 +23,19 @@ from .low_orbits import SCENE, orbits
 
 RUNS, SPAN = 256, 20.0
 STORMER = Stormer(12, steps=264)
+ADAPTIVE = "DOP853", "auto, RKN 12(10)", "Tsit5"
 
 
-def end(system: AbstractSystem, y: BodyState, method: Any, rtol: float = 1e-9) -> BodyState:
-    """The orbits three revolutions later."""
+def end(
+    system: AbstractSystem,
+    y: BodyState,
+    method: Any,
+    rtol: float = 1e-9,
+    control: bool = True,
+) -> BodyState:
+    """The orbits three revolutions later; `control`: whether their steps look at derivatives."""
     ts = jnp.array([0.0, SPAN], y.position.dtype)
-    accuracy = Accuracy(rtol=rtol, method=method)
+    accuracy = Accuracy(rtol=rtol, method=method, derivative_control=control)
     return simulate_batch(system, y, ts, accuracy=accuracy).final
 
 
@@ -47,9 +55,37 @@ def gradient(system: AbstractSystem, y: BodyState, method: Any, rtol: float = 1e
     return jax.grad(lambda y: jnp.sum(end(system, y, method, rtol).position[0]))(y)
 
 
+def uncontrolled(system: AbstractSystem, method: Any, y: BodyState) -> BodyState:
+    """`gradient` of runs whose steps the motion alone controls."""
+    return jax.grad(lambda y: jnp.sum(end(system, y, method, control=False).position[0]))(y)
+
+
+def alone(y: BodyState, forward: bool, control: bool) -> BodyState:
+    """The gradient of a single run, along its own state in forward mode."""
+    accuracy = Accuracy(rtol=1e-9, method=DOP853(), derivative_control=control)
+
+    def place(y: BodyState) -> Array:
+        return simulate(SCENE, y, jnp.array([0.0, SPAN]), accuracy=accuracy).final.position[0]
+
+    return jax.jvp(place, (y,), (y,))[1] if forward else jax.grad(place)(y)
+
+
+def of_single_runs(y0: BodyState) -> dict:
+    """Speed of the gradients of a single run by DOP853, with and without derivative control."""
+    y = jax.tree.map(lambda x: x[:, 0], y0)
+    calls = {}
+    for mode in ("reverse", "forward"):
+        for control in (True, False):
+            program = jax.jit(lambda y, f=mode == "forward", c=control: alone(y, f, c))
+            what = "" if control else ", without derivative control"
+            calls[f"a single run, {mode} mode{what}"] = lambda program=program: program(y)
+    return in_turn(calls, 1, repeats=51)
+
+
 def measure() -> dict:
     """Speed of the run, of its reverse mode and of its 6 x 6 matrix, by four methods; the same for
-    the closed form; and the error of the reverse modes against the matrices."""
+    the closed form; what derivative control takes of it, of single runs as well; and the error of
+    the reverse modes against the matrices."""
     y0 = jax.tree.map(lambda x: x[:, :RUNS], orbits())
     works = {"run": end, "run and reverse mode": gradient, "run and 6 x 6 matrix": matrix}
     cases = {
@@ -68,6 +104,10 @@ def measure() -> dict:
         }
         for name, case in cases.items()
     }
+    for name in ADAPTIVE:
+        programs[name]["run and reverse mode, without derivative control"] = jax.jit(
+            lambda y, case=cases[name]: uncontrolled(*case, y), compiler_options=WIDE
+        )
     calls = {
         f"{name}, {what}": lambda f=f: f(y0)
         for name, every in programs.items()
@@ -85,4 +125,4 @@ def measure() -> dict:
             rows[other]["times_the_run"] = (
                 rows[base]["runs_per_second"] / rows[other]["runs_per_second"]
             )
-    return rows
+    return rows | of_single_runs(y0)

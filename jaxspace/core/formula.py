@@ -49,13 +49,17 @@ class _Number(NamedTuple):
 
 
 @typing.overload
-def formula(function: Function, /) -> Function: ...
+def formula(function: Function, /) -> Function:
+    """Without ranges."""
+    ...
 
 
 @typing.overload
 def formula(
     **ranges: Range,
-) -> Callable[[Function], Function]: ...  # pyright: ignore[reportInvalidTypeVarUse]
+) -> Callable[[Function], Function]:  # pyright: ignore[reportInvalidTypeVarUse]
+    """With the ranges of some arguments."""
+    ...
 
 
 def formula(function: Callable[..., object] | None = None, /, **ranges: Range) -> Any:

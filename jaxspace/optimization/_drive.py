@@ -104,7 +104,7 @@ def _watched(
                 objective, violation, gradient = (float(x) for x in state.rows[taken - 1])
                 progress(taken, objective, violation, gradient)
     except KeyboardInterrupt:
-        # Before the first evaluation nothing is known that could be told.
+        # Before the first step nothing is known that could be told.
         if not known:
             raise
         # The state of the last whole step, from which `minimise` can continue.

@@ -122,9 +122,9 @@ class StepController(eqx.Module):
         # stages.
         size = jnp.clip(errors, 1e-12, 1e12).astype(jnp.float32)
         factor = SAFETY * jnp.exp(jnp.log(size) * (-1.0 / order)).astype(ds.dtype)
-        # A rejected step must become shorter, whatever its error estimate.
         # What made the steps short before a break may have ended there.
         begins_segment = (t0 > 0.0) & (t0 == jnp.round(t0))
+        # A rejected step must become shorter, whatever its error estimate.
         most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, GROW), SAFETY)
         # A first step, which may be far too long, becomes as short as its error says.
         least = jnp.where(begun, SHRINK, 0.0)
