@@ -23,7 +23,7 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, disperse, open_store
 from jaxspace.io import SceneError, SceneFile, load
 from jaxspace.io.campaign_report import failures_report
-from jaxspace.io.report import dispersion_report
+from jaxspace.io.campaign_tables import dispersion_report
 from jaxspace.simulation import Status
 from jaxspace.statistics.requirements import Requirement
 

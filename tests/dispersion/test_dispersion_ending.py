@@ -25,7 +25,7 @@ from jaxspace.dispersion import (
 from jaxspace.dispersion._ending import Ending, checkpoints
 from jaxspace.dispersion.covariance import Moments
 from jaxspace.io import SceneError, load
-from jaxspace.io.report import status_lines
+from jaxspace.io.campaign_tables import status_lines
 from jaxspace.stores.results import RunResults
 
 # Some 2000 runs know that much of x.
