@@ -28,7 +28,7 @@ from ..core.safe import safe_divide
 from ..core.types import as_float
 from ..integration.events import Event, newton_correct
 from ..solvers import tableaus as tableau
-from ..solvers.runge_kutta import combine, stages
+from ..solvers.stages import combine, stages
 from ._mission import Mission, Phase
 from .legs import legs_of
 

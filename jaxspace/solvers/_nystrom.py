@@ -19,8 +19,8 @@ from jaxtyping import Array, Float
 from ..core import Scalar
 from ..core.barrier import barrier
 from . import tableaus as tableau
-from .runge_kutta import Weights, dense_rows, stage_loop, weighted
 from .second_order import SecondOrder, Vectors
+from .stages import Weights, dense_rows, stage_loop, weighted
 
 # Rounding of a product of matrices with entries of order one: smaller entries are zero.
 ROUNDING = 1e-15

@@ -32,8 +32,8 @@ from ..core import Scalar, State
 from . import tableaus as tableau
 from .protocol import AbstractFieldSolver, AbstractFixedStep, Advance, SolverTraits, check_steps
 from .regularised_step import Regular, derivative_in
-from .runge_kutta import combine
 from .second_order import estimate_by_coarsening
+from .stages import combine
 from .vector_field import ScaledField, StepField
 
 STAGES = len(tableau.DOP853_A)

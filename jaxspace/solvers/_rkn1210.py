@@ -35,8 +35,8 @@ from . import tableaus as tableau
 from ._nystrom import RKN12, nystrom_step
 from .dense_output import AbstractDenseOutput
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
-from .runge_kutta import Weights, weighted
 from .second_order import SecondOrder, Vectors, known_parts, moved, second_order
+from .stages import Weights, weighted
 from .tolerances import Tolerance
 from .vector_field import StepField
 

@@ -22,7 +22,8 @@ from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State
 from ..core.barrier import barrier
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from .runge_kutta import blend, combine, stage_loop, weighted
+from .runge_kutta import blend
+from .stages import combine, stage_loop, weighted
 from .vector_field import ScaledField
 
 Regular = Float[Array, "variables *runs"]
