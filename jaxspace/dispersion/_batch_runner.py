@@ -26,7 +26,7 @@ from ..stores.results import RunResults
 from ._campaign import Campaign
 from ._chosen_times import warn_of_times_outside
 from ._exact_parts import for_turns
-from ._first_runs import check_outputs
+from ._independence import check_outputs
 from ._isolation import isolate
 from ._prepared import PreparedCampaign
 from ._program import (

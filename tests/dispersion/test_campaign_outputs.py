@@ -19,11 +19,11 @@ from jaxspace.dispersion import (
     Constant,
     Normal,
     _batch_runner,
-    _first_runs,
+    _independence,
     disperse,
     moments,
 )
-from jaxspace.dispersion._outputs import outputs_to_check
+from jaxspace.dispersion._independence import outputs_to_check
 from jaxspace.simulation import Event, Mission, Phase, SimulationError, Status
 from jaxspace.vehicles.landings import landing
 
@@ -265,7 +265,7 @@ class Way:
 
 def test_the_nominal_run_is_checked_where_the_outputs_are_not(monkeypatch):
     """No program beside that of all runs is compiled."""
-    monkeypatch.setattr(_first_runs, "run_mission", None)
+    monkeypatch.setattr(_independence, "run_mission", None)
     inputs = {"w": Normal(3.0, 0.3), "one": Constant(1.0)}
     outputs = Way()
     kept = disperse(Campaign(thrown, inputs, outputs), 600, seed=1, accuracy=1e-9)

@@ -1,0 +1,189 @@
+"""The check that the outputs of a run depend on that run alone.
+
+The nominal run and the first runs of a campaign are computed, and then their outputs twice: with
+each run among the others, and with copies of it in place of all."""
+
+import dataclasses
+import inspect
+from collections.abc import Callable, Mapping
+from typing import NamedTuple, TypeAlias
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Float, Int, PyTree
+
+from ..core import InputError
+from ..integration.accuracy import Accuracy
+from ..integration.compiling import QUICK
+from ..integration.status import SimulationError, Status
+from ..simulation.mission_result import MissionTrajectory
+from ..simulation.mission_runs import run_mission
+from ..simulation.phases import resolve_phases
+from ..simulation.trajectory import Trajectory
+from ._campaign import Campaign
+from ._interface import OutputFunction
+from ._isolation import isolate
+from ._outputs import outputs_of, raised
+from ._program import Drawn
+
+CHECKED = 15
+"""Number of runs besides the nominal one: enough to see one among others."""
+# Relative change allowed in a row when other rows are replaced: the runs of a block share some
+# iterations, whose last digits then change.
+ROUNDING = {"float64": 1e-9}
+COARSE = 1e-4
+# Which of the first runs: known numbers, or those of a trace.
+Rows: TypeAlias = Int[Array, " runs"] | Int[np.ndarray, " runs"]
+
+
+class FirstRuns(NamedTuple):
+    """The nominal run and the first runs of a campaign, on which the outputs are checked."""
+
+    result: MissionTrajectory
+    samples: dict[str, Float[Array, " runs"]]
+
+
+def check_outputs(
+    campaign: Campaign, accuracy: Accuracy, draw: Callable[[np.ndarray], Drawn]
+) -> None:
+    """Check that the outputs of a run depend on that run alone (`check_apart`).
+
+    `draw(used)` are the inputs of the first runs, of which those `used` raise no error. No mission
+    runs where the outputs are those of the library."""
+    if outputs_to_check(campaign.outputs) is None:
+        return
+
+    def runs(used: np.ndarray) -> FirstRuns:
+        result = _first_runs(campaign, accuracy, draw(used).used)
+        return jax.tree.map(lambda x: np.asarray(x) if eqx.is_array(x) else x, result)
+
+    check_apart(campaign.outputs, campaign.along, isolate(runs, CHECKED))
+
+
+@eqx.filter_jit(**QUICK)
+def _first_runs(
+    campaign: Campaign, accuracy: Accuracy, drawn: dict[str, Float[Array, " runs"]]
+) -> FirstRuns:
+    """The nominal run, and then the first runs of those drawn."""
+    nominal = campaign.nominal()
+    samples = {name: jnp.concatenate([x, drawn[name][:CHECKED]]) for name, x in nominal.items()}
+    mission, y0 = campaign.mission(samples)
+    # Few runs, whose program takes far longer to compile than to run.
+    configs = resolve_phases(mission, y0, accuracy, 1, small=True)
+    return FirstRuns(run_mission(mission, y0, campaign.start, 2, configs, 1), samples)
+
+
+def outputs_to_check(function: OutputFunction) -> OutputFunction | None:
+    """The outputs of a campaign that other functions than those of the library compute, which are
+    tested to treat each run by itself; `None` where there are none.
+
+    Outputs may say so themselves, by `to_check`."""
+    outputs = getattr(function, "to_check", function)
+    module = outputs.__module__ if inspect.isfunction(outputs) else ""
+    return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
+
+
+def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
+    """Check that the outputs of a run, of `along` states of each phase, depend on that run alone.
+
+    The outputs of the `first` runs are computed again with copies of one run in place of all: each
+    row must equal that of the run among the others. Those of the library are left out
+    (`outputs_to_check`).
+
+    **Raises** `InputError` for an output that depends on other runs, or on the place of a run among
+    them; `SimulationError` where an output of the nominal run raises an error."""
+    unknown = outputs_to_check(function)
+    if unknown is None:
+        return
+    count = len(next(iter(first.samples.values())))
+    status = np.broadcast_to(first.result.status, (count,))
+
+    def compute(used: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        # A run that raises an error is computed with the nominal inputs.
+        rows = np.where(used, np.arange(count), 0)
+        return rows, _numbers(_at(unknown, along, first, rows))
+
+    try:
+        rows, among = isolate(compute, count)
+    except SimulationError as error:
+        nominal = eqx.filter_jit(_taken)(first, np.zeros(count, int), along)
+        raise raised("The nominal run", unknown, *nominal, error) from error
+    used = (rows == np.arange(count)) & (status <= Status.EVENT)
+    # Two runs: the greatest of all runs, as an output, equals that of one of them.
+    for row in [*(np.flatnonzero(used[1:])[:1] + 1).tolist(), 0]:
+        alone = _numbers(_at(unknown, along, first, np.full(count, row)))
+        for name, x in alone.items():
+            here = among[name][row].item()
+            other = ~_same(x, here, among[name])
+            if other.any():
+                place = row if other[row] else int(np.flatnonzero(other)[0])
+                _refuse(name, row, here, x[place].item(), place == row)
+
+
+def _refuse(name: str, row: int, here: float, other: float, alone: bool) -> None:
+    # The first row is the nominal run, the next one is run 0.
+    run = f"run {row - 1}" if row else "the nominal run"
+    where = "alone" if alone else "at another place in a block"
+    raise InputError(
+        f"The output {name!r} mixes runs: {run} gives {here:.9g} among other runs and {other:.9g} "
+        f"{where}. It must be computed for each run by itself: the last axis is that of the runs, "
+        f"over which nothing may be summed, averaged, sorted or counted."
+    )
+
+
+def _same(x: np.ndarray, here: float, among: np.ndarray) -> np.ndarray:
+    """Whether numbers equal those of a row, within rounding."""
+    share = ROUNDING.get(jnp.result_type(float).name, COARSE)
+    finite = np.abs(among[np.isfinite(among)])
+    # Near zero the error is relative to the other runs, because the output may be a difference.
+    size = max(abs(here), np.median(finite).item() if finite.size else 0.0)
+    with np.errstate(invalid="ignore"):
+        near = np.abs(x - here) <= share * size
+    return near | (x == here) | (np.isnan(x) & np.isnan(here))
+
+
+def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
+    return {name: np.asarray(x).astype(float) for name, x in outputs.items()}
+
+
+@eqx.filter_jit(**QUICK)
+def _at(
+    function: OutputFunction,
+    along: int,
+    first: FirstRuns,
+    rows: Rows,
+) -> dict[str, Array]:
+    """The outputs of the runs of these rows."""
+    return outputs_of(function, *_taken(first, rows, along))
+
+
+def _taken(first: FirstRuns, rows: Rows, along: int) -> FirstRuns:
+    """The runs of these rows, with `along` states of each phase."""
+    count = rows.shape[0]
+
+    def taken(x: PyTree) -> PyTree:
+        # The runs are last; shared arrays have no such axis.
+        return x[..., rows] if eqx.is_array(x) and x.shape[-1:] == (count,) else x
+
+    phases = tuple(_filled(phase, along) for phase in first.result.phases)
+    result = dataclasses.replace(first.result, phases=phases)
+    return jax.tree.map(taken, first._replace(result=result))
+
+
+def _filled(phase: Trajectory, along: int) -> Trajectory:
+    """A phase with `along` states, on a straight line from its start to its end.
+
+    This is not the motion, but has the same shapes, which is enough to see which runs an output
+    reads."""
+    share = np.linspace(0.0, 1.0, along)[:, None]
+
+    def line(x: Array) -> Array:
+        first, last = x[..., :1, :], x[..., -1:, :]
+        if not eqx.is_inexact_array(x):
+            return jnp.where(share < 1.0, first, last)
+        return first + jnp.asarray(share, x.dtype) * (last - first)
+
+    states = jax.tree.map(line, phase.states)
+    return dataclasses.replace(phase, ts=line(phase.ts), states=states)
