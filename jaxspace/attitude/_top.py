@@ -37,10 +37,19 @@ from collections.abc import Sequence
 from typing import final
 
 import jax.numpy as jnp
-from jaxtyping import Array
+from jaxtyping import Array, Float
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core import (
+    AbstractSplit,
+    AbstractSystem,
+    NumberField,
+    Scalar,
+    Vector,
+    argument,
+    constructor,
+    quantity,
+)
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.types import as_float
 from ..core.vectors import axis, cross
@@ -56,9 +65,9 @@ from ._steady_precession import (
     sleeping_growth_rate,
     steady_rates,
 )
-from ._top_split import TopSplit
 from .nutation import Nutation, nutation_through
 from .top_motion import TopMotion
+from .torque_free import symmetric_flow
 
 
 def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Vector:
@@ -91,6 +100,27 @@ def vertical_angular_momentum(omega: Vector, Z: Vector, A: Scalar, C: Scalar) ->
     """Angular momentum about the vertical h_Z = h . Z, kg m^2/s (Thomson 5.13-7); arguments as in
     `angular_acceleration`."""
     return A * (omega[0] * Z[0] + omega[1] * Z[1]) + C * omega[2] * Z[2]
+
+
+@final
+class TopSplit(AbstractSplit):
+    """The free rotation of a top as the drift, and the moment of its weight as the kick."""
+
+    transverse_inertia: Float[Array, "*#runs"]
+    axial_inertia: Float[Array, "*#runs"]
+    weight_moment: Float[Array, "*#runs"]
+
+    def drift(self, duration: Scalar, y: BodyState) -> BodyState:
+        return symmetric_flow(duration, y, self.transverse_inertia, self.axial_inertia)
+
+    def kick(self, t: Scalar, duration: Scalar, y: BodyState) -> BodyState:
+        del t
+        attitude, omega = attitude_and_omega(y)
+        # Exact, because the moment has no part along z and the kick does not turn the top.
+        Z = vertical(attitude)
+        angular_acceleration = self.weight_moment / self.transverse_inertia
+        change = duration * angular_acceleration * cross(Z, axis(2, Z[2]))
+        return BodyState(attitude=attitude, omega=omega + change)
 
 
 @final

@@ -12,9 +12,9 @@ from ._errors import SceneError as SceneError
 from ._listing import listing as listing
 from ._listing import schema as schema
 from ._load import load as load
+from ._load import stored_scene as stored_scene
 from ._optimum import Optimum as Optimum
 from ._scene_file import SceneFile as SceneFile
-from ._stored import stored_scene as stored_scene
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.

@@ -25,6 +25,7 @@ from ..core import AbstractSystem, argument
 from ..core.quantities import REQUIRED
 from ..dispersion.covariance import METHODS
 from ..dispersion.purpose import BY_PURPOSE
+from ._accuracy import Tolerance
 from ._catalog import Catalog, part_entries, state_class, state_way
 from ._control import control_kind
 from ._effect_tables import EffectName, EffectTables
@@ -36,7 +37,6 @@ from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
 from ._objects import entry_of, function_way
 from ._optimize_table import optimize_table
 from ._table_kinds import AnyTable, NamedTables, Object, Table
-from ._tolerance import Tolerance
 from ._value_kinds import ListOf, Number, OneName, Text, Whole
 
 KINDS = ("system", "scene", "mission", "flight")

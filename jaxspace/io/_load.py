@@ -1,4 +1,5 @@
-"""Loading of a scene file: all checks that need no integration."""
+"""Loading of a scene file, from its path or from the record of a campaign: all checks that need no
+integration."""
 
 import errno
 import os
@@ -10,6 +11,9 @@ from pathlib import Path
 
 import numpy as np
 
+from ..core import InputError
+from ..statistics import Dispersion
+from ._accuracy import tolerance_errors
 from ._build import system_errors
 from ._catalog import Catalog, catalog
 from ._checks import check_parsed
@@ -20,14 +24,13 @@ from ._flight import flight_errors
 from ._form import form, format_error, kind_of
 from ._inputs import read_inputs
 from ._kinds import Reading, Value, Values
-from ._modules import missing_module, read_modules
+from ._modules import check_stored, missing_module, read_modules
 from ._named_files import NamedFiles
 from ._optimize_table import dispersed_and_free, read_task
 from ._output_entries import parts_of_state, read_outputs
 from ._output_spec import OutputSpec
 from ._parsed import Parsed
 from ._scene_file import SceneFile
-from ._tolerance import tolerance_errors
 from .by_numpy import by_numpy
 
 LONGEST = 4_000_000
@@ -213,3 +216,24 @@ def _named_effects(data: Values) -> list[str]:
     ]
     names = list(effects) if isinstance(effects, Mapping) else []
     return [e for e in (*names, *active) if isinstance(e, str)]
+
+
+def stored_scene(
+    dispersion: Dispersion, modules: Iterable[str | os.PathLike[str]] = ()
+) -> SceneFile:
+    """The scene file whose text a dispersion carries in its record.
+
+    **Arguments**
+
+    - `dispersion`: that of a scene file, such as one from `open_store`.
+    - `modules`: as in `load`; those with which it was computed.
+
+    **Raises** `InputError` for a campaign that was made in Python and for other modules, and
+    `SceneError` for a text that this version no longer understands."""
+    text = str(dispersion.attributes.get("description", ""))
+    if "[dispersion" not in text:
+        raise InputError("the record holds no scene file: the campaign was made in Python.")
+    user_modules = read_modules(modules)
+    check_stored(dispersion.attributes, user_modules)
+    path = str(dispersion.attributes.get("scene_file", "scene.toml"))
+    return load(path, modules=user_modules, text=text, files=dispersion.attributes.get("files"))

@@ -15,14 +15,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import InputError, Scalar, State
+from ..bodies import AbstractBody, AbstractEffect
+from ..core import AbstractSystem, InputError, Scalar, State
 from ..simulation import CompactRun, MissionTrajectory
+from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
 from ..statistics.extremes import greatest, least
-from ._build import replaced
+from ..vehicles import LaunchSite
+from ._build import build_mission, replaced
 from ._kinds import Values
-from ._objects import at
-from ._objects_at import body_at, effect_named, moving_at
+from ._objects import Building, Runs, at
 from ._output_spec import BEGAN, INITIAL, NOMINAL, OutputSpec
 from ._parsed import Parsed
 
@@ -264,3 +266,37 @@ def at_path(y: State, path: tuple[str, ...]) -> Array:
     for index in path[1:]:
         array = array[int(index)]
     return array
+
+
+def body_at(
+    file: Parsed, values: Values, samples: Mapping[str, Array], runs: int, place: int
+) -> AbstractBody:
+    """The body at a place."""
+    building = _building(file, values, samples, runs)
+    # A rocket makes its body from the parts of its table.
+    if file.kind == "flight":
+        return building.make("vehicle").body
+    return building.make(file.legs[file.last_leg(place)].body)
+
+
+def moving_at(
+    file: Parsed, values: Values, samples: Mapping[str, Array], runs: int, place: int
+) -> AbstractSystem:
+    """The scene or the system at a place."""
+    numbers = replaced(values, samples)
+    legs, _ = legs_of(build_mission(file, numbers, Runs(runs))[0])
+    return legs[file.last_leg(place, len(legs))].phase.moving
+
+
+def effect_named(
+    file: Parsed, values: Values, samples: Mapping[str, Array], runs: int, name: str
+) -> AbstractEffect | LaunchSite:
+    """An effect by its name, or the site of a flight."""
+    building = _building(file, values, samples, runs)
+    if file.kind == "flight":
+        return building.make(name)
+    return building.effects(file.active_effects())[name]
+
+
+def _building(file: Parsed, values: Values, samples: Mapping[str, Array], runs: int) -> Building:
+    return Building(replaced(values, samples), file.makers, Runs(runs))

@@ -37,12 +37,18 @@ from ._accuracy import steps_of
 from ._build import build_mission, replaced
 from ._file_content import FileContent
 from ._final_error import requested_error, rounded_down, tolerance_of
-from ._final_output import FinalOutput, function_of, spec_of_end
 from ._flight import SITE
-from ._ground import warned_of_ground
 from ._inputs import with_distributions
 from ._named_files import NamedFiles
-from ._nominal import nominal_states, outputs_of, with_run
+from ._nominal import (
+    FinalOutput,
+    function_of,
+    nominal_states,
+    outputs_of,
+    spec_of_end,
+    warned_of_ground,
+    with_run,
+)
 from ._objects import Runs
 from ._optimise import failed_start, optimise
 from ._optimum import Optimum

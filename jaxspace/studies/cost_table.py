@@ -4,7 +4,7 @@ __all__ = ["Cost", "Price"]
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple, TypeAlias, final
 
@@ -17,14 +17,14 @@ from ..core.text import aligned
 from ..simulation import Accuracy
 from ..solvers.protocol import solver_traits
 from ._duration import duration
-from ._price_list import Price, price_list
-from ._price_list import price_table as price_table
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 CLOSED_FORM = "closed_form"
 
+# Of the price list: from all that is wrong to more digits than any precision has.
+ERRORS = tuple(10.0**-k for k in range(16))
 # The default of the steps of a run.
 MAX_STEPS = Accuracy().max_steps
 
@@ -62,6 +62,20 @@ class Cost(NamedTuple):
     gradient_error: float | None = None
     gradient_seconds: float | None = None
     failure: str = ""
+
+
+@printed(seconds="s")
+class Price(NamedTuple):
+    """What an error at the end costs at least.
+
+    - `error`: relative, of the final state.
+    - `setting`: the method and the tolerance that reach it, in words; `seconds`: the time of a run.
+    - `tenth`: how many times as long a tenth of this error takes; NaN where no run reaches it."""
+
+    error: float
+    setting: str
+    seconds: float
+    tenth: float
 
 
 @final
@@ -229,3 +243,34 @@ def _cells(row: Cost, least_error: float, gradient: bool) -> list[str]:
         cells.append("-" if row.gradient_error is None else f"{row.gradient_error:.1e}")
         cells.append("-" if row.gradient_seconds is None else duration(row.gradient_seconds))
     return [*cells, duration(row.compile_seconds)]
+
+
+def price_list(cheapest: Callable[[float], tuple[str, float]]) -> tuple[Price, ...]:
+    """The prices of the errors that differ, one for each power of ten, from the largest on.
+
+    `cheapest(error)` gives setting and time, s; it raises `InputError` for an error that no run
+    reaches. The largest errors that one setting serves all are one line, that of the least of
+    them."""
+    known = []
+    for error in ERRORS:
+        # Also where no run ended well.
+        try:
+            known.append((error, *cheapest(error)))
+        except InputError:
+            break
+    following = [seconds for _, _, seconds in known[1:]] + [math.nan] * min(len(known), 1)
+    prices = [
+        Price(error, setting, seconds, tenth / seconds)
+        for (error, setting, seconds), tenth in zip(known, following, strict=True)
+    ]
+    first = next((k for k, p in enumerate(prices) if p.setting != prices[0].setting), len(prices))
+    return tuple(prices[max(first - 1, 0) :])
+
+
+def price_table(prices: tuple[Price, ...]) -> str:
+    """The price list as a table."""
+    rows = [("error", "setting", "time", "a tenth of this error")]
+    for price in prices:
+        tenth = "-" if math.isnan(price.tenth) else f"{price.tenth:.2g} times the time"
+        rows.append((f"{price.error:.0e}", price.setting, duration(price.seconds), tenth))
+    return aligned(rows, left=2)
