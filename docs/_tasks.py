@@ -143,6 +143,10 @@ TASKS = {
     "stores": {
         "Read a store": "open_store DamagedStore StoreError",
     },
+    "engines": {
+        "Choose where runs are computed": "ProcessPool DaskCluster MultiHost",
+        "Write an engine": "AbstractEngine AbstractRunner",
+    },
     "optimization": {
         "Minimise": "minimise minimise_from Criterion Minimum StopReason",
         "Stage a rocket": "optimal_staging Staging staging fixed_masses flown_staging "

@@ -21,7 +21,8 @@ The packages, from the ground up:
     sampling        random inputs: distributions, designs (imported by name)
     statistics      of many runs: limits, joint spread, contributors, requirements
     stores          campaigns on disk (imported by name)
-    dispersion      campaigns of many runs, by any engine
+    engines         what computes their runs, here or on a cluster (imported by name)
+    dispersion      campaigns of many runs
     optimization    staging, steering
     robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)

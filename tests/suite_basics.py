@@ -7,6 +7,7 @@ BASICS = {
         "cli": "test_cli.py::test_a_scene_and_a_mission_that_ends_at_an_event_run",
         "control": "test_control_loops.py::test_the_loop_is_its_difference_equation",
         "dispersion": "test_dispersion.py::test_runs_match_the_closed_form",
+        "engines": "test_engines.py::test_chunks_cover_the_runs_once_whatever_their_order",
         "estimation": "test_estimation_fit.py::test_a_line_by_the_normal_equations",
         "gyros": "test_laws.py::test_the_way_back_and_what_stays[two_gimbal_gyro]",
         "integration": "test_simulation.py::test_detest_orbits",

@@ -1,8 +1,12 @@
-"""Campaigns of many runs: random inputs, and the engines that compute the runs."""
+"""Campaigns of many runs, and what is computed of a campaign besides its runs."""
 
 from typing import TYPE_CHECKING
 
 from ..core.modules import modules_of as _modules_of
+from ..engines import AbstractEngine as AbstractEngine
+from ..engines import DaskCluster as DaskCluster
+from ..engines import MultiHost as MultiHost
+from ..engines import ProcessPool as ProcessPool
 from ..sampling import AbstractDesign as AbstractDesign
 from ..sampling import AbstractDistribution as AbstractDistribution
 from ..sampling import AbstractJoint as AbstractJoint
@@ -26,13 +30,9 @@ from ..stores import DamagedStore as DamagedStore
 from ..stores import StoreError as StoreError
 from ..stores import open_store as open_store
 from ._campaign import Campaign as Campaign
-from ._dask import DaskCluster as DaskCluster
 from ._engine import disperse as disperse
-from ._engines import MultiHost as MultiHost
-from ._process_pool import ProcessPool as ProcessPool
 from ._run_paths import RunPaths as RunPaths
 from ._run_paths import run_paths as run_paths
-from ._work import AbstractEngine as AbstractEngine
 from .covariance import moments as moments
 
 if TYPE_CHECKING:

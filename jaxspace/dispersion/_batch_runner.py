@@ -10,6 +10,7 @@ runs from which a program that takes longer to compile, and flies faster, pays (
 import hashlib
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
+from typing import NamedTuple
 
 import equinox as eqx
 import jax
@@ -18,17 +19,17 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..core.processors import cores
+from ..engines import AbstractRunner
 from ..integration.accuracy import Accuracy
 from ..integration.exact_part import exact
 from ..integration.status import SimulationError, Status
 from ..simulation.blocks import Blocks
 from ..stores.results import RunResults
-from ._campaign import Campaign
+from ._campaign import Campaign, ordered
 from ._chosen_times import warn_of_times_outside
 from ._exact_parts import for_turns
 from ._independence import check_outputs
 from ._isolation import isolate
-from ._prepared import PreparedCampaign
 from ._program import (
     CALL,
     Drawn,
@@ -41,7 +42,23 @@ from ._program import (
 from ._saved_states import StatesToStore
 
 
-class BatchRunner:
+class PreparedCampaign(NamedTuple):
+    """Everything on which the numbers of a run depend; it can be sent to another process.
+
+    - `small`: whether the steps are a small program (`is_small`).
+    - `samples`: number of saved states of each phase, 0 for none; or their times.
+    - `digest`: of the results of the first call, which differs between campaigns, versions or
+      processors with different results."""
+
+    campaign: Campaign
+    accuracy: Accuracy
+    seed: int
+    small: bool
+    samples: StatesToStore
+    digest: str
+
+
+class BatchRunner(AbstractRunner):
     """Runs numbers of a prepared campaign.
 
     **Arguments**
@@ -57,6 +74,8 @@ class BatchRunner:
         in_flight: int | None = None,
     ):
         self.prepared = prepared
+        self.modules = prepared.campaign.modules
+        self.units = dict(prepared.campaign.units)
         self.call = call_size(devices)
         self.blocks = Blocks.on(devices[:1], self.call)
         # A second CPU device would compile the program again, and add no core.
@@ -102,18 +121,22 @@ class BatchRunner:
         warn_of_times_outside(campaign, samples, first.trajectories)
         return runner
 
+    @classmethod
+    def in_worker(cls, prepared: PreparedCampaign, devices: Sequence[jax.Device]) -> "BatchRunner":
+        # One call at a time: the processes together have a thread for each core.
+        return cls(prepared, devices, in_flight=1)
+
     @property
     def example(self) -> RunResults:
-        """A run of the first call, for names and shapes."""
         assert self.first is not None
-        return jax.tree.map(lambda x: x[..., :1].copy(), self.first)
+        first = jax.tree.map(lambda x: x[..., :1].copy(), self.first)
+        return ordered(first, self.prepared.campaign)
 
     def chunk(self, wished: int) -> int:
         """Runs between two stores: `wished`, rounded up to whole calls."""
         return self.call * -(-wished // self.call)
 
     def run(self, first: int, count: int) -> RunResults:
-        """`count` runs from the number `first` on."""
         whole = self.call * -(-count // self.call)
         numbers = np.arange(first, first + whole, dtype=np.uint32)
         calls = list(numbers.reshape(-1, self.call))

@@ -19,6 +19,7 @@ from ..sampling.designs import AbstractDesign, draw
 from ..sampling.distributions import AbstractDistribution
 from ..simulation import Mission
 from ..statistics.requirements import requirement_of
+from ..stores.results import RunResults
 from ._exact_parts import with_exact_parts
 from ._interface import AbstractCampaign, BuildFunction, Limits, OutputFunction
 from .names import check_names
@@ -237,3 +238,12 @@ def in_order(campaign: Campaign, names: Iterable[str]) -> list[str]:
     """The names of outputs in the order of the campaign; JAX sorts the keys of a dict."""
     place = {name: number for number, name in enumerate(campaign.units)}
     return sorted(names, key=lambda name: (place.get(name, len(place)), name))
+
+
+def ordered(results: RunResults, campaign: Campaign) -> RunResults:
+    """The results with their names in the order of the campaign."""
+    outputs = in_order(campaign, results.outputs)
+    inputs = {name: results.inputs[name] for name in campaign.inputs}
+    return results._replace(
+        inputs=inputs, outputs={name: results.outputs[name] for name in outputs}
+    )

@@ -14,6 +14,10 @@ import numpy as np
 
 from ..core import InputError
 from ..core.record import Record
+from ..engines import AbstractEngine, MultiHost
+from ..engines.chunks import in_memory, stored
+from ..engines.ending import check_rule
+from ..engines.named import as_engine
 from ..integration.accuracy import Accuracy
 from ..integration.config import check_tolerance
 from ..statistics import Dispersion
@@ -23,15 +27,11 @@ from ..stores.store import ENOUGH, DamagedStore
 from ..stores.writer import StoreWriter
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose
-from ._campaign import RUNS, Campaign
+from ._campaign import RUNS, Campaign, ordered
 from ._chosen_times import choose_times
-from ._computed_chunks import in_memory, ordered, stored
-from ._ending import check_rule
-from ._engines import MultiHost, as_engine
 from ._record import record
 from ._saved_states import StatesToStore
 from ._whole import check_whole
-from ._work import AbstractEngine
 from .covariance import MONTE_CARLO, Moments, moments
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy, with_tolerance
 
@@ -237,7 +237,7 @@ def _attributes_of(
         attributes["times"] = [float(t) for t in times]
         attributes["times_kept"] = TIMES_KEPT
     if until is not None:
-        check_rule(until, ordered(runner.example, prepared.campaign).outputs)
+        check_rule(until, runner.example.outputs)
         attributes["until"] = dataclasses.asdict(until)
     return attributes
 

@@ -37,8 +37,8 @@ from test_campaigns import (  # noqa: F401
 from test_dispersion_ending import fly as fly_ending
 
 from jaxspace.dispersion import Campaign, DaskCluster, ProcessPool, StoreError, open_store
-from jaxspace.dispersion._engines import InProcess
-from jaxspace.dispersion._process_pool import _come
+from jaxspace.engines._process_pool import _come
+from jaxspace.engines.named import InProcess
 from jaxspace.stores.writer import StoreWriter
 
 pytestmark = pytest.mark.sweep

@@ -22,11 +22,9 @@ from jaxspace.dispersion import (
     moments,
     open_store,
 )
-from jaxspace.dispersion._ending import Ending, checkpoints
 from jaxspace.dispersion.covariance import Moments
 from jaxspace.io import SceneError, load
 from jaxspace.io.campaign_tables import status_lines
-from jaxspace.stores.results import RunResults
 
 # Some 2000 runs know that much of x.
 RULE = StopRule("x", 0.95, 0.03)
@@ -42,39 +40,6 @@ def ended(tmp_path_factory):
     path = tmp_path_factory.mktemp("ended") / "s.zarr"
     fly(path)
     return path
-
-
-def results(x):
-    return RunResults({}, {"x": x}, np.zeros(len(x), int), np.ones(len(x), int), {})
-
-
-def test_the_rule_is_asked_at_counts_that_grow_by_an_eighth():
-    counts = checkpoints(10**4)
-    assert counts[:9] == list(range(1, 10)) and counts[-1] < 10**4
-    assert all(b - a <= max(a // 8, 1) for a, b in zip(counts, counts[1:], strict=False))
-    # So that asking costs about nine times the last question.
-    assert sum(counts) < 10 * counts[-1]
-
-
-@pytest.mark.parametrize("seed", range(5))
-def test_the_end_does_not_depend_on_the_order_of_chunks(seed):
-    rng = np.random.default_rng(0)
-    chunks = [results(rng.standard_normal(100)) for _ in range(60)]
-    # Some failed runs are no values; a chunk of them alone is allowed.
-    chunks[2].outputs["x"][:] = np.nan
-    rule, in_order = StopRule("x", 0.9, 0.1), Ending(StopRule("x", 0.9, 0.1), 60)
-    for k, chunk in enumerate(chunks):
-        in_order.add(k, chunk)
-        if in_order.enough():
-            break
-    expected = in_order.enough()
-    assert expected is not None and 3 < expected < 59
-    x = np.concatenate([c.outputs["x"] for c in chunks[:expected]])
-    assert rule.met(x)
-    shuffled = Ending(rule, 60)
-    for k in np.random.default_rng(seed).permutation(60).tolist():
-        shuffled.add(k, chunks[k])
-    assert shuffled.enough() == expected
 
 
 def test_a_campaign_ends_when_its_limit_is_known(ended):

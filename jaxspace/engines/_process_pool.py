@@ -10,17 +10,8 @@ from typing import final
 from ..core import InputError
 from ..core.processors import cores
 from ..stores import StoreError
-from ._batch_runner import BatchRunner
-from ._work import (
-    RETRIES,
-    AbstractEngine,
-    Computed,
-    Done,
-    Extent,
-    compute_chunk,
-    payload_of,
-    without_main,
-)
+from ._interface import RETRIES, AbstractEngine, AbstractRunner, Computed, Done, Extent
+from ._transfer import compute_chunk, payload_of, without_main
 
 
 @final
@@ -49,8 +40,8 @@ class ProcessPool(AbstractEngine):
     def workers(self) -> int:
         return self._workers
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload = payload_of(runner.prepared)
+    def compute(self, runner: AbstractRunner, extents: Sequence[Extent]) -> Computed:
+        payload = payload_of(runner)
         losses = dict.fromkeys(extents, 0)
         hopeless = []
         while losses:

@@ -16,17 +16,15 @@ from ..stores.results import RunResults
 from ..stores.store import ENOUGH, DamagedStore, Store
 from ..stores.stored_runs import as_dispersion
 from ..stores.writer import StoreWriter
-from ._batch_runner import BatchRunner
-from ._campaign import Campaign, in_order
-from ._ending import Ending
-from ._work import AbstractEngine, Extent
+from ._interface import AbstractEngine, AbstractRunner, Extent
+from .ending import Ending
 
 Progress: TypeAlias = Callable[[int, int], None] | None
 Computed: TypeAlias = Generator[tuple[int, tuple[RunResults, float]], None, None]
 
 
 def in_memory(
-    runner: BatchRunner,
+    runner: AbstractRunner,
     engine: AbstractEngine,
     chunk: int,
     total: int,
@@ -53,15 +51,14 @@ def in_memory(
 
 def stored(
     writer: StoreWriter,
-    runner: BatchRunner,
+    runner: AbstractRunner,
     engine: AbstractEngine,
     attributes: Record,
     progress: Progress,
     until: StopRule | None,
 ) -> Dispersion:
     """Compute the missing chunks of a store and write them, up to where the rule is met."""
-    campaign = runner.prepared.campaign
-    columns = columns_of(ordered(runner.example, campaign), campaign.units)
+    columns = columns_of(runner.example, runner.units)
     if engine.leads:
         # One process makes the store, and the others join it when it is there.
         writer.prepare(columns, attributes)
@@ -138,7 +135,7 @@ def _parts(
 
 
 def _computed(
-    runner: BatchRunner,
+    runner: AbstractRunner,
     engine: AbstractEngine,
     extents: list[Extent],
     total: int,
@@ -152,16 +149,7 @@ def _computed(
         for result in computed:
             # When the loop goes on, the yielded chunk has been stored. Only then is it reported, so
             # that progress that a user has seen survives an interruption.
-            yield result.chunk, (ordered(result.results, runner.prepared.campaign), result.cpu)
+            yield result.chunk, (result.results, result.cpu)
             done += runs_of[result.chunk]
             if progress is not None:
                 progress(done, total)
-
-
-def ordered(results: RunResults, campaign: Campaign) -> RunResults:
-    """The results with their names in the order of the campaign."""
-    outputs = in_order(campaign, results.outputs)
-    inputs = {name: results.inputs[name] for name in campaign.inputs}
-    return results._replace(
-        inputs=inputs, outputs={name: results.outputs[name] for name in outputs}
-    )

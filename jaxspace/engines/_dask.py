@@ -9,16 +9,8 @@ from ..core import InputError
 from ..core.extras import extra
 from ..core.processors import cores
 from ..stores import StoreError
-from ._batch_runner import BatchRunner
-from ._work import (
-    RETRIES,
-    AbstractEngine,
-    Computed,
-    Extent,
-    compute_chunk,
-    payload_of,
-    without_main,
-)
+from ._interface import RETRIES, AbstractEngine, AbstractRunner, Computed, Extent
+from ._transfer import compute_chunk, payload_of, without_main
 
 # The kinds of connection that Dask knows.
 SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "inproc")
@@ -54,8 +46,8 @@ class DaskCluster(AbstractEngine):
     def workers(self) -> int:
         return self._workers
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
-        payload = payload_of(runner.prepared)
+    def compute(self, runner: AbstractRunner, extents: Sequence[Extent]) -> Computed:
+        payload = payload_of(runner)
         waiting = list(extents)
         started = set()
         finished = queue.SimpleQueue()

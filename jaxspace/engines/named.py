@@ -1,5 +1,5 @@
-"""Engines, which compute the chunks of a campaign: in this process, in other processes of this
-machine, on a Dask cluster, or on several hosts; all give the same bits."""
+"""Engines by their names, and the two that start no process: of this process alone, and of several
+hosts that share a campaign."""
 
 from collections.abc import Callable, Sequence
 from typing import final
@@ -7,10 +7,9 @@ from typing import final
 import jax
 
 from ..core import InputError
-from ._batch_runner import BatchRunner
 from ._dask import DaskCluster
+from ._interface import AbstractEngine, AbstractRunner, Computed, Extent, timed
 from ._process_pool import ProcessPool
-from ._work import AbstractEngine, Computed, Extent, timed
 
 
 @final
@@ -21,7 +20,7 @@ class InProcess(AbstractEngine):
     def workers(self) -> int:
         return 1
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
+    def compute(self, runner: AbstractRunner, extents: Sequence[Extent]) -> Computed:
         for extent in extents:
             yield timed(runner, extent)
 
@@ -57,7 +56,7 @@ class MultiHost(AbstractEngine):
 
         sync_global_devices(f"jaxspace campaign {stage}")
 
-    def compute(self, runner: BatchRunner, extents: Sequence[Extent]) -> Computed:
+    def compute(self, runner: AbstractRunner, extents: Sequence[Extent]) -> Computed:
         return InProcess().compute(runner, extents)
 
 
