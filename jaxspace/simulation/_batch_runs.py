@@ -25,7 +25,7 @@ from ._runs import run_system
 from .batch_layout import cut_batch, in_blocks
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
-from .failures import mission_reached
+from .failures import mask_mission
 from .mission_result import MissionTrajectory, Result
 from .mission_runs import run_mission
 from .repeat import Configs
@@ -72,7 +72,7 @@ def run_missions(
     def run(mission: Mission, y0: State, t0: Array, configs: Configs) -> MissionTrajectory:
         with _shared_arrays_named(mission, blocks.size):
             run = run_mission(mission, y0, t0, num_saved, configs, 1)
-        result = mission_reached(run)
+        result = mask_mission(run)
         return result.with_phases([_every_run(phase) for phase in result.phases], result.status)
 
     return in_blocks(run, batched, shared, configs, blocks)

@@ -19,8 +19,8 @@ from ..integration.layout import broadcast_state, runs_of
 from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
-from ._to_event import straight_to_event, through_times_to_event, where_stopped
-from .reached import known_crossings, nan_unless, reached, scaled
+from ._to_event import integrate_to_event, through_times_to_event, where_stopped
+from .masking import known_crossings, mask_invalid, nan_unless, scaled
 from .trajectory import Trajectory, without_events
 
 
@@ -42,7 +42,7 @@ def run_system(
     result = _run_of_kind(Integrator(system, config, run_axes), y0, ts, events, dense)
     lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
     status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
-    return reached(dataclasses.replace(result, status=status))
+    return mask_invalid(dataclasses.replace(result, status=status))
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
@@ -61,7 +61,7 @@ def _run_of_kind(
     if any(event.terminal for event in events):
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
         if straight and locates_events(config, system, y0, asked[0]):
-            return straight_to_event(integrator, y0, ts, events)
+            return integrate_to_event(integrator, y0, ts, events)
         return _to_event(integrator, y0, asked, events, dense)
     return _through(integrator, y0, ts, events, dense)
 

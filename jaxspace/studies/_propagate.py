@@ -11,7 +11,7 @@ from ..core import AbstractSystem, InputError, State
 from ..integration.layout import broadcast_state
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from ..simulation.legs import check_one_line
 from ..simulation.runnable import AbstractRunnable
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
@@ -97,7 +97,7 @@ def propagate_covariance(
     **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, for
     a phase that is a closed loop, whose commands are no part of the state, and for branches."""
     run_mean = functools.partial(
-        run_either,
+        simulate_any,
         accuracy=accuracy,
         events=events,
         dense=dense,

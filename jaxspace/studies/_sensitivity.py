@@ -31,7 +31,7 @@ from ..core.printing import printed
 from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes, split_batch
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from .coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
@@ -240,7 +240,7 @@ def _derivatives(
         for n, leaf in zip(choice.numbers, jax.tree.leaves(columns.moved(x)), strict=True):
             moved[n] = leaf
         near, start = jax.tree.unflatten(structure, moved)
-        run = run_either(near, start, ts, **options)
+        run = simulate_any(near, start, ts, **options)
         # Leaves that are no arrays are passed around the transformations.
         arrays, static = eqx.partition(run, eqx.is_array)
         held.append(static)

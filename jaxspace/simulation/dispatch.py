@@ -18,7 +18,7 @@ from .batch_layout import InAxes
 from .mission_result import Simulated
 
 
-def run_either(
+def simulate_any(
     system: AbstractSystem | Mission,
     y0: PyTree,
     ts: Real[ArrayLike, "*times"],
