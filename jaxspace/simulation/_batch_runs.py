@@ -154,6 +154,7 @@ def _order_of(
 
 def _sorted(rate: Array) -> Order:
     order = jnp.argsort(rate)
+    # The second one puts the results back into the order of the caller.
     return Order(order, jnp.argsort(order))
 
 
@@ -183,6 +184,7 @@ def again_by(
         filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
         configs = tuple(config.of_runs(filled) for config in configs)
         part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None), configs)
+        # Without the copies of the last run that fill the block.
         return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)
 
     return again

@@ -82,6 +82,7 @@ def run_in_loop(
     events = [phase.until for phase in phases if isinstance(phase.until, Event)]
     system = phases[0].system
     assert isinstance(system, AbstractSystem)
+    # Durations alone need no search, which the loop would make for each.
     if len(phases) < 2 or not events:
         return None
     y0 = broadcast_state(system, t0, y0)
@@ -121,6 +122,8 @@ def run_in_loop(
     own = numbers, jnp.stack(within), jnp.array(sought)
     _, results = jax.lax.scan(one, (y0, t0), own)
     every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(phases))]
+    # Outside of a loop a phase of known duration has no event, and so none that could have
+    # happened.
     none = jnp.zeros((0, *runs), bool)
     return [
         run if event else dataclasses.replace(run, happened=none)

@@ -38,8 +38,10 @@ def run_system(
     From the event on, states and times are those of the event. Events that are not terminal are
     collected. States that a failed run did not reach are NaN."""
     if run_axes:
+        # Shared states get an axis of runs first: the runs leave the common start at once.
         y0 = broadcast_state(system, ts[0], y0)
     result = _run_of_kind(Integrator(system, config, run_axes), y0, ts, events, dense)
+    # Far from time zero a short run has no digits left in its times, whatever its steps did.
     lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
     status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
     return mask_invalid(dataclasses.replace(result, status=status))
@@ -59,6 +61,8 @@ def _run_of_kind(
     if any(event.then is not None for event in events):
         return _with_restarts(integrator, y0, asked, events)
     if any(event.terminal for event in events):
+        # Events that are passed need samples of the whole run, and `dense` its steps: both come of
+        # a run to the known end.
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
         if straight and locates_events(config, system, y0, asked[0]):
             return integrate_to_event(integrator, y0, ts, events)
@@ -73,6 +77,7 @@ def _through(
     if not events:
         return without_events(ts, integrator.at_times(y0, ts, dense=dense), integrator.run_axes)
     system, config, run_axes = integrator
+    # One run for all events: the finest of their samples serves the others.
     samples = max(event.samples for event in events)
     result, times, states = integrator.sampled(y0, ts, samples, dense=dense)
     run = without_events(ts, result, run_axes)
