@@ -3,113 +3,126 @@
 The rules are registered with JAX when this file is imported.
 """
 
-from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
+import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jax.extend.core import Primitive
 from jax.interpreters import batching
-from jaxtyping import Array
+from jaxtyping import Array, PyTree
 
-from ._primitives import Program, along, along_p, back, back_p, derivative_p, record_p, solve_p
-from ._problem import Avals, Leaves, Moving, Parts, Problem, arguments_of
+from ._integration import Integration, moving_in
+from ._primitives import (
+    Arguments,
+    Program,
+    Traced,
+    along,
+    along_p,
+    back,
+    back_p,
+    bind,
+    derivative_p,
+    record_p,
+    solve_p,
+    traced,
+)
 from .mapping import add_run_axis, over_blocks
 
-# The mapped axis of each argument; `None` for one that is not mapped.
-Dims: TypeAlias = Sequence[int | None]
-Batched: TypeAlias = tuple[list[Array], list[int | None]]
+# The mapped axis of each array of a tree; `None` for one that is not mapped.
+Dims: TypeAlias = PyTree
 
 
-def _size(values: Leaves, dims: Dims) -> int:
-    return next(x.shape[d] for x, d in zip(values, dims, strict=True) if d is not None)
+def _size(values: PyTree, dims: Dims) -> int:
+    sizes = jax.tree.map(lambda x, d: None if d is None else x.shape[d], values, dims)
+    return jax.tree.leaves(sizes)[0]
 
 
-def _with_axis(values: Leaves, dims: Dims, size: int, axis: int) -> list[Array]:
+def _with_axis(values: PyTree, dims: Dims, size: int, axis: int) -> PyTree:
     """The arrays with the mapped axis at `axis`; those without one get a new axis."""
 
-    return [
-        jnp.moveaxis(jnp.broadcast_to(x, (size, *x.shape)) if d is None else x, d or 0, axis)
-        for x, d in zip(values, dims, strict=True)
-    ]
+    def leaf(x: Array, d: int | None) -> Array:
+        x = jnp.broadcast_to(x, (size, *x.shape)) if d is None else x
+        return jnp.moveaxis(x, d or 0, axis)
+
+    return jax.tree.map(leaf, values, dims)
 
 
-def _by_jax(function: Program, values: Leaves, dims: Dims) -> Batched:
+def _on(axis: int, outs: PyTree) -> tuple[PyTree, Dims]:
+    """The results with the mapped `axis` of each, from the first or the last one."""
+    return outs, jax.tree.map(lambda x: axis % x.ndim, outs)
+
+
+def _by_jax(function: Program, values: PyTree, dims: Dims) -> tuple[PyTree, Dims]:
     """The batching of the traced program by JAX."""
-    outs = jax.vmap(function, in_axes=tuple(dims))(*values)
-    return outs, [0] * len(outs)
+    return _on(0, eqx.filter_vmap(lambda x: function(*x), in_axes=(dims,))(values))
 
 
-def _solve_batch(values: Leaves, dims: Dims, *, problem: Problem) -> Batched:
-    size = _size(values, dims)
-    mapped = add_run_axis(problem.parts, values, dims, size, flags=None)
+def _run_batch(run: Integration, dims: Dims, program: Traced) -> tuple[PyTree, Dims]:
+    """The outcomes of mapped runs; `program`: that of one of them, for its shapes."""
+    size = _size(run, dims)
+    mapped = add_run_axis(run, dims, size)
     if mapped is None:
-        return _by_jax(problem.solve, values, dims)
+        return _by_jax(lambda run: run.run()[0], (run,), (dims,))
 
-    def block(parts: Parts) -> list[Array]:
-        return solve_p.bind(*arguments_of(parts), problem=Problem(parts))
+    def block(run: Integration) -> PyTree:
+        return bind(solve_p, run, traced(run))
 
-    ranks = [x.ndim for x in problem.outcome_avals]
-    outs = over_blocks(block, mapped, size, ranks)
-    return outs, [x.ndim - 1 for x in outs]
+    return _on(-1, over_blocks(block, mapped, size, program.out_struct[0]))
 
 
-def _record_batch(values: Leaves, dims: Dims, *, problem: Problem, moving: Moving) -> Batched:
-    outs, out_dims = _solve_batch(values, dims, problem=problem)
+@eqxi.filter_primitive_batching
+def _solve_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
+    run, program = values
+    return _run_batch(run, dims[0], program)
+
+
+@eqxi.filter_primitive_batching
+def _record_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
+    run, _, program = values
+    outs, out_dims = _run_batch(run, dims[0], program)
     # The record of a mapped run is computed again where it is used, and this one is never read.
-    empty = [jnp.zeros(x.shape, x.dtype) for x in problem.record_avals(moving)]
-    return [*outs, *empty], [*out_dims, *[None] * len(empty)]
+    empty = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), program.out_struct[1])
+    return (outs, empty), (out_dims, jax.tree.map(lambda _: None, empty))
 
 
-def _linear_batch(primitive: Primitive, program: Program) -> Callable[..., Batched]:
+def _linear_batch(primitive: Primitive, program: Program) -> Program:
     """The batching rule of `along` or of `back`."""
 
-    def rule(
-        values: Leaves, dims: Dims, *, problem: Problem, moving: Moving, columns: int
-    ) -> Batched:
-        args, record, last = problem.split(values)
-        arg_dims, _, last_dims = problem.split(dims)
+    @eqxi.filter_primitive_batching
+    def rule(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
+        run, record, last, *rest = values
         size = _size(values, dims)
-        if not any(d is not None for d in arg_dims):
+        if not jax.tree.leaves(dims[0]):
             # Several tangents of one run, as in a Jacobian.
-            last = _with_axis(last, last_dims, size, 0)
-            outs = primitive.bind(
-                *args, *record, *last, problem=problem, moving=moving, columns=columns + 1
-            )
-            return outs, [0] * len(outs)
-        # Every run has its own derivative with respect to the arguments that move.
-        flags = [k in moving for k in range(len(args))]
-        mapped = add_run_axis(problem.parts, args, arg_dims, size, flags=flags)
+            last = _with_axis(last, dims[2], size, 0)
+            columns, *rest = rest
+            return _on(0, bind(primitive, run, record, last, columns + 1, *rest))
+        # Every run has its own derivative with respect to the arrays that move.
+        moving = moving_in((run.field, run.y0), last) if primitive is along_p else rest[1]
+        mapped = add_run_axis(run, dims[0], size, moving)
         if mapped is None:
 
-            def one(*x: Array) -> list[Array]:
-                args, last = x[: len(arg_dims)], x[len(arg_dims) :]
-                _, record = problem.split_record(problem.solve(*args, recorded=True, moving=moving))
-                return program(
-                    *args, *record, *last, problem=problem, moving=moving, columns=columns
-                )
+            def one(run: Integration, last: PyTree) -> PyTree:
+                return program(run, run.run(moving)[1], last, *rest)
 
-            return _by_jax(one, [*args, *last], [*arg_dims, *last_dims])
+            return _by_jax(one, (run, last), (dims[0], dims[2]))
 
-        def block(parts: Parts, last: Leaves) -> list[Array]:
-            inner = Problem(parts)
-            args = arguments_of(parts)
-            _, record = inner.split_record(record_p.bind(*args, problem=inner, moving=moving))
-            return primitive.bind(
-                *args, *record, *last, problem=inner, moving=moving, columns=columns
-            )
+        def block(run: Integration, last: PyTree) -> PyTree:
+            _, record = bind(record_p, run, moving, traced(run, moving))
+            return bind(primitive, run, record, last, *rest)
 
-        # A rank that no result has, because every result carries the runs already.
-        ranks = [-1] * (problem.num_states if primitive is along_p else len(moving))
-        outs = over_blocks(block, mapped, size, ranks, _with_axis(last, last_dims, size, -1))
-        return outs, [x.ndim - 1 for x in outs]
+        last = _with_axis(last, dims[2], size, -1)
+        return _on(-1, over_blocks(block, mapped, size, None, last))
 
     return rule
 
 
-def _derivative_batch(values: Leaves, dims: Dims, *, function: Program, shapes: Avals) -> Batched:
-    del shapes
-    return _by_jax(function, values, dims)
+@eqxi.filter_primitive_batching
+def _derivative_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
+    function, *arrays, _ = values
+    return _by_jax(function, tuple(arrays), tuple(dims[1:3]))
 
 
 batching.primitive_batchers[solve_p] = _solve_batch

@@ -1,229 +1,217 @@
 """The JAX primitives of an integration: their programs, the shapes of their results, and the rules
 by which JAX differentiates and transposes them.
 
-The rules are registered with JAX when this file is imported.
+Arguments and results are trees, by the functions of equinox for its own primitives: `None` stands
+for a derivative that is zero by structure. The rules are registered with JAX when this file is
+imported.
 """
 
-from collections.abc import Callable, Sequence
-from typing import Any, TypeAlias
+import functools
+from collections.abc import Callable
+from typing import Protocol, TypeAlias, cast, runtime_checkable
 
+import equinox as eqx
+import equinox.internal as eqxi
 import jax
 import jax.numpy as jnp
 from jax.core import ShapedArray
-from jax.extend.core import Primitive, jaxpr_as_fun  # pyright: ignore
+from jax.extend.core import Primitive
 from jax.interpreters import ad, mlir
-from jaxtyping import Array, ArrayLike
+from jaxtyping import PyTree
 
-from ..core import InputError
-from ._problem import Avals, Leaves, Moving, Problem
+from ..core import InputError, State
+from ._integration import Integration, Moving, Tangents, moving_in
+from ._record import Record
+from .result import Outcome
 
-Program: TypeAlias = Callable[..., list[Array]]
-# JAX marks a derivative that is zero by structure, and not only by value.
-Tangents: TypeAlias = Sequence[Array | ad.Zero]
-# In a transpose, the arguments in which the primitive is linear have shapes and no values.
-Unknown: TypeAlias = ArrayLike | ad.UndefinedPrimal
-Transposed: TypeAlias = Callable[..., list[Array | None]]
+Program: TypeAlias = Callable[..., PyTree]
+# Of a primitive, or a tree for each of them.
+Arguments: TypeAlias = tuple[PyTree, ...]
 
 REVERSE_OF_DERIVATIVE = (
     "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which "
     "is jax.hessian(f), or jax.jacfwd(jax.jacfwd(f))."
 )
+bind = eqxi.filter_primitive_bind
+
+
+@runtime_checkable
+class Traced(Protocol):
+    """The traced program of a run, with the shapes of its results."""
+
+    out_struct: PyTree
+
+    def __call__(self, run: Integration) -> tuple[Outcome, Record | None]: ...
+
+
+def traced(run: Integration, moving: Moving | None = None) -> Traced:
+    """Trace a run; one that is differentiated, by what is `moving`."""
+    program = eqx.filter_closure_convert(functools.partial(Integration.run, moving=moving), run)
+    return cast(Traced, program)
+
+
+def _solved(run: Integration, program: Traced) -> Outcome:
+    """The outcome of a run, by its traced program."""
+    return jax.tree.map(jnp.asarray, program(run)[0])
+
+
+def _recorded(run: Integration, moving: Moving, program: Traced) -> tuple[Outcome, Record]:
+    """The outcome and the record of a run, by its traced program."""
+    # A result that is known is a number in a traced program.
+    return jax.tree.map(jnp.asarray, program(run))
 
 
 def map_columns(function: Program, columns: int) -> Program:
-    """The function of a list, mapped over leading axes of its arrays."""
+    """The function of a tree, mapped over leading axes of its arrays."""
     for _ in range(columns):
         function = jax.vmap(function)
     return function
 
 
-# The four programs as functions of all arguments, with static parameters.
-
-
-def _solve(*args: Array, problem: Problem) -> list[Array]:
-    return jaxpr_as_fun(problem.solve_jaxpr)(*args)
-
-
-def _record(*args: Array, problem: Problem, moving: Moving) -> list[Array]:
-    return jaxpr_as_fun(problem.record_jaxpr(moving))(*args)
-
-
-def along(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
+def along(run: Integration, record: Record, given: Tangents, columns: int) -> State:
     """The tangents of the saved states, for tangents with `columns` as their leading axes."""
-    args, record, tangents = problem.split(values)
-    function = map_columns(lambda t: problem.forward(args, record, moving, t), columns)
-    return function(tangents)
+    return map_columns(lambda given: run.forward(record, given)[0], columns)(given)
 
 
-def back(*values: Array, problem: Problem, moving: Moving, columns: int) -> list[Array]:
-    """The cotangents of the arguments that move, for cotangents with leading axes."""
-    args, record, cotangents = problem.split(values)
-    function = map_columns(lambda c: problem.backward(args, record, moving, c), columns)
-    return function(cotangents)
+def back(
+    run: Integration, record: Record, cotangents: State, columns: int, moving: Moving
+) -> Tangents:
+    """The cotangents of the arrays that move, for cotangents with leading axes."""
+    return map_columns(lambda c: run.backward(record, moving, c), columns)(cotangents)
 
 
-def _derivative(*values: Array, function: Program, shapes: Avals) -> list[Array]:
-    del shapes
-    return function(*values)
+def _along_shapes(run: Integration, record: Record, given: PyTree, columns: int) -> PyTree:
+    save_ts = run.settings.save_ts
+    rows = 1 if save_ts is None else save_ts.shape[0]
+    lead = jax.tree.leaves(given)[0].shape[:columns]
+    return jax.tree.map(lambda x: ShapedArray((*lead, rows, *x.shape), x.dtype), run.y0)
 
 
-def _primitive(name: str, function: Program, shapes: Callable[..., Avals]) -> Primitive:
+def _back_shapes(
+    run: Integration, record: Record, cotangents: PyTree, columns: int, moving: Moving
+) -> PyTree:
+    lead = jax.tree.leaves(cotangents)[0].shape[:columns]
+    of = eqx.filter((run.field, run.y0), moving)
+    return jax.tree.map(lambda x: ShapedArray((*lead, *x.shape), x.dtype), of)
+
+
+def _derivative(function: Program, values: PyTree, given: PyTree, like: PyTree) -> PyTree:
+    return function(values, given)
+
+
+def _shaped(struct: PyTree) -> PyTree:
+    return jax.tree.map(lambda x: ShapedArray(x.shape, x.dtype), struct)
+
+
+def _primitive(name: str, program: Program, shapes: Program) -> Primitive:
     primitive = Primitive(name)
     primitive.multiple_results = True
+    function = eqxi.filter_primitive_def(program)
     primitive.def_impl(function)
-    primitive.def_abstract_eval(shapes)
+    primitive.def_abstract_eval(eqxi.filter_primitive_def(shapes))
     mlir.register_lowering(primitive, mlir.lower_fun(function, multiple_results=True))
     return primitive
 
 
-def _with_columns(shapes: Avals, values: Avals, columns: int) -> Avals:
-    """The shapes behind the leading axes of the `values`."""
-    lead = values[0].shape[:columns] if columns else ()
-    return [ShapedArray((*lead, *x.shape), x.dtype) for x in shapes]
-
-
-def _along_avals(*values: ShapedArray, problem: Problem, moving: Moving, columns: int) -> Avals:
-    """The shapes of the results of `along`."""
-    _, _, tangents = problem.split(values)
-    return _with_columns(problem.outcome_avals[: problem.num_states], tangents, columns)
-
-
-def _back_avals(*values: ShapedArray, problem: Problem, moving: Moving, columns: int) -> Avals:
-    """The shapes of the results of `back`."""
-    args, _, cotangents = problem.split(values)
-    return _with_columns([args[k] for k in moving], cotangents, columns)
-
-
-def _derivative_avals(*values: ShapedArray, function: Program, shapes: Avals) -> Avals:
-    # Those of the program that is differentiated: traced for them, it would be traced twice.
-    del function
-    return _with_columns(shapes, values, 0)
-
-
-solve_p = _primitive("integrate", _solve, lambda *a, problem: problem.solve_jaxpr.out_avals)
+solve_p = _primitive("integrate", _solved, lambda _, program: _shaped(program.out_struct[0]))
 record_p = _primitive(
-    "integrate_recorded",
-    _record,
-    lambda *a, problem, moving: problem.record_jaxpr(moving).out_avals,
+    "integrate_recorded", _recorded, lambda run, moving, program: _shaped(program.out_struct)
 )
-along_p = _primitive("tangent_along_steps", along, _along_avals)
-back_p = _primitive("cotangent_along_steps", back, _back_avals)
+along_p = _primitive("tangent_along_steps", along, _along_shapes)
+back_p = _primitive("cotangent_along_steps", back, _back_shapes)
 # A separate primitive only so that its transpose can be refused with a helpful sentence.
-derivative_p = _primitive("derivative_along_steps", _derivative, _derivative_avals)
+derivative_p = _primitive("derivative_along_steps", _derivative, lambda f, v, g, like: like)
 
 
-def _moving(tangents: Tangents) -> Moving:
-    """Numbers of the arguments whose derivative is not zero by structure."""
-    return tuple(
-        k
-        for k, t in enumerate(tangents)
-        if not isinstance(t, ad.Zero) and jnp.issubdtype(t.dtype, jnp.floating)
-    )
+def _none(tree: PyTree) -> PyTree:
+    """The tangents of a tree that has none."""
+    return jax.tree.map(lambda _: None, tree)
 
 
-def _zeros(values: Leaves) -> list[ad.Zero]:
-    return [ad.Zero(jax.typeof(x).to_tangent_aval()) for x in values]
+def _jvp_of(function: Program, values: PyTree, given: PyTree) -> tuple[PyTree, PyTree]:
+    """`function(values)`, and its tangent for those that are `given`."""
+    moving, fixed = eqx.partition(values, moving_in(values, given))
+    return jax.jvp(lambda moving: function(eqx.combine(moving, fixed)), (moving,), (given,))
 
 
-def _jvp_in(
-    function: Program, values: Leaves, moving: Sequence[int], tangents: Leaves
-) -> tuple[list[Array], list[Array]]:
-    """`function(*values)`, and its tangent for the `tangents` of those values that have one."""
-
-    def of(*some: Array) -> list[Array]:
-        every = list(values)
-        for k, x in zip(moving, some, strict=True):
-            every[k] = x
-        return function(*every)
-
-    return jax.jvp(of, tuple(values[k] for k in moving), tuple(tangents))
+def _given(run: Integration, tangents: PyTree) -> tuple[Tangents, Moving]:
+    """The tangents of field and initial state, and which arrays have one."""
+    # Those of the settings are zero, and counters have none.
+    given = eqx.filter((tangents.field, tangents.y0), eqx.is_inexact_array)
+    return given, moving_in((run.field, run.y0), given)
 
 
-def _solve_jvp(primals: Leaves, tangents: Tangents, *, problem: Problem) -> tuple[Leaves, Tangents]:
-    # JAX does not ask for a derivative that is zero.
-    moving = _moving(tangents)
-    outs, record = problem.split_record(record_p.bind(*primals, problem=problem, moving=moving))
-    given = [tangents[k] for k in moving]
-    along = along_p.bind(*primals, *record, *given, problem=problem, moving=moving, columns=0)
-    return outs, [*along, *_zeros(outs[problem.num_states :])]
+@eqxi.filter_primitive_jvp
+def _solve_jvp(primals: Arguments, tangents: Arguments) -> tuple[Outcome, Outcome]:
+    run, _ = primals
+    given, moving = _given(run, tangents[0])
+    outcome, record = bind(record_p, run, moving, traced(run, moving))
+    states = bind(along_p, run, record, given, 0)
+    return outcome, _none(outcome)._replace(states=states)
 
 
-def _record_jvp(
-    primals: Leaves, tangents: Tangents, *, problem: Problem, moving: Moving
-) -> tuple[Leaves, Tangents]:
+@eqxi.filter_primitive_jvp
+def _record_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree]:
     # Second-order rule: the recorded states move as well. The run is a small part of the work, but
     # written out most of the program.
-    values = problem.solve(*primals, recorded=True, small=True, moving=moving)
-    moving = _moving(tangents)
-    outs, record = problem.split_record(values)
-    given = [ad.instantiate_zeros(tangents[k]) for k in moving]
-    *saved, numbers = problem.forward(primals, record, moving, given, recorded=True)
-    rest = _zeros(outs[problem.num_states :])
-    return values, [*saved, *rest, numbers, *_zeros(record[1:])]
+    run, moving, _ = primals
+    outcome, record = run.run(moving, small=True)
+    given, _ = _given(run, tangents[0])
+    states, numbers = run.forward(record, given, recorded=True)
+    d_record = eqx.tree_at(lambda r: r.numbers, _none(record), numbers, is_leaf=lambda x: x is None)
+    return (outcome, record), (_none(outcome)._replace(states=states), d_record)
 
 
-def _linear_jvp(primitive: Primitive, program: Program) -> Callable[..., tuple[Leaves, Tangents]]:
-    """The JVP rule of a primitive that is linear in its last arguments."""
+def _linear_jvp(primitive: Primitive, program: Program) -> Program:
+    """The JVP rule of a primitive that is linear in its third argument."""
 
-    def rule(primals: Leaves, tangents: Tangents, **params: Any) -> tuple[Leaves, Tangents]:
-        args, record, last = params["problem"].split(primals)
-        d_args, d_record, d_last = params["problem"].split(tangents)
-        outs = primitive.bind(*primals, **params)
-        d_outs: Tangents = _zeros(outs)
+    @eqxi.filter_primitive_jvp
+    def rule(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree]:
+        run, record, last, *rest = primals
+        outs = bind(primitive, *primals)
+        d_outs = None
         # Not for the fixed cotangents of a Hessian: it would be a program that computes zeros.
-        if not all(isinstance(t, ad.Zero) for t in d_last):
-            whole = [ad.instantiate_zeros(t) for t in d_last]
-            d_outs = primitive.bind(*args, *record, *whole, **params)
+        if jax.tree.leaves(tangents[2]):
+            whole = jax.tree.map(eqxi.materialise_zeros, last, tangents[2])
+            d_outs = bind(primitive, run, record, whole, *rest)
         # A derivative of the derivative, by the arguments in which the primitive is not linear.
-        moves = _moving([*d_args, *d_record])
-        if moves:
-            given = [[*d_args, *d_record][k] for k in moves]
+        given = eqx.filter(tuple(tangents[:2]), eqx.is_inexact_array)
+        if jax.tree.leaves(given):
 
-            def change(*values: Array) -> list[Array]:
-                fixed, given = values[: len(primals)], values[len(primals) :]
-                return _jvp_in(lambda *x: program(*x, **params), fixed, moves, given)[1]
+            def change(values: PyTree, given: PyTree) -> PyTree:
+                fixed, last = values
+                return _jvp_of(lambda fixed: program(*fixed, last, *rest), fixed, given)[1]
 
-            shapes = tuple(map(jax.typeof, outs))
-            more = derivative_p.bind(*primals, *given, function=change, shapes=shapes)
-            d_outs = [ad.add_tangents(a, b) for a, b in zip(d_outs, more, strict=True)]
-        return outs, d_outs
-
-    return rule
-
-
-def _transpose(primitive: Primitive, shapes: Callable[..., Avals]) -> Transposed:
-    """The transpose, another `primitive`, of one that is linear in its last arguments.
-
-    `shapes` are those of the results of the one that is transposed."""
-
-    def aval(x: Unknown) -> ShapedArray:
-        return x.aval if isinstance(x, ad.UndefinedPrimal) else jax.typeof(x)
-
-    def rule(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:
-        args, record, _ = params["problem"].split(values)
-        cotangents = [
-            jnp.zeros(s.shape, s.dtype) if type(c) is ad.Zero else c
-            for c, s in zip(cotangents, shapes(*map(aval, values), **params), strict=True)
-        ]
-        result = primitive.bind(*args, *record, *cotangents, **params)
-        return [*[None] * (len(args) + len(record)), *result]
+            like = jax.tree.map(jax.typeof, outs)
+            more = bind(derivative_p, change, ((run, record), last), given, like)
+            d_outs = more if d_outs is None else jax.tree.map(jnp.add, d_outs, more)
+        return outs, _none(outs) if d_outs is None else d_outs
 
     return rule
 
 
-def _derivative_jvp(
-    primals: Leaves, tangents: Tangents, *, function: Program, shapes: Avals
-) -> tuple[Leaves, Leaves]:
+@eqxi.filter_primitive_jvp
+def _derivative_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree]:
     """By JAX's own rules."""
-    del shapes
+    function, values, given, _ = primals
     # Counters have no derivative that `jax.jvp` would take.
-    moving = [k for k, x in enumerate(primals) if jnp.issubdtype(x.dtype, jnp.floating)]
-    given = [ad.instantiate_zeros(tangents[k]) for k in moving]
-    return _jvp_in(function, primals, moving, given)
+    moves = eqx.filter(tuple(tangents[1:3]), eqx.is_inexact_array)
+    return _jvp_of(lambda x: function(*x), (values, given), moves)
 
 
-def _refuse_transpose(cotangents: Tangents, *values: Unknown, **params: Any) -> list[Array | None]:
-    del cotangents, values, params
+def _along_transpose(inputs: Arguments, cotangents: State) -> PyTree:
+    run, record, given, columns = inputs
+    moving = moving_in((run.field, run.y0), given)
+    return _none(run), _none(record), bind(back_p, run, record, cotangents, columns, moving), None
+
+
+def _back_transpose(inputs: Arguments, cotangents: Tangents) -> PyTree:
+    run, record, _, columns, moving = inputs
+    given = bind(along_p, run, record, cotangents, columns)
+    return _none(run), _none(record), given, None, _none(moving)
+
+
+def _refuse_transpose(inputs: Arguments, cotangents: PyTree) -> PyTree:
     raise InputError(REVERSE_OF_DERIVATIVE)
 
 
@@ -232,6 +220,11 @@ ad.primitive_jvps[record_p] = _record_jvp
 ad.primitive_jvps[along_p] = _linear_jvp(along_p, along)
 ad.primitive_jvps[back_p] = _linear_jvp(back_p, back)
 ad.primitive_jvps[derivative_p] = _derivative_jvp
-ad.primitive_transposes[along_p] = _transpose(back_p, _along_avals)
-ad.primitive_transposes[back_p] = _transpose(along_p, _back_avals)
-ad.primitive_transposes[derivative_p] = _refuse_transpose
+for primitive, transpose in (
+    (along_p, _along_transpose),
+    (back_p, _back_transpose),
+    (derivative_p, _refuse_transpose),
+):
+    ad.primitive_transposes[primitive] = eqxi.filter_primitive_transpose(
+        transpose, materialise_zeros=True
+    )

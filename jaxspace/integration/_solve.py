@@ -17,7 +17,7 @@ take the steps of the slowest and the components would be innermost. Its batchin
 of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so that
 no residual depends on how the runs were grouped.
 
-Arrays and programs are in `_problem.py`, the primitives and their derivatives in `_primitives.py`,
+The programs are in `_integration.py`, the primitives and their derivatives in `_primitives.py`,
 the rules for mapped runs in `_mapped_rules.py`.
 """
 
@@ -31,11 +31,10 @@ from ..solvers.regularised_step import regularised_start
 
 # Imported to register its rules.
 from . import _mapped_rules as _mapped_rules
-from ._event_location import Location
+from ._integration import Integration
 from ._loop_settings import LoopSettings
 from ._own_state import OwnState
-from ._primitives import solve_p
-from ._problem import Problem, arguments_of
+from ._primitives import bind, solve_p, traced
 from .result import Outcome
 
 
@@ -54,15 +53,10 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     )
     # Not weakly typed, as the states after a step are not: the step would be traced twice.
     y0 = jax.tree.map(lambda x: jax.lax.convert_element_type(x, x.dtype), y0)
-    parts = (field, y0, settings)
-    leaves = solve_p.bind(*arguments_of(parts), problem=Problem(parts))
-    asked = settings.record_steps or settings.dense
-    location = None
-    if settings.sought is not None:
-        some = settings.sought, settings.clock(y0), y0, settings.tolerance
-        location = eqx.filter_eval_shape(Location.none_yet, *some)
-    shape = (y0, 0, 0, 0, 0, 0 if asked else None, y0 if settings.dense else None, location)
-    return Outcome(*jax.tree.unflatten(jax.tree.structure(shape), leaves))
+    run = Integration(field, y0, settings)
+    # A function may close over an array of NumPy, as traces hold their constants.
+    run = jax.tree.map(lambda x: jnp.asarray(x) if eqx.is_array(x) else x, run)
+    return bind(solve_p, run, traced(run))
 
 
 def solve_own_steps(

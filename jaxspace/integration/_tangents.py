@@ -98,20 +98,21 @@ class Probes(eqx.Module):
 
     @classmethod
     def of(
-        cls, field: PyTree, y0: State, moving: tuple[int, ...], run_axes: int
+        cls, field: PyTree, y0: State, moving: tuple[PyTree[bool], PyTree[bool]], run_axes: int
     ) -> "Probes | None":
-        """The probes of a run that is differentiated by the arrays `moving` of its field and its
+        """The probes of a run that is differentiated by what is `moving` in its field and its
         initial state; `None` where there is none with a number."""
-        of_field = jax.tree.leaves(eqx.filter(field, eqx.is_array))
+        leaves = zip(*map(jax.tree.leaves, ((field, y0), moving)), strict=True)
+        inputs, flags = zip(*((x, m) for x, m in leaves if eqx.is_array(x)), strict=True)
         blocks, structure = jax.tree.flatten(y0)
-        inputs = [*map(jnp.asarray, of_field), *blocks]
-        moving = tuple(k for k in moving if k < len(inputs) and inputs[k].size)
-        if not moving:
+        num_field = len(inputs) - len(blocks)
+        numbers = [k for k, x in enumerate(inputs) if flags[k] and x.size]
+        if not numbers:
             return None
         # One number for all blocks of the state.
-        names = [min(k, len(of_field)) for k in moving]
+        names = [min(k, num_field) for k in numbers]
         number = {name: i % MOST for i, name in enumerate(dict.fromkeys(names))}
-        probe = {k: number[name] for k, name in zip(moving, names, strict=True)}
+        probe = {k: number[name] for k, name in zip(numbers, names, strict=True)}
         count = min(len(number), MOST)
 
         def rows(k: int) -> Array:
@@ -119,11 +120,11 @@ class Probes(eqx.Module):
             every = jnp.zeros((count, *x.shape), x.dtype)
             if k not in probe:
                 return every
-            axes = x.ndim - (run_axes if k >= len(of_field) else 0)
+            axes = x.ndim - (run_axes if k >= num_field else 0)
             return every.at[probe[k]].set(_direction(x, axes, k))
 
-        numbers = tuple(k for k in moving if k < len(of_field))
-        start = [rows(len(of_field) + k) for k in range(len(blocks))]
+        numbers = tuple(k for k in numbers if k < num_field)
+        start = [rows(num_field + k) for k in range(len(blocks))]
         return cls(numbers, [rows(k) for k in numbers], jax.tree.unflatten(structure, start))
 
     def packed(self, vector: Callable[[State], Array]) -> "Probes":

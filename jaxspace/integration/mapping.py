@@ -7,19 +7,19 @@ times as fast. `add_run_axis` makes this batch, or returns `None` where it canno
 
 import dataclasses
 import functools
-from collections.abc import Callable, Sequence
-from typing import TypeAlias
+import operator
+from collections.abc import Callable
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, PyTree
 
-from ..core import AbstractSystem
 from ..core.layout import component_axes_of
 from ..solvers.protocol import bind
 from ..solvers.tolerances import Tolerance
 from ._event_location import SoughtEvents
+from ._integration import Integration, Moving
 from ._layout_check import follows_layout
 from ._loop_settings import LoopSettings
 from ._own_state import OwnState
@@ -31,62 +31,50 @@ of a step stay in the first levels of the cache. On low orbits blocks of 64 were
 of 512."""
 
 
-# Field, initial state and settings of a loop, or a tree of this structure.
-Parts: TypeAlias = tuple[PyTree, PyTree, LoopSettings]
-
-
 class _CannotMap(Exception):
     """An array cannot have a further axis of runs."""
 
 
 def add_run_axis(
-    parts_of: Callable[[Sequence[PyTree]], Parts],
-    values: Sequence[Array],
-    dims: Sequence[int | None],
-    size: int,
-    flags: Sequence[bool] | None,
-) -> tuple[PyTree, PyTree] | None:
-    """The parts of a mapped integration as those of a batch.
+    run: Integration, dims: PyTree, size: int, moving: Moving | None = None
+) -> tuple[Integration, PyTree] | None:
+    """A mapped integration as a batch.
 
     **Arguments**
 
-    - `parts_of`: builds field, initial state and settings from flat arrays.
-    - `values`, `dims`: the arrays, and which of their axes is mapped.
+    - `run`, `dims`: the integration, and which axis of each array is mapped.
     - `size`: how many runs there are.
-    - `flags`: arrays that get their own value in every run, even if they are not mapped.
+    - `moving`: the arrays that get their own value in every run, even if they are not mapped.
 
-    **Returns** the parts, and for each of their arrays whether it carries the new axis; or `None`
-    if the integration cannot be batched."""
-    mapped = [d is not None for d in dims]
-    moved = [x if d is None else jnp.moveaxis(x, d, -1) for x, d in zip(values, dims, strict=True)]
-    own = [m or f for m, f in zip(mapped, flags or [False] * len(mapped), strict=True)]
-    field, y0, settings = parts_of(moved)
-    field_mapped, y0_mapped, settings_mapped = parts_of(mapped)
-    field_own, _, _ = parts_of(own)
-    if not isinstance(field, ScaledVectorField):
+    **Returns** the integration of the batch, and for each of its arrays whether it carries the new
+    axis; or `None` if it cannot be batched."""
+    if not _can_batch(_shapes_of_one(run, dims)):
         return None
-    # As one run has them, before any axis was moved.
-    original = parts_of(list(values))
-    if not follows_layout(*_single(original, parts_of(list(dims)))):
-        return None
+    mapped = jax.tree.map(lambda x, d: d is not None, run, dims)
+    moved = jax.tree.map(lambda x, d: x if d is None else jnp.moveaxis(x, d, -1), run, dims)
+    own = mapped.field
+    if moving is not None:
+        own = jax.tree.map(operator.or_, own, moving[0])
     try:
-        field = _field_axis(field, field_mapped, field_own, size)
-        settings = _settings_axis(settings, settings_mapped, size)
+        field = _field_axis(moved.field, mapped.field, own, size)
+        settings = _settings_axis(moved.settings, mapped.settings, size)
     except _CannotMap:
         return None
 
     def state(x: Array, is_mapped: bool) -> Array:
         return x if is_mapped else jnp.broadcast_to(x[..., None], (*x.shape, size))
 
-    y0 = jax.tree.map(state, y0, y0_mapped)
+    y0 = jax.tree.map(state, moved.y0, mapped.y0)
     if settings.sought is not None and not _of_each_run(settings.sought, y0):
         return None
     carried = (
-        jax.tree.map(lambda x, o: o if eqx.is_array(x) else False, field, field_own),
+        jax.tree.map(lambda x, o: o if eqx.is_array(x) else False, field, own),
         jax.tree.map(lambda x: True, y0),
         _carried_by(settings),
     )
-    return (field, y0, settings), carried
+    batch = Integration(field, y0, settings)
+    # Not by the constructor, which takes arrays.
+    return batch, eqx.tree_at(lambda b: (b.field, b.y0, b.settings), batch, carried)
 
 
 def _carried_by(settings: LoopSettings) -> PyTree:
@@ -125,24 +113,26 @@ def _of_each_run(sought: SoughtEvents, y0: PyTree) -> bool:
     return all(value.shape == runs for value in values)
 
 
-def _single(parts: Parts, dims: Parts) -> tuple[AbstractSystem, PyTree]:
-    """The system and the state of one of the mapped runs, as shapes."""
+def _shapes_of_one(run: Integration, dims: PyTree) -> Integration:
+    """One of the mapped runs, with shapes in place of its arrays."""
 
-    # For a leaf that is no array, such as a function, `d` is the leaf itself.
-    def leaf(x: PyTree, d: PyTree) -> PyTree:
+    def leaf(x: PyTree, d: int | None) -> PyTree:
         if not eqx.is_array(x):
             return x
-        shape = list(x.shape)
-        if d is not None:
-            del shape[d]
-        return jax.ShapeDtypeStruct(tuple(shape), x.dtype)
+        shape = tuple(n for axis, n in enumerate(x.shape) if axis != d)
+        return jax.ShapeDtypeStruct(shape, x.dtype)
 
-    # `None` marks an axis that is not mapped, and must count as a leaf here.
-    result = jax.tree.map(leaf, parts, dims, is_leaf=lambda x: x is None)
-    system, y = result[0].system, result[1]
+    return jax.tree.map(leaf, run, dims)
+
+
+def _can_batch(run: Integration) -> bool:
+    """Whether the vector field of a run, given as shapes, treats a trailing axis as runs."""
+    if not isinstance(run.field, ScaledVectorField):
+        return False
+    system, y = run.field.system, run.y0
     if isinstance(y, OwnState):
         y = eqx.filter_eval_shape(lambda s, z: s.regularised().from_regularised(z), system, y.z)
-    return system, y
+    return follows_layout(system, y)
 
 
 def _field_axis(
@@ -231,46 +221,46 @@ def _sought_axis(sought: SoughtEvents, mapped: PyTree, size: int) -> SoughtEvent
 
 
 def over_blocks(
-    function: Callable[..., list[Array]],
+    function: Callable[..., PyTree],
     mapped: tuple[PyTree, PyTree],
     size: int,
-    ranks: Sequence[int],
-    more: Sequence[Array] = (),
-) -> list[Array]:
-    """`function(parts)`, or of the parts and `more`, block after block of the runs.
+    one: PyTree | None,
+    *more: PyTree,
+) -> PyTree:
+    """`function(run)`, or of the run and `more`, block after block of the runs.
 
     **Arguments**
 
-    - `mapped`: the parts and which of their arrays carry runs, as from `add_run_axis`.
+    - `mapped`: the integration and which of its arrays carry runs, as from `add_run_axis`.
     - `size`: how many runs there are.
-    - `ranks`: axes of each result without the runs; a result without runs is given them.
+    - `one`: the shapes of the results of one run, where some are shared by the runs of a block,
+      such as the number of steps: they are repeated for each.
     - `more`: further arrays, each with the runs on the last axis.
 
     **Returns** the results, runs last."""
-    parts, carried = mapped
+    run, carried = mapped
     count = -(-size // BLOCK)
 
-    # Results that the runs of a block share, such as the number of steps, are repeated for each.
-    def complete(results: list[Array], runs: int) -> list[Array]:
-        return [
-            jnp.broadcast_to(x[..., None], (*x.shape, runs)) if x.ndim == rank else x
-            for x, rank in zip(results, ranks, strict=True)
-        ]
+    def of_each(x: Array, s: jax.ShapeDtypeStruct, runs: int) -> Array:
+        return jnp.broadcast_to(x[..., None], (*x.shape, runs)) if x.ndim == s.ndim else x
 
-    def call(parts: PyTree, more: Sequence[Array]) -> list[Array]:
-        return function(parts, more) if more else function(parts)
+    def call(run: PyTree, more: PyTree, runs: int) -> PyTree:
+        results = function(run, *more)
+        if one is None:
+            return results
+        return jax.tree.map(functools.partial(of_each, runs=runs), results, one)
 
     if count == 1:
-        return complete(call(parts, more), size)
+        return call(run, more, size)
 
-    own, shared = eqx.partition(parts, carried)
-    own, more = jax.tree.map(lambda x: cut_runs(x, count, BLOCK), (own, list(more)))
+    own, shared = eqx.partition(run, carried)
+    own, more = jax.tree.map(lambda x: cut_runs(x, count, BLOCK), (own, more))
 
-    def block(piece: tuple[PyTree, Sequence[Array]]) -> list[Array]:
+    def block(piece: tuple[PyTree, PyTree]) -> PyTree:
         own, more = piece
-        return complete(call(eqx.combine(own, shared), more), BLOCK)
+        return call(eqx.combine(own, shared), more, BLOCK)
 
-    return [join_runs(x, size) for x in jax.lax.map(block, (own, more))]
+    return jax.tree.map(lambda x: join_runs(x, size), jax.lax.map(block, (own, more)))
 
 
 def cut_runs(x: Array, count: int, size: int) -> Array:

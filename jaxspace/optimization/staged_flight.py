@@ -73,7 +73,7 @@ class Goal(NamedTuple):
     steps: int
 
 
-class StagedRun(NamedTuple):
+class Flown(NamedTuple):
     """The result of a flight: the state at the last burnout, the initial mass, kg, burn times, s,
     and the ideal velocity, m/s."""
 
@@ -83,7 +83,7 @@ class StagedRun(NamedTuple):
     ideal_velocity: Scalar
 
 
-def run_stages(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> StagedRun:
+def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
     """The flight of stages with these `masses`, kg, their fixed masses not included, and with a
     `kick`, rad."""
     design = goal.design
@@ -119,4 +119,4 @@ def run_stages(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Sta
     zero = jnp.zeros_like(goal.payload)
     start = GravityTurnState(FIRST_SPEED + zero, zero, zero, zero)
     end = simulate_compact(Mission(phases), (start, carried[0]), steps=goal.steps).final[0]
-    return StagedRun(end, carried[0], times, ideal)
+    return Flown(end, carried[0], times, ideal)

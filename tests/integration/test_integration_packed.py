@@ -11,7 +11,7 @@ import pytest
 
 from jaxspace import BodyState, simulate
 from jaxspace.core import AbstractSystem
-from jaxspace.integration import _problem, programs
+from jaxspace.integration import _integration, programs
 from jaxspace.integration._packed import Packing
 from jaxspace.integration.field_trace import evaluate_field
 from jaxspace.rotations import Quaternion
@@ -75,7 +75,7 @@ def both():
         # As if the field were large.
         patch.setitem(programs.SMALL_FROM, programs.Runs.ONE, programs.Limit(0, ""))
         packed = found(True)
-        patch.setattr(_problem.Problem, "_packing", lambda *_: None)
+        patch.setattr(_integration.Integration, "_packing", None)
         return packed, found(False)
 
 
