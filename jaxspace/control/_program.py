@@ -19,7 +19,7 @@ from ..integration.programs import Runs, is_small
 from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import jit_wide_vectors
-from ..simulation.reached import reached
+from ..simulation.masking import mask_invalid
 from ..simulation.trajectory import Trajectory
 from ..solvers import FixedSteps
 from ..solvers.protocol import small_program
@@ -207,4 +207,4 @@ def _result(
     factor = jnp.where(status > Status.EVENT, jnp.nan, 1.0)
     commands, readings = jax.tree.map(lambda x: x * factor.astype(x.dtype), (commands, readings))
     control = {"commands": commands, "readings": readings, "memory": sampled.memory}
-    return dataclasses.replace(reached(result), control=control)
+    return dataclasses.replace(mask_invalid(result), control=control)

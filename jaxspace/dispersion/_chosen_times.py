@@ -12,7 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..simulation import Event, Phase
 from ..simulation.legs import legs_of
-from ..simulation.phase_runs import OwnTimes
+from ..simulation.phase_runs import MissionTimes
 from ..simulation.runnable import AbstractRunnable
 from ._campaign import Campaign
 from ._saved_states import ChosenTimes, StatesToStore
@@ -23,7 +23,7 @@ ROUNDING = 8.0 * np.finfo(float).eps
 
 def choose_times(
     campaign: Campaign, times: Sequence[float]
-) -> tuple[ChosenTimes | OwnTimes | None, ...]:
+) -> tuple[ChosenTimes | MissionTimes | None, ...]:
     """The places in each phase at which states are saved, so that those at `times`, s, are among
     them; `None` for a phase without any.
 
@@ -72,7 +72,7 @@ class _Left(NamedTuple):
 
 def _chosen_in(
     phase: Phase, before: _Left, along: int
-) -> tuple[ChosenTimes | OwnTimes | None, _Left]:
+) -> tuple[ChosenTimes | MissionTimes | None, _Left]:
     """The places in a phase at which states are saved, and the remaining times."""
     left, start, known = before
     if not left.size:
@@ -87,7 +87,7 @@ def _chosen_in(
         # A sum of durations meets the start to rounding only.
         near = np.abs(left - start) <= ROUNDING * (1.0 + abs(start))
         times = jnp.asarray(np.where(near, start, left))
-        return OwnTimes(times, along), before._replace(known=False)
+        return MissionTimes(times, along), before._replace(known=False)
     duration = float(phase.until)
     # The state of a phase of no length is that of the phase before, which has its time.
     if not duration:
@@ -104,13 +104,13 @@ def warn_of_times_outside(
 ) -> None:
     """Warn of times that no run of the first call reaches, in phases whose times differ between
     runs."""
-    if isinstance(kept, int) or not any(isinstance(c, OwnTimes) for c in kept):
+    if isinstance(kept, int) or not any(isinstance(c, MissionTimes) for c in kept):
         return
     # Only names and order of the phases are needed, and nothing is computed.
     mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
     reached: dict[float, bool] = {}
     for leg, chosen in zip(legs_of(mission)[0], kept, strict=True):
-        if isinstance(chosen, OwnTimes):
+        if isinstance(chosen, MissionTimes):
             here = np.isfinite(trajectories[f"{leg.name}.time"]).any(axis=-1)
             for t, at_time in zip(np.asarray(chosen.times).tolist(), here.tolist(), strict=True):
                 reached[t] = reached.get(t, False) or at_time

@@ -8,9 +8,9 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
+from ..simulation.masking import nan_unless, scaled
 from ..simulation.mission_result import MissionTrajectory
-from ..simulation.phase_runs import OwnTimes, SaveTimes
-from ..simulation.reached import nan_unless, scaled
+from ..simulation.phase_runs import MissionTimes, SaveTimes
 from ..simulation.trajectory import Trajectory
 
 
@@ -26,7 +26,7 @@ class ChosenTimes(NamedTuple):
     kept: Int[Array, " chosen"]
 
 
-StatesToStore: TypeAlias = int | tuple[ChosenTimes | OwnTimes | None, ...]
+StatesToStore: TypeAlias = int | tuple[ChosenTimes | MissionTimes | None, ...]
 """Number of states to store of each phase, evenly from its start to its end; or their places."""
 
 
@@ -58,10 +58,10 @@ def for_outputs(result: MissionTrajectory, kept: StatesToStore) -> MissionTrajec
     return dataclasses.replace(result, phases=phases)
 
 
-def _even(phase: Trajectory, chosen: ChosenTimes | OwnTimes | None) -> Trajectory:
+def _even(phase: Trajectory, chosen: ChosenTimes | MissionTimes | None) -> Trajectory:
     if chosen is None:
         return phase
-    if isinstance(chosen, OwnTimes):
+    if isinstance(chosen, MissionTimes):
         # The chosen times are the first rows, the evenly spaced ones follow.
         return _picked(phase, slice(chosen.times.shape[0], None))
     return _picked(phase, chosen.outputs)
@@ -78,7 +78,7 @@ def for_store(
 
 
 def _chosen(
-    phase: Trajectory, chosen: ChosenTimes | OwnTimes | None, first: bool
+    phase: Trajectory, chosen: ChosenTimes | MissionTimes | None, first: bool
 ) -> Trajectory | None:
     if chosen is None:
         return None

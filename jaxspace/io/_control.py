@@ -65,8 +65,11 @@ def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
 def _sensor_kind(name: str) -> Object:
     """How a file gives the sensor of a part of the state."""
     cls = StarTracker if name == "attitude" else Sensor
+    # An attitude is read as a quaternion, whose error is a small rotation and no sum.
     make = StarTracker if name == "attitude" else functools.partial(Sensor, name)
     entries = {key: entry_of(declared) for key, declared in quantities(cls).items()}
+    # In place of the declared one, which a campaign could disperse: the number of readings must be
+    # known.
     entries["period"] = Entry(PERIOD, None, doc="time between readings, that of the controller")
     return Object((Maker(cls.__name__, make, {key: key for key in entries}, entries, {}),))
 

@@ -49,6 +49,7 @@ class ErrorNumber(Number):
             reading.errors.append(wrong(path, value, str(error)))
             return None
         written = Written(number)
+        # Kept here and not in the units of the file, by which the results are shown.
         written.si, written.unit = self.quantity.unit, unit or self.quantity.unit
         return written
 

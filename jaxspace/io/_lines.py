@@ -56,6 +56,7 @@ def phase_tables(values: Values) -> dict[str, Values]:
     """The tables of all phases of a mission by their paths, those of the mission itself first."""
     branches: Values = values.get("branch") or {}
     lists = {"phase": values.get("phase") or []}
+    # Flat, whatever a branch leaves: the tables of the file are, too.
     lists |= {f"branch.{key}.phase": branch["phase"] for key, branch in branches.items()}
     return {
         f"{path}.{k}": phase for path, phases in lists.items() for k, phase in enumerate(phases)

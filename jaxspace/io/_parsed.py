@@ -43,6 +43,7 @@ class Parsed:
         is a single phase."""
         if self.kind == "mission":
             return lines_of(self.values)
+        # As a mission of one phase, so that all that reads places reads them in one way.
         scene = {"name": "scene", "effects": list(self.active_effects())}
         return (Line("", "", (Leg(0, "scene", "", scene, "body"),), -1),)
 
@@ -88,6 +89,7 @@ class Parsed:
         """Whether an effect or a branch changes the mass, which is then a part of the state."""
         if self.kind in ("system", "flight"):
             return self.kind == "flight"
+        # A branch takes its share of the mass, whatever its effects do.
         if len(self.lines) > 1:
             return True
         building = self.building()
@@ -97,6 +99,7 @@ class Parsed:
 
     def parts(self, line: Line | None = None) -> set[str]:
         """The parts of the state that the file gives; those that are left in a branch."""
+        # The whole may turn, and the part that leaves it a point.
         if line is not None and line in self.points:
             return self.parts() - ROTATION
         # After its rail a rocket becomes a point under its parachutes, without an attitude.

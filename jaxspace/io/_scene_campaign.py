@@ -58,6 +58,7 @@ def campaign_of(
         # Only outputs with a limit have a requirement that a report can judge.
         {spec.name: spec.required for spec in file.outputs if spec.required[:2] != (None, None)},
         along,
+        # Texts and not paths: a store is opened where these files are not.
         dict(texts),
         accuracy,
         {module.path.name: module.text for module in file.modules},

@@ -29,7 +29,7 @@ from ..simulation import (
     MissionTrajectory,
     simulate_mission,
 )
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
 from ..vehicles import LaunchSite
@@ -193,7 +193,7 @@ class SceneFile(FileContent):
             if events is None:
                 events = (until,) if isinstance(until, Event) else ()
             return self.loop.simulate(self.y0, ts, accuracy=accuracy, events=events, throw=throw)
-        run = run_either(
+        run = simulate_any(
             self.system,
             self.y0,
             ts,

@@ -42,7 +42,7 @@ from ..rockets import GravityTurnState
 from ._criterion import Criterion, Minimum
 from ._minimise import minimise
 from ._optimiser import SQP, Optimiser
-from .staged_flight import FIRST_SPEED, Goal, StageDesign, flown
+from .staged_flight import FIRST_SPEED, Goal, StageDesign, run_stages
 from .staging import optimal_staging
 
 # Thrust over weight at lift-off: the least, and that at which the search for the greatest speed
@@ -265,7 +265,7 @@ def _unknowns(goal: Goal, sizes: Array) -> tuple[Unknowns, Unknowns, Unknowns, U
     if not goal.vertical:
 
         def tilt(k: Scalar) -> Scalar:
-            angle = flown(goal, sizes, _kick(goal, {"kick": k})).end.angle
+            angle = run_stages(goal, sizes, _kick(goal, {"kick": k})).end.angle
             return jnp.log(jnp.tan(0.5 * angle))
 
         # The kick with which the first masses end horizontally; with a larger one the flight falls.
@@ -283,7 +283,7 @@ def _problem(goal: Goal, sizes: Array, fastest: bool) -> Callable[[Unknowns], Cr
 
     def problem(x: Unknowns) -> Criterion:
         masses = sizes * x["masses"]
-        flight = flown(goal, masses, _kick(goal, x))
+        flight = run_stages(goal, masses, _kick(goal, x))
         end, mass = flight.end, flight.initial_mass
         faster = end.speed / goal.speed - 1.0
         zero = [] if fastest else [faster]

@@ -70,7 +70,7 @@ class SearchStore:
                 leaves = [kept[f"leaf{k}"] for k in range(told["leaves"])]
         except Exception as error:
             raise InputError(f"store is {self.path}, which cannot be read: {error}.") from error
-        if told != self._told(state):
+        if told != self._identity(state):
             raise InputError(
                 f"store is {self.path}, which is that of another search: its task, start, bounds, "
                 f"optimiser and version must be the same."
@@ -90,7 +90,7 @@ class SearchStore:
             return
         leaves = [np.asarray(x) for x in jax.tree.leaves(state)]
         content = io.BytesIO()
-        told = json.dumps(self._told(state))
+        told = json.dumps(self._identity(state))
         arrays = {f"leaf{k}": x for k, x in enumerate(leaves)}
         np.savez(content, told=np.array(told), **arrays)  # type: ignore[arg-type]
         self._replace(content.getvalue())
@@ -109,7 +109,7 @@ class SearchStore:
         finally:
             beside.unlink(missing_ok=True)
 
-    def _told(self, state: PyTree) -> dict[str, object]:
+    def _identity(self, state: PyTree) -> dict[str, object]:
         """What a file must have for its state to be that of this search."""
         leaves, structure = jax.tree.flatten(state)
         kinds = [(list(np.shape(x)), jnp.result_type(x).name) for x in leaves]

@@ -73,7 +73,7 @@ class Goal(NamedTuple):
     steps: int
 
 
-class Flown(NamedTuple):
+class StagedRun(NamedTuple):
     """The result of a flight: the state at the last burnout, the initial mass, kg, burn times, s,
     and the ideal velocity, m/s."""
 
@@ -83,7 +83,7 @@ class Flown(NamedTuple):
     ideal_velocity: Scalar
 
 
-def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
+def run_stages(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> StagedRun:
     """The flight of stages with these `masses`, kg, their fixed masses not included, and with a
     `kick`, rad."""
     design = goal.design
@@ -119,4 +119,4 @@ def flown(goal: Goal, masses: Float[Array, " stages"], kick: Scalar) -> Flown:
     zero = jnp.zeros_like(goal.payload)
     start = GravityTurnState(FIRST_SPEED + zero, zero, zero, zero)
     end = simulate_compact(Mission(phases), (start, carried[0]), steps=goal.steps).final[0]
-    return Flown(end, carried[0], times, ideal)
+    return StagedRun(end, carried[0], times, ideal)

@@ -70,6 +70,7 @@ class Gimbal(AbstractParameters):
         direction = y.attitude.rotate_back(self.steering.direction(t, y))
         about_x = -self.gain * direction[1] - self.damping * y.omega[0]
         about_y = self.gain * direction[0] - self.damping * y.omega[1]
+        # The commands count as tangents, so that the limit has to be one as well.
         most = jnp.tan(self.limit)
         # Smooth, because a hard stop would be a kink that step control has to resolve.
         held = sqrt(1.0 + (about_x * about_x + about_y * about_y) / (most * most))
@@ -233,6 +234,7 @@ class GimballedThrust(AbstractEffect):
         return Load(
             force_N=y.attitude.rotate(force_B),
             torque_B=cross(self._lever(y.mass, body), force_B),
+            # By the thrust in vacuum: the pressure of the air takes thrust, not mass.
             mass_rate=-thrust / self.exhaust_velocity,
         )
 

@@ -77,6 +77,8 @@ class MotorFile(NamedTuple):
         check_positive("Motor.propellant_mass", mass)
         check_positive("Motor.total_impulse", self.total_impulse)
         profile, burn_time, mean = ThrustProfile.tabulated(self.times, self.thrusts)
+        # Of the whole burn: no maker measures the flow itself, so that it is taken in proportion to
+        # the thrust.
         u = self.total_impulse / mass
         return as_float(mean), as_float(u), as_float(burn_time), profile
 
@@ -103,6 +105,7 @@ def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
     head: list[str] = []
     points: list[Point] = []
     for number, line in enumerate(lines, 1):
+        # A comment of RASP begins with a semicolon, also behind a point.
         fields = line.split(";")[0].split()
         if not fields or fields[0].startswith("#"):
             continue
@@ -125,6 +128,7 @@ def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
 
 def _from_zero(points: list[Point]) -> list[Point]:
     """The points of a curve that begins at the time zero without saying so."""
+    # RASP and RockSim leave out the point at ignition, where the thrust is zero.
     if points and points[0].time > 0.0:
         return [Point(points[0].line, 0.0, 0.0), *points]
     return points
@@ -159,6 +163,7 @@ def _with_measures(
         f"below {motor.total_impulse / SLOWEST:.6g}, in kg, so that an impulse of "
         f"{motor.total_impulse:.6g} N s has an exhaust above {SLOWEST:g} m/s"
     )
+    # Masses in grams in the place of kilograms pass every other check.
     fast = motor.total_impulse > SLOWEST * propellant
     check(fast, f"{path}: propellant mass", propellant, allowed)
     return motor._replace(

@@ -59,6 +59,7 @@ class _Reader:
             self.points.append(Point(self.parser.CurrentLineNumber, *values))
 
     def end(self, name: str) -> None:
+        # What follows the first engine is not read, and may be broken.
         self.done = self.done or name == "engine"
 
     def entity(self, name: str, *rest: object) -> None:
@@ -97,6 +98,7 @@ def read_engine(path: Path, text: str) -> Engine:
         # As bytes of UTF-8, whatever encoding the file says that it had.
         reader.parser.Parse(text.encode(), True)
     except expat.ExpatError as error:
+        # Broken behind the first engine, of which all is there.
         if not reader.done:
             raise InputError(
                 f"{path}, line {error.lineno} is no XML ({expat.ErrorString(error.code)}): it must "

@@ -200,6 +200,7 @@ class SteeredThrust(AbstractEffect):
         breaks = self._motor().breaks()
         if self.schedule is not None:
             lit = ignition_of(self)
+            # At each of them the slope of the factor jumps.
             times = with_rank(self.schedule.times, jnp.ndim(lit))
             breaks = joined_breaks(breaks, lit + times)
         law = self.steering.breaks()

@@ -79,6 +79,8 @@ def swept_motion(
     """
     s = rate * as_float(time) / mass
     gain = (force + rate * (stream_speed - speed)) * time
+    # The distance of a rate near zero is a difference of equal terms: by this share it keeps its
+    # digits.
     share = _log_rest(s)
     return speed + gain / (mass * (1.0 + s)), speed * time + gain * time / mass * share
 
@@ -133,4 +135,5 @@ class MassStream(AbstractEffect):
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         c = with_rank(self.stream_velocity, y.velocity.ndim - 1)
+        # The zero brings the runs and the precision of the mass.
         return Load(force_N=self.rate * (c - y.velocity), mass_rate=self.rate + 0.0 * y.mass)

@@ -89,7 +89,9 @@ def simulate_batch(
     if isinstance(accuracy, FinalError):
         options = {"events": events, "dense": dense, "in_axes": in_axes}
         return to_final_error(simulate_batch, (systems, y0s, ts), accuracy, throw, options, (runs,))
+    # As one system of all runs: the checks below trace it once, and not once for each run.
     whole = cut_batch(batched, shared)
+    # A shape is enough to trace a vector field, and has no number that would be computed.
     start = jax.ShapeDtypeStruct(ts.shape[1:], ts.dtype)
     check_structure(whole[0], whole[1], start, one_run=False, stacklevel=3)
     traced = is_traced((batched, shared))

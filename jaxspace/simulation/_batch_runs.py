@@ -25,7 +25,7 @@ from ._runs import run_system
 from .batch_layout import cut_batch, in_blocks
 from .blocks import Blocks, Order, jit_wide_vectors
 from .checks import check_events
-from .failures import mission_reached
+from .failures import mask_mission
 from .mission_result import MissionTrajectory, Result
 from .mission_runs import run_mission
 from .repeat import Configs
@@ -72,7 +72,7 @@ def run_missions(
     def run(mission: Mission, y0: State, t0: Array, configs: Configs) -> MissionTrajectory:
         with _shared_arrays_named(mission, blocks.size):
             run = run_mission(mission, y0, t0, num_saved, configs, 1)
-        result = mission_reached(run)
+        result = mask_mission(run)
         return result.with_phases([_every_run(phase) for phase in result.phases], result.status)
 
     return in_blocks(run, batched, shared, configs, blocks)
@@ -154,6 +154,7 @@ def _order_of(
 
 def _sorted(rate: Array) -> Order:
     order = jnp.argsort(rate)
+    # The second one puts the results back into the order of the caller.
     return Order(order, jnp.argsort(order))
 
 
@@ -183,6 +184,7 @@ def again_by(
         filled = np.concatenate([rows, np.full(-rows.size % block, rows[-1])])
         configs = tuple(config.of_runs(filled) for config in configs)
         part = run(jax.tree.map(lambda x: x[..., filled], batched), Blocks(block, None), configs)
+        # Without the copies of the last run that fill the block.
         return jax.tree.map(lambda a, b: a.at[..., rows].set(b[..., : rows.size]), result, part)
 
     return again

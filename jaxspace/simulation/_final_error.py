@@ -86,6 +86,7 @@ class FinalError(eqx.Module):
                 "blocks in their units, FinalError(position=1.0); or an output and the error "
                 f"within which it is asked for. Here {sum(ways)} are given."
             )
+        # Not one of them by default: an output has no unit from which an error could follow.
         if (output is None) != (within is None):
             raise InputError("FinalError.output and FinalError.within are given together.")
         if accuracy.rtol is not None or accuracy.atol is not None:
@@ -178,6 +179,7 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
 
     every = jnp.stack([ratio(*each) for each in zip(a.values, b.values, b.allowed, strict=True)])
     worst = jnp.max(every, axis=0)
+    # Infinite and not NaN: the search compares it, and goes on to smaller tolerances.
     return jnp.where(a.good & jnp.isfinite(worst), worst, jnp.inf)
 
 
@@ -216,6 +218,7 @@ def _named(state: PyTree) -> dict[str, Array]:
 
 def _belongs(block: str, name: str) -> bool:
     """Whether a block has this name, or is part of one that has it."""
+    # With the dot, because "wheels" is no part of "wheels_left".
     return block == name or block.startswith(f"{name}.")
 
 
@@ -228,6 +231,7 @@ def _sizes(result: Simulated, last: Trajectory, axes: int) -> dict[str, Float[Ar
 
     finals, on_the_way = _named(result.final), _named(last.states)
     sizes = {name: largest(x, axes) for name, x in finals.items()}
+    # A jump at the end may leave other blocks, of which nothing was saved.
     if finals.keys() == on_the_way.keys():
         sizes = {n: jnp.maximum(x, largest(on_the_way[n], axes + 1)) for n, x in sizes.items()}
     return sizes

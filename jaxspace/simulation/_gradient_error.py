@@ -84,6 +84,7 @@ def gradient_error(
     if other_rtol > LITTLE * rtol:
         other_rtol = min(rtol / FINER, MOST)
     gradient, other = (_derivative(function, x, accuracy, r, forward) for r in (rtol, other_rtol))
+    # The finer derivative has a hundredth of the error: the difference is that of the coarser one.
     error = jax.tree.map(lambda a, b: np.abs(np.asarray(a) - np.asarray(b)), gradient, other)
     return CheckedGradient(gradient, error, rtol, 2)
 
@@ -195,6 +196,7 @@ def _measured(gradient: PyTree, within: PyTree[Float[ArrayLike, ""]]) -> Measure
             f"gradient_within.within is {within}: it must be one number, or a tree like the "
             f"derivative, {form}."
         )
+    # A derivative that is not finite shows no error, and asks for a smaller tolerance.
     good = jnp.asarray(all(bool(np.all(np.isfinite(x))) for x in values))
     limits = tuple(jnp.asarray(a, x.dtype) for a, x in zip(allowed, values, strict=True))
     return Measured(tuple(values), limits, good, jnp.asarray(False), jnp.asarray(0))

@@ -47,7 +47,7 @@ class Instant(NamedTuple):
         sign = jnp.where(self.events.zero, 1.0, -1.0).astype(self.events.values.dtype)
         return jnp.where(self.kept, sign * jnp.inf, 0.0)
 
-    def or_found(
+    def updated(
         self,
         system: AbstractSystem,
         events: tuple[Event, ...],

@@ -63,7 +63,9 @@ def simulate_mission_batch(
         options = {"num_saved": num_saved, "in_axes": in_axes}
         return to_final_error(simulate_mission_batch, given, accuracy, throw, options, (runs,))
     mission, y0, _ = cut_batch(batched, shared)
+    # A traced status cannot decide which runs are repeated.
     traced = is_traced((batched, shared))
+    # After the errors at the end: a `FinalError` calls this verb again, with a tolerance.
     given = as_accuracy(accuracy)
     check_tolerances(given, runs)
 

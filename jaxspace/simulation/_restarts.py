@@ -135,7 +135,7 @@ def _to_next_instant(
     good = (status <= Status.EVENT) & ~idle
     t, y = jax.tree.map(lambda a, b: jnp.where(good, a, b), (t, y), (run.t, run.y))
     found = found._replace(which=jnp.where(good, found.which, -1))
-    instant = run.instant.or_found(system, events, found, (run.t, run.y), (t, y), run_axes)
+    instant = run.instant.updated(system, events, found, (run.t, run.y), (t, y), run_axes)
     return run._replace(t=t, y=y, status=status, instant=instant), result.stats
 
 

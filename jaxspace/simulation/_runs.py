@@ -19,8 +19,8 @@ from ..integration.layout import broadcast_state, runs_of
 from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
-from ._to_event import straight_to_event, through_times_to_event, where_stopped
-from .reached import known_crossings, nan_unless, reached, scaled
+from ._to_event import integrate_to_event, through_times_to_event, where_stopped
+from .masking import known_crossings, mask_invalid, nan_unless, scaled
 from .trajectory import Trajectory, without_events
 
 
@@ -38,11 +38,13 @@ def run_system(
     From the event on, states and times are those of the event. Events that are not terminal are
     collected. States that a failed run did not reach are NaN."""
     if run_axes:
+        # Shared states get an axis of runs first: the runs leave the common start at once.
         y0 = broadcast_state(system, ts[0], y0)
     result = _run_of_kind(Integrator(system, config, run_axes), y0, ts, events, dense)
+    # Far from time zero a short run has no digits left in its times, whatever its steps did.
     lost = time_unresolved(ts[0], ts[-1] - ts[0], rounded=True)
     status = jnp.where(lost, Status.TIME_UNRESOLVED, result.status).astype(jnp.int32)
-    return reached(dataclasses.replace(result, status=status))
+    return mask_invalid(dataclasses.replace(result, status=status))
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
@@ -59,9 +61,11 @@ def _run_of_kind(
     if any(event.then is not None for event in events):
         return _with_restarts(integrator, y0, asked, events)
     if any(event.terminal for event in events):
+        # Events that are passed need samples of the whole run, and `dense` its steps: both come of
+        # a run to the known end.
         straight = not dense and ts.ndim == 1 and all(event.terminal for event in events)
         if straight and locates_events(config, system, y0, asked[0]):
-            return straight_to_event(integrator, y0, ts, events)
+            return integrate_to_event(integrator, y0, ts, events)
         return _to_event(integrator, y0, asked, events, dense)
     return _through(integrator, y0, ts, events, dense)
 
@@ -73,6 +77,7 @@ def _through(
     if not events:
         return without_events(ts, integrator.at_times(y0, ts, dense=dense), integrator.run_axes)
     system, config, run_axes = integrator
+    # One run for all events: the finest of their samples serves the others.
     samples = max(event.samples for event in events)
     result, times, states = integrator.sampled(y0, ts, samples, dense=dense)
     run = without_events(ts, result, run_axes)

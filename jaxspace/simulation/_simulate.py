@@ -105,6 +105,7 @@ def simulate(
     check_events(events, system, y0, start, 0)
     warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)
+    # A function, because most choices of a method need no numbers, whose reading takes time.
     starts = None if traced else functools.partial(InitialConditions.of_one, system, y0, ts)
 
     def configs_for(rows: object, exactly: bool) -> Configs:

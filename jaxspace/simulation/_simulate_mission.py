@@ -19,7 +19,7 @@ from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._to_final_error import to_final_error
 from .checks import as_times, check_num_saved, hints_of_arguments
-from .failures import mission_reached, place_of_failure
+from .failures import mask_mission, place_of_failure
 from .finish import finished, with_calls
 from .mission_result import MissionTrajectory
 from .mission_runs import run_mission
@@ -104,4 +104,4 @@ def _failed_phase(result: MissionTrajectory) -> str:
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
-_failed_are_nan = eqx.filter_jit(mission_reached)
+_failed_are_nan = eqx.filter_jit(mask_mission)

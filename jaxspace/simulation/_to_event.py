@@ -1,8 +1,8 @@
 """Runs to the first of their events, which each run meets at its own time.
 
 A method whose steps have a polynomial locates the event in the integration that runs up to it
-(`straight_to_event`). Otherwise one integration searches for it, and another one runs up to what it
-found (`search_to_event`). The search is outside of every derivative: one Newton step at the event
+(`integrate_to_event`). Otherwise one integration searches for it, and another one runs up to it
+(`search_to_event`). The search is outside of every derivative: one Newton step at the event
 carries those of its time.
 """
 
@@ -99,7 +99,7 @@ def ended(
 
 
 @eqx.filter_custom_jvp
-def straight_to_event(
+def integrate_to_event(
     integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]
 ) -> Trajectory:
     """A run to the first of its events, by one integration that locates it.
@@ -110,10 +110,10 @@ def straight_to_event(
     **Arguments**
 
     - `ts`: save times, s, (times,); or start and end of each run, (2, *runs)."""
-    return _straight_to_event(integrator, y0, ts, events)
+    return _integrate_to_event(integrator, y0, ts, events)
 
 
-def _straight_to_event(
+def _integrate_to_event(
     integrator: Integrator,
     y0: State,
     ts: Array,
@@ -140,13 +140,13 @@ def _straight_to_event(
     return ended(integrator, y0, run, events, found, (found.time, found.state))
 
 
-@straight_to_event.def_jvp
-def _straight_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory, Trajectory]:
+@integrate_to_event.def_jvp
+def _integrate_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory, Trajectory]:
     def again(
         integrator: Integrator, y0: State, ts: Array, events: tuple[Event, ...]
     ) -> Trajectory:
         if ts.shape[0] == 2:
-            return _straight_to_event(integrator, y0, ts, events, differentiated=True)
+            return _integrate_to_event(integrator, y0, ts, events, differentiated=True)
 
         def through(times: Array, found: FoundEvents) -> Trajectory:
             del found

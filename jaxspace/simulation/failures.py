@@ -18,8 +18,8 @@ from jaxtyping import Array, Int, PyTree
 
 from ..integration.result import DenseOutput
 from ..integration.status import SimulationError, Status, sentence_alone
+from .masking import mask_invalid, nan_unless, scaled
 from .mission_result import MissionTrajectory
-from .reached import nan_unless, reached, scaled
 
 T = TypeVar("T")
 
@@ -32,14 +32,14 @@ def nan_where_failed(tree: T, status: Array) -> T:
     return scaled(tree, nan_unless(status <= Status.EVENT))
 
 
-def mission_reached(result: MissionTrajectory) -> MissionTrajectory:
+def mask_mission(result: MissionTrajectory) -> MissionTrajectory:
     """The result of a mission with NaN for what a failed run did not reach within the tolerance: in
-    each phase (`reached`), and in the final state and the end of a mission or branch that
+    each phase (`mask_invalid`), and in the final state and the end of a mission or branch that
     failed."""
     # By its own phases, because a branch may succeed where another one fails.
     main = result.without_branches()
     final, end = nan_where_failed((main.final, main.end), main.status)
-    phases = tuple(reached(phase) for phase in result.phases)
+    phases = tuple(mask_invalid(phase) for phase in result.phases)
     branches = tuple(nan_where_failed(branch, branch.status) for branch in result.branches)
     return dataclasses.replace(result, phases=phases, final=final, end=end, branches=branches)
 

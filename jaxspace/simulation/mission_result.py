@@ -178,6 +178,7 @@ def status_of_all(main: Int[Array, "*runs"], branches: Iterable[BranchEnd]) -> I
 def numbers_of(result: Result) -> Result:
     """Times, states, status and counts of a result, without what was run, its steps and its
     controller: a compiled program can return them."""
+    # They hold functions, which no compiled program returns.
     left = {"call": None, "control": None, "dense": None}
     phases = [dataclasses.replace(phase, **left) for phase in result.phases]
     return result.with_phases(phases, result.status)

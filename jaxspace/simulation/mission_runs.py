@@ -11,9 +11,9 @@ from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import state_at
 from ..integration.status import combine_status
-from ._alike_phases import alike_groups, run_alike
 from ._integrator import Integrator
 from ._mission import Mission, Phase
+from ._phase_loop import loop_groups, run_in_loop
 from .legs import Leg, legs_of
 from .mission_result import BranchEnd, MissionTrajectory, status_of_all
 from .phase_runs import SaveTimes, run_to_end
@@ -67,11 +67,11 @@ def run_mission(
     - `num_saved`: number of states that each phase saves from its start to its end; or the
       `SaveTimes` of each phase.
     - `configs`: one for each phase, from `resolve_phases`.
-    - `rolled`: whether phases that differ in their numbers alone share a program (`run_alike`),
+    - `rolled`: whether phases that differ in their numbers alone share a program (`run_in_loop`),
       which compiles sooner and takes other steps."""
     legs, branch_names = legs_of(mission)
     saved = [num_saved] * len(legs) if isinstance(num_saved, int) else num_saved
-    groups = alike_groups(legs, num_saved, configs) if rolled else {}
+    groups = loop_groups(legs, num_saved, configs) if rolled else {}
     alike: dict[int, Trajectory] = {}
     results: list[Trajectory] = []
     # Of each phase: time and state after its jump, and the status up to there.
@@ -81,7 +81,7 @@ def run_mission(
         t, y, status = _start_of(leg, y0, t0, results, ends, run_axes)
         if number in groups:
             members = [legs[k].phase for k in groups[number]]
-            together = run_alike(members, y, t, config, run_axes)
+            together = run_in_loop(members, y, t, config, run_axes)
             if together is not None:
                 alike.update(zip(groups[number], together, strict=True))
         if number in alike:

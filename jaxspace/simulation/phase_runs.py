@@ -25,12 +25,12 @@ from ..integration.layout import (
 from ..integration.result import IntegrationResult
 from ..integration.status import Status, time_unresolved
 from ._integrator import Integrator
-from ._to_event import SoughtCondition, ended, search_to_event, straight_to_event
+from ._to_event import SoughtCondition, ended, integrate_to_event, search_to_event
 from .checks import check_events
 from .trajectory import Trajectory, without_events
 
 
-class OwnTimes(NamedTuple):
+class MissionTimes(NamedTuple):
     """Save times of a phase that starts or ends at different times in different runs.
 
     - `times`: of the mission, s, (chosen,); a time outside of the phase of a run becomes the nearer
@@ -53,7 +53,7 @@ class OwnTimes(NamedTuple):
 
 
 # The axis of times has no name, because each phase has its own number of them.
-SaveTimes: TypeAlias = int | Float[Array, " _"] | OwnTimes
+SaveTimes: TypeAlias = int | Float[Array, " _"] | MissionTimes
 """Save times of a phase: a number of states, evenly from its start to its end; or fractions of its
 duration, from 0 to 1; or times of the mission."""
 
@@ -123,7 +123,7 @@ def _run_to_event(
     if locates_events(config, system, y0, t0):
         if isinstance(num_saved, int) and num_saved == 2:
             times = jnp.stack([t0, t1])
-            return straight_to_event(integrator, y0, times, (until,))
+            return integrate_to_event(integrator, y0, times, (until,))
         # A batch would hold all of its states twice.
         if isinstance(num_saved, int) and not run_axes:
             return _sampled_to_event(integrator, y0, t0, t1, until, num_saved)
@@ -137,7 +137,7 @@ def _saved(
     run_axes = integrator.run_axes
     if isinstance(num_saved, int):
         fractions = jnp.linspace(0.0, 1.0, num_saved, dtype=t0.dtype)
-    elif isinstance(num_saved, OwnTimes):
+    elif isinstance(num_saved, MissionTimes):
         fractions = num_saved.fractions(t0, t1)
     else:
         fractions = num_saved.astype(t0.dtype)

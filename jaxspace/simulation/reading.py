@@ -97,6 +97,7 @@ class AbstractRun(eqx.Module):
         return summary_of_run(self.trajectory, self.facts())
 
     def __repr__(self) -> str:
+        # Not by fields, as `eqx.Module` would: a run has thousands of numbers.
         return self._summary().text()
 
     def _repr_html_(self) -> str:

@@ -202,14 +202,14 @@ class Trajectory(eqx.Module):
             state = self._one_step(t)
         first, last = self.ts[0], self.ts[-1]
         inside = (t - first) * (t - last) <= 0.0
-        inside = inside & (self._reached(t) | (t == first))
+        inside = inside & (self._valid_at(t) | (t == first))
         return jax.tree.map(lambda x: jnp.where(inside, x, jnp.nan), state)
 
     def _sign(self) -> Array:
         """1 for a run forwards in time, -1 for one backwards."""
         return jnp.where(self.ts[-1] < self.ts[0], -1.0, 1.0).astype(self.ts.dtype)
 
-    def _reached(self, t: Array) -> Array:
+    def _valid_at(self, t: Array) -> Array:
         """Whether the run reached the time `t`, s, within its tolerance."""
         good = self.status <= Status.EVENT
         if self.dense is None:

@@ -223,21 +223,21 @@ class RKN1210(AbstractFieldSolver, diffrax.AbstractAdaptiveSolver):
         r0, v0 = system.r, system.v
         dt = h.astype(r0.dtype)
 
-        def reached(x: Array) -> tuple[_Part, Array]:
+        def evaluated(x: Array) -> tuple[_Part, Array]:
             part = self._part(system, t0, h, x)
             a = system.acceleration(t0 + x.astype(h.dtype) * h, part.r)
             return part, jnp.stack([x * (part.mean_velocity - v0), part.v - v0, dt * a])
 
         def skipped(x: Array) -> tuple[_Part, Array]:
-            shapes = jax.eval_shape(reached, x)
+            shapes = jax.eval_shape(evaluated, x)
             return jax.tree.map(lambda leaf: jnp.zeros(leaf.shape, leaf.dtype), shapes)
 
         def place(_: None, node: tuple[Array, Array]) -> tuple[None, tuple[_Part, Array]]:
             x, asked = node
             if self.save_ts is None:
-                return None, reached(x)
+                return None, evaluated(x)
             # A conditional, because the compiler cannot see that nothing reads the dense output.
-            return None, jax.lax.cond(asked, reached, skipped, x)
+            return None, jax.lax.cond(asked, evaluated, skipped, x)
 
         saving = jnp.array(True)
         if self.save_ts is not None:

@@ -62,6 +62,7 @@ def effect_budget(
 
     **Raises** `InputError` for a system without effects, an output that the state does not hold or
     a tolerance that is not positive; `SimulationError` when the run itself fails."""
+    # Checked before anything is compiled, as all that follows up to the runs.
     of_final, name, unit = _output(output, y0)
     if tolerance is not None:
         check_positive("tolerance", tolerance)
@@ -83,6 +84,7 @@ def effect_budget(
         finer = scaled_runs(scene, y0, ts, of_final, twice, runs.names, is_attitude).run()
     else:
         least = 2.0 * least_tolerance(state_dtype(y0))
+        # Not below what the precision resolves, where the finer run would only round.
         finer = runs.run(tighter=max(1e-2, least / runs.rtol))
     # NaN where the finer run failed.
     noise = float(np.linalg.norm(runs.change(finer.value, nominal.value)))
@@ -91,6 +93,7 @@ def effect_budget(
         influence_of(runs, effect, phases, shares[effect], nominal.value, noise)
         for effect, phases in phases_of.items()
     ]
+    # The choice of what may be left out reads the rows from their end.
     rows.sort(key=lambda row: -row.influence)
     table = EffectBudget(name, unit, nominal.value, noise, tuple(rows), tolerance)
     if tolerance is None:
@@ -106,6 +109,7 @@ def _output(output: str | Callable[..., Array] | None, y0: State) -> tuple[Outpu
     """The output as a function, its name and its unit."""
     if callable(output):
         declared: Output | None = getattr(output, "output", None)
+        # A plain function does not say what it reads, and gets the state alone.
         if declared is None:
             return lambda t, y: output(y), "output", ""
         return _by_name(output), getattr(output, "__name__", "output"), declared.unit

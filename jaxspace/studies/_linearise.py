@@ -36,6 +36,8 @@ class Blocks(NamedTuple):
         if any(carried):
             # Shared arrays are broadcast to the runs of the parameters.
             system, y = add_batch_axis((system, y))
+        # The shape of the rates, because a shared state under parameters of many runs has rates of
+        # each run.
         rate = jax.eval_shape(system.vector_field, t, y)
         paths, structure = jax.tree_util.tree_flatten_with_path(y, is_leaf=on_group)
         blocks = tuple(block for _, block in paths)
@@ -47,11 +49,14 @@ class Blocks(NamedTuple):
             for x, k in zip(rates, map(_first_leaf, axes), strict=True)
             if k >= 0
         ]
+        # Only declared blocks say where their components end; those without follow from them.
         runs = np.broadcast_shapes(*declared) if declared else ()
         shapes, labels = [], []
         for (path, block), k in zip(paths, map(_first_leaf, axes), strict=True):
             name = jax.tree_util.keystr(path, simple=True, separator=".")
             if on_group(block):
+                # Three for a quaternion of four numbers: the fourth is no direction in which it can
+                # move.
                 shape = jax.eval_shape(lambda b=block: b.coordinates()).shape[:1]
             else:
                 shape = block.shape[:k] if k >= 0 else block.shape[: block.ndim - len(runs)]
@@ -102,6 +107,7 @@ class Blocks(NamedTuple):
             local = x[at : at + count]
             at += count
             if on_group(block):
+                # By the coordinates: the rate of a quaternion is not that of its small rotation.
                 result.append(block.coordinate_rate(local, k))
             else:
                 result.append(jnp.broadcast_to(k, (*shape, *self.runs)).reshape(count, *self.runs))
@@ -176,6 +182,7 @@ def measured(outputs: tuple[Output, ...], y: State, runs: tuple[int, ...]) -> Ar
         else:
             value = given(y)
         value = jnp.asarray(value)
+        # From the front, because the runs are the last axes.
         components = value.shape[: value.ndim - len(runs)]
         result.append(value.reshape(int(np.prod(components, dtype=int)), *runs))
     return jnp.concatenate(result)

@@ -97,6 +97,7 @@ class _Mapped(eqx.Module):
         """Delay of the end of a phase for a change of the state and of its start."""
         event = self.phase.until
         if not isinstance(event, Event):
+            # It ends late by as much as it has started late.
             return started
         system = self.phase.moving
         _, along = jax.jvp(lambda y: event.value(system, t, y), (mean,), (change,))
@@ -122,6 +123,8 @@ def uncertain_mission(mission: Mission, noises: Sequence[PyTree]) -> Mission:
     for phase, noise, later in zip(mission.phases, noises, after, strict=True):
         until = phase.until
         if isinstance(until, Event):
+            # The condition alone is replaced: direction, samples and the wait for it stay those of
+            # the phase.
             until = eqx.tree_at(lambda e: e.condition, until, _OfMean(until.condition))
         system = Uncertain(phase.moving, noise, delayed=True)
         phases.append(Phase(system, until, _Mapped(phase, later), phase.name))

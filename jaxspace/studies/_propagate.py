@@ -11,7 +11,7 @@ from ..core import AbstractSystem, InputError, State
 from ..integration.layout import broadcast_state
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from ..simulation.legs import check_one_line
 from ..simulation.runnable import AbstractRunnable
 from ._mission_covariance import MissionCovariance, covariance_of, uncertain_mission
@@ -97,7 +97,7 @@ def propagate_covariance(
     **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, for
     a phase that is a closed loop, whose commands are no part of the state, and for branches."""
     run_mean = functools.partial(
-        run_either,
+        simulate_any,
         accuracy=accuracy,
         events=events,
         dense=dense,
@@ -108,12 +108,14 @@ def propagate_covariance(
     )
     if not isinstance(system, Mission):
         t0 = jnp.asarray(ts)[0]
+        # Before the covariance is made, which has the runs of the parameters, too.
         y0 = broadcast_state(system, t0, y0)
         size = Coordinates.of(y0, int(batch))
         start = MeanCovariance(y0, _initial(covariance, size, 0))
         run = run_mean(Uncertain(system, _density(noise, size)), start, ts)
         assert isinstance(run, Trajectory)
         return run, run.states.covariance
+    # Of two branches each has a delay of its own: one matrix cannot carry both.
     check_one_line(system, "propagate_covariance")
     if any(isinstance(phase.system, AbstractRunnable) for phase in system.phases):
         raise InputError(
@@ -131,6 +133,7 @@ def propagate_covariance(
     # A jump may change what the state holds: the size is checked where the first phase starts.
     first, *others = each
     mission = uncertain_mission(system, (_density(first, size), *others))
+    # One more than the state has: the delay of the start, which is known to be none.
     run = run_mean(mission, MeanCovariance(y0, _initial(covariance, size, 1)), ts)
     assert isinstance(run, MissionTrajectory)
     return run, covariance_of(run)
@@ -142,6 +145,7 @@ def _initial(covariance: ArrayLike | None, size: Coordinates, more: int) -> Arra
     P = jnp.zeros((n, n), size.dtype) if covariance is None else jnp.asarray(covariance, size.dtype)
     _check("covariance", P.shape, size)
     P = jnp.broadcast_to(P.reshape(P.shape + (1,) * (2 + len(runs) - P.ndim)), (n, n, *runs))
+    # What is known exactly has a variance and covariances of zero.
     return jnp.pad(P, ((0, more), (0, more), *((0, 0),) * len(runs)))
 
 

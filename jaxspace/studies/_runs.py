@@ -15,7 +15,7 @@ from ..core.checks import check_finite
 from ..integration.accuracy import Accuracy, as_state, check_initial_state, state_dtype
 from ..simulation import Mission
 from ..simulation.checks import check_times
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated, numbers_of
 
@@ -43,7 +43,7 @@ def run_once(
 
     **Returns** its numbers, which a compiled program can return. A failed run has the status for
     it, and raises no error."""
-    return numbers_of(run_either(system, y0, ts, accuracy=accuracy, throw=False))
+    return numbers_of(simulate_any(system, y0, ts, accuracy=accuracy, throw=False))
 
 
 def value_of(run: Simulated, output: OutputOfRun) -> Array:

@@ -31,7 +31,7 @@ from ..core.printing import printed
 from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes, split_batch
-from ..simulation.either import run_either
+from ..simulation.dispatch import simulate_any
 from .coordinates import Coordinates, name_of
 
 Selection = Callable[[Any, Any], PyTree]
@@ -78,6 +78,7 @@ class Sensitivity(eqx.Module):
         self, initial: Float[ArrayLike, "columns columns *#runs"]
     ) -> Float[Array, "rows rows times *runs"]:
         """Phi P Phi^T: the covariance of the states from that of what is varied, to first order."""
+        # Behind both matrix axes, where `first` has its times.
         P = jnp.expand_dims(jnp.asarray(initial), 2)
         return jnp.einsum("act...,cdt...,bdt...->abt...", self.first, P, self.first)
 
@@ -189,6 +190,7 @@ def sensitivity(
     numbers, shape = jax.tree.flatten(picked)
     if not numbers or not all(isinstance(n, int) for n in numbers):
         raise InputError("wrt must return arrays of the system or of the initial state, as a tree.")
+    # What is shared by the runs is one column for all of them, and not one for each.
     carried = _carried(system, y0, ts, in_axes) if batch else [0] * len(leaves)
     choice = _Choice(tuple(numbers), shape, tuple(carried[n] for n in numbers))
     return _derivatives(system, y0, ts, choice, order, options)
@@ -240,7 +242,7 @@ def _derivatives(
         for n, leaf in zip(choice.numbers, jax.tree.leaves(columns.moved(x)), strict=True):
             moved[n] = leaf
         near, start = jax.tree.unflatten(structure, moved)
-        run = run_either(near, start, ts, **options)
+        run = simulate_any(near, start, ts, **options)
         # Leaves that are no arrays are passed around the transformations.
         arrays, static = eqx.partition(run, eqx.is_array)
         held.append(static)
@@ -267,6 +269,8 @@ def _derivatives(
     else:
 
         def column(e: Array) -> tuple[PyTree, PyTree, PyTree]:
+            # Forward over forward: the first tangents are there already, and reverse mode would
+            # store every step.
             tangents, change, arrays = jax.jvp(first, (x,), (e,), has_aux=True)
             return tangents, change, arrays
 

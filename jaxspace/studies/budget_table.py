@@ -98,11 +98,13 @@ class EffectBudget:
                 ", ".join(row.phases),
                 f"{row.influence:.3g}",
                 f"{row.linear:.3g}",
+                # A dash and no zero: without the effect the run has no end to compare.
                 "-" if row.left_out is None else f"{row.left_out:.3g}",
                 "fails" if row.failure else "nonlinear" if row.nonlinear else "",
                 f"{100.0 * row.share:.1f} %",
             )
             rows.append(cells)
+        # One digit: the noise is an order of magnitude, and no measurement.
         finer = "did not reach its end" if np.isnan(self.noise) else f"moves it by {self.noise:.1g}"
         return "\n".join(
             [

@@ -51,6 +51,8 @@ class Coordinates(NamedTuple):
                 # Its coordinates are no field of it.
                 name = name.rpartition(".")[0] or name
             shape = jnp.shape(jax.tree.leaves(block)[0])
+            # JAX would give a whole number tangents of the class float0, of which no matrix is
+            # made.
             if not jnp.issubdtype(jnp.result_type(*jax.tree.leaves(block)), jnp.floating):
                 raise InputError(f"{name} is no real number: nothing is differentiated by it.")
             cut = len(shape) - axes
@@ -80,6 +82,7 @@ class Coordinates(NamedTuple):
 
     def at(self, tree: PyTree) -> "Coordinates":
         """The same coordinates about another tree."""
+        # Shapes and labels stay: the states of one run differ in their numbers alone.
         return self._replace(blocks=tuple(jax.tree.leaves(tree, is_leaf=on_group)))
 
     def moved(self, x: Array) -> PyTree:
@@ -91,6 +94,8 @@ class Coordinates(NamedTuple):
             part = x[at : at + size]
             part = part.reshape(*shape, *part.shape[1:])
             missing = len(shape) + len(behind) - part.ndim
+            # Axes of times and runs lie behind the components, where broadcasting does not add them
+            # by itself.
             local = jnp.broadcast_to(part.reshape(part.shape + (1,) * missing), (*shape, *behind))
             at += size
             result.append(block.moved(local) if on_group(block) else block + local)

@@ -73,6 +73,7 @@ def monotone_slopes(x: Known, y: Known) -> Known:
     xp = np if is_concrete(m) else jnp
     if y.shape[0] == 2:
         return xp.concatenate([m, m])
+    # A harmonic mean of slopes of one sign; where the sign changes the node is an extreme, flat.
     alike = m[:-1] * m[1:] > 0.0
     first, second = 2.0 * h[1:] + h[:-1], h[1:] + 2.0 * h[:-1]
     before, after = xp.where(alike, m[:-1], 1.0), xp.where(alike, m[1:], 1.0)
@@ -111,6 +112,7 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
     nodes = with_rank(nodes, max(jnp.ndim(x), nodes.ndim - 1)) if nodes.ndim > 1 else nodes
     # By comparisons, because `clip` has half a slope at both ends.
     held = jnp.where(x < nodes[0], nodes[0], jnp.where(x > nodes[-1], nodes[-1], x))
+    # Without the ends: what lies beyond them belongs to the first and the last interval.
     inner = nodes[1:-1]
     if nodes.ndim == 1:
         index = jnp.searchsorted(inner, held, side="right")

@@ -114,6 +114,8 @@ class MovableFins(AbstractEffect):
         x, z_cross_x = self._spans(rank)
         turned = angles if fins.cant is None else angles + fins.cant
         sine, cosine = jnp.sin(turned), jnp.cos(turned)
+        # By the flow at the fins: on a long arm a pitch rate changes their incidence as much as an
+        # angle.
         across = x * (w[1] - arm * p) - z_cross_x * (w[0] + arm * q)
         # Of one fin: those that work share the slope of all.
         slope = 2.0 / angles.shape[0] * fins.slope(mach)
@@ -121,6 +123,7 @@ class MovableFins(AbstractEffect):
         side = force * cosine
         force_x = -jnp.sum(side * z_cross_x, axis=0)
         force_y = jnp.sum(side * x, axis=0)
+        # The slope is that of all fins at one angle: of different ones their mean rolls the body.
         roll = w[2] * fins.roll_slope(mach) * jnp.mean(sine, axis=0) - fins.roll_damping(mach) * r
         aim = self.mixed(with_rank(self.command, rank))
         limit = self.angle_limit

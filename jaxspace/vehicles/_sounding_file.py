@@ -110,6 +110,7 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     levels = _csv(str(path), lines) if listed is None else _levels(str(path), *listed, service=True)
     for name, x in levels.columns.items():
         what, within = ALLOWED[name]
+        # NaN is an empty field, which is left out or refused by itself.
         bad = np.isfinite(x) & ~within(np.nan_to_num(x))
         if np.any(bad):
             k = int(np.argmax(bad))
@@ -137,6 +138,7 @@ def _csv(path: str, lines: list[str]) -> Levels:
     for number, fields in enumerate(separated(lines, "height", "altitude"), 1):
         if not heads:
             known = [_meaning(field)[0] for field in fields]
+            # What stands above the heading (a title, notes) names no height.
             heads = fields if "height" in known else []
         elif any(field.strip() for field in fields) and not fields[0].startswith(("#", "<")):
             rows.append([field.strip() for field in fields])
@@ -191,12 +193,14 @@ def _levels(
 
 
 def _number(path: str, row: list[str], k: int, name: str, line: int) -> float:
+    # Semicolons part the fields of a file with decimal commas, so that a comma here is a point.
     text = row[k].replace(",", ".") if k < len(row) else ""
     if not text:
         return np.nan
     try:
         value = float(text)
     except ValueError:
+        # As the text "inf", which `float` reads: one sentence refuses both.
         value = np.inf
     if not np.isfinite(value):
         raise InputError(
@@ -216,6 +220,8 @@ def _profile(
     whole = np.all(np.isfinite(x), axis=0)
     x, lines = x[:, whole], levels.lines[whole]
     if levels.service and x.shape[1] > 0:
+        # Above all levels before, and not the last one alone: a balloon that has swung down rises
+        # again through heights that it has passed.
         rising = np.append(True, x[0, 1:] > np.maximum.accumulate(x[0])[:-1])
         x, lines = x[:, rising], lines[rising]
     steps = np.diff(x[0])

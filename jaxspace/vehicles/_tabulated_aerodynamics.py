@@ -130,8 +130,11 @@ class TabulatedAerodynamics(AbstractEffect):
         damping = -s2
         lag = s1
         if "pitch_damping" in c:
+            # A measured damping holds for the moment alone: what turning adds to the force is not
+            # in the table, and is left out rather than taken from the parts of another theory.
             damping, lag = 0.5 * area * length * length * c["pitch_damping"], 0.0 * s1
         arm = self.table.station - station
+        # Of the parts where the table has no force across the axis.
         normal, moment = s0, s1
         if "normal" in c:
             normal = area * c["normal"]
@@ -172,6 +175,7 @@ class TabulatedAerodynamics(AbstractEffect):
         air, _, speed, angle = self._flow(y)
         reynolds = air.density * speed * self.table.length / viscosity(air.temperature)
         beyond = self.table.outside(speed / air.sound_speed, angle, reynolds)
+        # In thin air an end beyond the table has hardly a force, and no run must fail for it.
         return beyond & (0.5 * air.density * speed * speed > self.marked_from)
 
     @output("Pa")

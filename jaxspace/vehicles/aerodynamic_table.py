@@ -144,8 +144,10 @@ class AerodynamicTable(AbstractParameters):
             least = jnp.exp(nodes["reynolds"][0])
             point["reynolds"] = jnp.log(jnp.where(reynolds > least, reynolds, least))
         if "roll" in active:
+            # A table may begin anywhere, as at -90 degrees.
             first = nodes["roll"][0]
             period = nodes["roll"][-1] - nodes["roll"][0]
+            # Into the period that the table covers; the derivative by the roll stays one.
             point["roll"] = roll - period * jnp.floor((roll - first) / period)
         place = [point[key] for key in active]
         result = product([nodes[key] for key in active], self.data, place)

@@ -120,6 +120,7 @@ class Parachute(AbstractEffect):
         if self.opening is None:
             return 1.0
         since = t - self.opening
+        # Open at the opening itself, where the segment begins that follows its break.
         step = jnp.where(since >= 0.0, 1.0, 0.0)
         if self.inflation_time is None:
             return step

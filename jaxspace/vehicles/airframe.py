@@ -101,6 +101,7 @@ class NoseCone(AbstractSurface):
         return cls(r, tip, share * length)
 
     def slope(self, mach: Scalar) -> Scalar:
+        # Slender-body theory knows no Mach number: the zero brings the runs of the flow.
         return 2.0 * np.pi * self.radius * self.radius + 0.0 * mach
 
     def centre(self) -> Scalar:
@@ -159,6 +160,7 @@ class FinSet(AbstractSurface):
     def single_slope(self, mach: Scalar) -> Scalar:
         """S of one fin alone, m^2 (Diederich's formula)."""
         mean = 0.5 * (self.root_chord + self.tip_chord)
+        # How far the middle of the tip chord lies behind that of the root.
         middle = self.sweep_length + 0.5 * (self.tip_chord - self.root_chord)
         # Aspect ratio over the cosine of the sweep at half chord, with the span taken in.
         wide = 2.0 * jnp.sqrt(self.span**2 + middle**2) / mean
@@ -168,9 +170,11 @@ class FinSet(AbstractSurface):
     def slope(self, mach: Scalar) -> Scalar:
         n = self.count
         # From five fins on they lie in each other's wake (Niskanen 3.2.2).
+        # A selection and not a table by index, because the number of fins is a traced float.
         losses = jnp.select(
             [n == 5.0, n == 6.0, n == 7.0, n == 8.0], [2.37, 2.74, 2.99, 3.24], 0.5 * n
         )
+        # The flow about the body is faster at the root of a fin, which then gives more force.
         body = 1.0 + self.radius / (self.span + self.radius)
         return losses * body * self.single_slope(mach)
 

@@ -44,6 +44,8 @@ def nutation(x: Array) -> Array:
 def cubic_period(x: Array) -> Array:
     """The period from N, beta, alpha - beta and gamma - N."""
     n, beta, up, gamma = x
+    # The sums alpha + beta and gamma + N follow from the differences, which are the inputs because
+    # they cancel: taken from the sums they would have lost their digits.
     return Nutation(n, beta, up, up + 2.0 * beta, gamma, gamma + 2.0 * n).period[None]
 
 

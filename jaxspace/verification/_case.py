@@ -63,6 +63,7 @@ class Case:
             row = slopes[number] if slopes else ()
             parts = (abs(s * x) for s, x in zip(row, self.inputs, strict=bool(row)))
             sizes += [size for size in [abs(f) + sum(p for p in parts if p < math.inf)]]
+        # Of zeros without finite slopes the error counts as it is.
         return max((s for s in sizes if 0.0 < s < math.inf), default=1.0)
 
 

@@ -105,6 +105,7 @@ def verify(
     """
     check_positive("tolerance", tolerance)
     y0 = jax.tree.map(jnp.asarray, y0)
+    # In float32 the central differences below would be rounding alone.
     if any(x.dtype != jnp.float64 for x in jax.tree.leaves(y0)):
         raise InputError("y0 is not in float64: call jaxspace.enable_x64() before making it.")
     check = _Check(
@@ -158,6 +159,7 @@ class _Check(eqx.Module):
         motion = self.system.closed_form()
         if motion is None:
             return Law("closed form", 0.0, 0.0, "has none")
+        # By its name, because the rules would choose the closed form itself.
         steps = Accuracy(rtol=RTOL, method=DOP853())
         ts = jnp.stack([0.0 * self.duration, self.duration])
         stepped = simulate(self.system, self.y0, ts, accuracy=steps).final
@@ -171,6 +173,8 @@ class _Check(eqx.Module):
         Both modes must agree with each other, and with a central difference."""
         one, two = jax.random.split(self.key)
         final = self.run(self.y0, 0.0, self.duration).final
+        # Each block counts by its own size: in a sum of metres and radians only the metres would be
+        # checked.
         weights = jax.tree.map(jnp.divide, random_like(one, final), sizes(final))
         direction = jax.tree.map(jnp.multiply, random_like(two, self.y0), sizes(self.y0))
 
@@ -184,6 +188,8 @@ class _Check(eqx.Module):
             for h in (STEP, -STEP)
         )
         difference = (ahead - behind) / (2.0 * STEP)
+        # The weights make every term of size one: a smaller derivative is a difference of such
+        # terms, and as uncertain as they are.
         scale = max(abs(float(forward)), 1.0)
         # The rounding of the steps leaves the one; the truncation of a difference the other, whose
         # bend is not known.
@@ -215,10 +221,12 @@ class _Check(eqx.Module):
 
     def single_precision(self) -> Law:
         """The vector field in both precisions: a few hundred roundings, because terms cancel."""
+        # In the middle, because a force that depends on the time may be zero at the start.
         t = 0.5 * self.duration
         rate = self.system.vector_field(t, self.y0)
         single = in_float32(self.system).vector_field(in_float32(t), in_float32(self.y0))
         kinds = {str(x.dtype) for x in jax.tree.leaves(single)}
+        # A single array of 64 bits in a formula makes all that follows run in double precision.
         if kinds != {"float32"}:
             return Law("float32: the rate stays in it", math.inf, 0.0)
         return Law("float32", distance(single, rate), 1e-4)
@@ -258,7 +266,10 @@ def distance(computed: State, truth: State) -> float:
     """The largest difference of two trees, relative to the size of its block; infinite for what is
     not a number."""
     apart = jax.tree.map(
-        lambda a, b: jnp.max(jnp.abs(a.astype(b.dtype) - b)) / _size(b), computed, truth
+        # In the precision of the truth, in which the difference itself does not round.
+        lambda a, b: jnp.max(jnp.abs(a.astype(b.dtype) - b)) / _size(b),
+        computed,
+        truth,
     )
     worst = float(jnp.max(jnp.stack(jax.tree.leaves(apart))))
     return worst if math.isfinite(worst) else math.inf

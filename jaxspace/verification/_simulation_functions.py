@@ -21,6 +21,7 @@ from ..solvers import DOP853
 
 def tight() -> Accuracy:
     """Built when a case runs: the import of this file touches no device."""
+    # Few steps, because reverse mode stores each of them.
     return Accuracy(rtol=1e-12, method=DOP853(), max_steps=256)
 
 
@@ -72,12 +73,14 @@ def burnt(x: Array) -> Array:
     start = BodyState(
         position=1e3 * moving, velocity=moving, attitude=attitude, omega=zero, mass=x[3]
     )
+    # Twice as long as it burns, so that the burnout lies within the run.
     ts = jnp.stack([zero[0], 2.0 * x[2]])
     return simulate(scene, start, ts, accuracy=tight(), throw=False).final.velocity[2:]
 
 
 def fall_into_the_centre(x: Array) -> Array:
     """Whether the run from rest fails, and whether its end is not a number."""
+    # From rest the path is a line, which the steps follow into the singularity.
     start = BodyState(position=x[:3], velocity=jnp.zeros_like(x[:3]))
     run = simulate(
         TwoBody(jnp.ones_like(x[0])), start, jnp.asarray([0.0, 3.0]), accuracy=usual(), throw=False

@@ -18,7 +18,7 @@ from .batch_layout import InAxes
 from .mission_result import Simulated
 
 
-def run_either(
+def simulate_any(
     system: AbstractSystem | Mission,
     y0: PyTree,
     ts: Real[ArrayLike, "*times"],
@@ -42,9 +42,11 @@ def run_either(
     - `throw`: as in the verbs; by default of one run, not of a batch.
 
     **Raises** `InputError` as the verb does, and for an argument of the other verb."""
+    # A failed run of a batch is marked in its own status, and must not cost the others.
     throw = not batch if throw is None else throw
     given: dict[str, Any] = {"accuracy": accuracy, "throw": throw}
     if batch:
+        # The verbs for one run have no such argument.
         given["in_axes"] = in_axes
     if isinstance(system, Mission):
         if events or dense:

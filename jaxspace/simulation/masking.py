@@ -67,8 +67,8 @@ def known_crossings(crossings: Crossings, status: Array) -> Crossings:
     )
 
 
-def reached(result: Trajectory) -> Trajectory:
-    """The result with NaN for states that a failed run did not reach within the tolerance.
+def mask_invalid(result: Trajectory) -> Trajectory:
+    """The result with NaN for states that a failed run did not reach within its tolerance.
 
     These are all states after the first for a status of `WITHOUT_BOUND`, and every state with a
     block that is not finite. Crossings already hold only those before a failure."""

@@ -23,7 +23,7 @@ from ..integration.integrate import locates_events, searches_steps
 from ..integration.layout import broadcast_state, runs_of, state_at
 from ._integrator import Integrator
 from ._mission import Phase
-from ._to_event import SoughtCondition, straight_to_event
+from ._to_event import SoughtCondition, integrate_to_event
 from .checks import check_events
 from .legs import Leg
 from .phase_runs import SaveTimes, with_missed
@@ -31,7 +31,7 @@ from .runnable import AbstractRunnable
 from .trajectory import Trajectory
 
 
-def alike_groups(
+def loop_groups(
     legs: Sequence[Leg],
     num_saved: int | Sequence[SaveTimes],
     configs: tuple[IntegrationConfig, ...],
@@ -51,14 +51,14 @@ def alike_groups(
             continue
         follows = last and leg.after == last[-1] and not leg.parted
         same = follows and same_structure(configs[last[0]], config)
-        if same and all(_alike(legs[k].phase, leg.phase) for k in last):
+        if same and all(_one_structure(legs[k].phase, leg.phase) for k in last):
             last.append(number)
         else:
             groups.append([number])
     return {group[0]: group for group in groups if len(group) > 1}
 
 
-def _alike(first: Phase, then: Phase) -> bool:
+def _one_structure(first: Phase, then: Phase) -> bool:
     """Whether two phases, of which one follows the other without a jump, differ in their numbers
     alone."""
     if first.then is not None or isinstance(first.system, AbstractRunnable):
@@ -72,7 +72,7 @@ def _alike(first: Phase, then: Phase) -> bool:
     return same_structure(first.system, then.system)
 
 
-def run_alike(
+def run_in_loop(
     phases: Sequence[Phase], y0: State, t0: Scalar, config: IntegrationConfig, run_axes: int
 ) -> list[Trajectory] | None:
     """The results of these phases up to their jumps, of which the last one alone may have one; and
@@ -82,6 +82,7 @@ def run_alike(
     events = [phase.until for phase in phases if isinstance(phase.until, Event)]
     system = phases[0].system
     assert isinstance(system, AbstractSystem)
+    # Durations alone need no search, which the loop would make for each.
     if len(phases) < 2 or not events:
         return None
     y0 = broadcast_state(system, t0, y0)
@@ -114,13 +115,15 @@ def run_alike(
             beyond = beyond & sought
             within = jnp.where(beyond, 0.0, within)
         times = jnp.stack([t, t + within])
-        run = straight_to_event(Integrator(system, config, run_axes), y, times, events)
+        run = integrate_to_event(Integrator(system, config, run_axes), y, times, events)
         run = with_missed(run, beyond, sought)
         return (state_at(run.states, -1, run_axes), run.ts[-1]), run
 
     own = numbers, jnp.stack(within), jnp.array(sought)
     _, results = jax.lax.scan(one, (y0, t0), own)
     every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(phases))]
+    # Outside of a loop a phase of known duration has no event, and so none that could have
+    # happened.
     none = jnp.zeros((0, *runs), bool)
     return [
         run if event else dataclasses.replace(run, happened=none)
