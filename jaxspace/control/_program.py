@@ -114,43 +114,26 @@ def alone(known: Known, config: IntegrationConfig, static: Static) -> Trajectory
 
 def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
     system, controller, sensors, limit, quantum = known.parts
-    start = known.start
-    events = known.events
-    end = known.end
+    start, end, run_axes = known.start, known.end, static.run_axes
     ts = np.array(static.ts)
-    period = static.period
-    run_axes = static.run_axes
-    periods = tuple(s.period or period for s in (sensors or {}).values())
-    waiting = int(np.floor(static.delay / period + SLACK))
-    late = max(static.delay - waiting * period, 0.0)
-    # A delay of whole periods needs no second clock; its quotient may be off by a rounding.
-    late = 0.0 if late < SLACK * period else late
-    clocks = (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
-    breaks = breaks_of(system)
-    if breaks is not None:
-        # In a phase every run may start at another time.
-        breaks = with_rank(breaks, start.ndim) - start
-    nodes = nodes_of(ts, clocks, breaks)
+    periods = tuple(s.period or static.period for s in (sensors or {}).values())
+    waiting, clocks = _clocks_of(static, periods)
+    nodes = _nodes_of(system, start, ts, clocks)
     if end is not None:
         nodes = ended(nodes, end, SLACK * min(clock.period for clock in clocks))
     y0 = broadcast_state(system, jnp.zeros((), start.dtype), known.y0)
-    method = config.solver
-    # A loop holds a step at three places.
-    kind = Runs.CLOSED_LOOPS if run_axes else Runs.ONE_CLOSED_LOOP
-    if is_small(kind, _operations(system, start, y0)):
-        method = small_program(method)
-    assert isinstance(method, FixedSteps)
+    method = _method_of(config, system, start, y0, run_axes)
     setting = Setting(
         system=system,
         controller=controller,
         sensors=sensors,
         limit=limit,
         quantum=quantum,
-        events=events,
+        events=known.events,
         tolerance=Tolerance(config.rtol, config.atol, run_axes),
         method=method,
         actuate=static.actuate,
-        period=period,
+        period=static.period,
         elapsed=periods,
         line=static.line,
         waiting=waiting + 1,
@@ -169,7 +152,43 @@ def _run(known: Known, config: IntegrationConfig, static: Static) -> Trajectory:
         "steps": jnp.full(sampled.status.shape, passes * method.steps),
         "evaluations": jnp.full(sampled.status.shape, passes * method.traits.evaluations),
     }
-    return _result(sampled, nodes, times, stats, len(events), run_axes)
+    return _result(sampled, nodes, times, stats, len(known.events), run_axes)
+
+
+def _clocks_of(static: Static, periods: tuple[float, ...]) -> tuple[int, tuple[Clock, ...]]:
+    """By how many whole periods a command waits; and the clocks of the samples, of the commands
+    that arrive late by the rest, and of the sensors with these `periods`, s."""
+    period = static.period
+    waiting = int(np.floor(static.delay / period + SLACK))
+    late = max(static.delay - waiting * period, 0.0)
+    # A delay of whole periods needs no second clock; its quotient may be off by a rounding.
+    late = 0.0 if late < SLACK * period else late
+    return waiting, (Clock(period), Clock(period, late), *(Clock(p) for p in periods))
+
+
+def _nodes_of(
+    system: AbstractSystem, start: Array, ts: np.ndarray, clocks: tuple[Clock, ...]
+) -> Nodes:
+    """The times at which steps end, s since the `start`: saved ones, those of the clocks, and the
+    breaks of the system."""
+    breaks = breaks_of(system)
+    if breaks is not None:
+        # In a phase every run may start at another time.
+        breaks = with_rank(breaks, start.ndim) - start
+    return nodes_of(ts, clocks, breaks)
+
+
+def _method_of(
+    config: IntegrationConfig, system: AbstractSystem, start: Array, y0: State, run_axes: int
+) -> FixedSteps:
+    """The method of the steps between nodes, as a small program where that pays."""
+    method = config.solver
+    # A loop holds a step at three places.
+    kind = Runs.CLOSED_LOOPS if run_axes else Runs.ONE_CLOSED_LOOP
+    if is_small(kind, _operations(system, start, y0)):
+        method = small_program(method)
+    assert isinstance(method, FixedSteps)
+    return method
 
 
 def _operations(system: AbstractSystem, t: Array, y: State) -> int:

@@ -82,7 +82,6 @@ class FlexibleStage(AbstractEffect):
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
         part = y.part(self.part)
-        rank = y.omega.ndim - 1
         spin = y.omega[2]
         # Rates in the body, which rolls.
         rates = {
@@ -92,47 +91,42 @@ class FlexibleStage(AbstractEffect):
         loop = eqx.tree_at(
             lambda s: s.missile.command,
             self.loop,
-            self.loop.missile.command + with_rank(self.command, rank),
+            self.loop.missile.command + with_rank(self.command, y.omega.ndim - 1),
         )
-        missile = loop.missile
-        turn = missile.engine["turn"]
-        leaning, leaning_rate = self._inclination(y)
-        # Both planes pass through the loop as two runs: of the bending the modes come first there.
-        state = MissileLoopState(
-            MissileState(
-                part["engine"],
-                jnp.swapaxes(part["bending"], 0, 1),
-                leaning - turn * part["engine"],
-                rates["engine"],
-                jnp.swapaxes(rates["bending"], 0, 1),
-                leaning_rate - turn * rates["engine"],
-            ),
-            part["slosh"],
-            rates["slosh"],
-        )
+        state = self._in_planes(y, rates)
         result = loop.vector_field(t, state)
         change = {
             "engine": result.missile.engine_rate,
             "bending": jnp.swapaxes(result.missile.bending_rate, 0, 1),
             "slosh": result.slosh_rate,
         }
-        turning = missile.inertia * loop.mean_turn(state)
-        across = missile.mass * loop.sideways(state)
-        along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
-        still = jnp.zeros_like(across[:1])
-        force = jnp.concatenate([across, along + still])
+        accelerations = {
+            f"{name}_rate": x - _rolled(spin, part[f"{name}_rate"]) for name, x in change.items()
+        }
+        force, torque = _force_and_torque(loop, state)
         return Load(
             force_N=y.attitude.rotate(force),
-            # z x (x, y, 0).
-            torque_B=jnp.concatenate([-turning[1:], turning[:1], still]),
-            parts_rate={
-                self.part: rates
-                | {
-                    f"{name}_rate": x - _rolled(spin, part[f"{name}_rate"])
-                    for name, x in change.items()
-                }
-            },
+            torque_B=torque,
+            parts_rate={self.part: rates | accelerations},
         )
+
+    def _in_planes(self, y: BodyState, rates: dict[str, Array]) -> MissileLoopState:
+        """The state of the loop in the planes of x and y, from that of the stage and the `rates` of
+        its parts in the body."""
+        part = y.part(self.part)
+        turn = self.loop.missile.engine["turn"]
+        leaning, leaning_rate = self._inclination(y)
+        # Both planes pass through the loop as two runs: of the bending the modes come first there.
+        missile = MissileState(
+            part["engine"],
+            jnp.swapaxes(part["bending"], 0, 1),
+            # From the mean axis, which the scene has, to the straight beam, of which the loop is.
+            leaning - turn * part["engine"],
+            rates["engine"],
+            jnp.swapaxes(rates["bending"], 0, 1),
+            leaning_rate - turn * rates["engine"],
+        )
+        return MissileLoopState(missile, part["slosh"], rates["slosh"])
 
     @output("rad")
     def lean(self, y: BodyState) -> Scalar:
@@ -171,6 +165,19 @@ class FlexibleStage(AbstractEffect):
                     f"The {name} of the body is {given} {kg}: it must be that of the beam of "
                     f"FlexibleStage, {expected} {kg}."
                 )
+
+
+def _force_and_torque(loop: MissileLoop, state: MissileLoopState) -> tuple[Vector, Vector]:
+    """Force, N, and torque, N m, on the rigid body in its axes, from a loop in both planes."""
+    missile = loop.missile
+    turning = missile.inertia * loop.mean_turn(state)
+    across = missile.mass * loop.sideways(state)
+    # The body carries the sloshing mass along the axis, which takes its share of the thrust.
+    along = missile.thrust * missile.mass / (missile.mass + loop.slosh_mass)
+    still = jnp.zeros_like(across[:1])
+    # z x (x, y, 0).
+    torque = jnp.concatenate([-turning[1:], turning[:1], still])
+    return jnp.concatenate([across, along + still]), torque
 
 
 def _size(x: Two) -> Scalar:
