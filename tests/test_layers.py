@@ -87,7 +87,7 @@ WITHIN_FUNCTIONS = {
     "cli": "a command imports what it needs, and answers sooner",
 }
 # Annotations of parameters and results that hold `Any`: they may only become fewer.
-MOST_ANY = 105
+MOST_ANY = 88
 
 # A result that draws itself imports its figure inside a function; the figure imports the class of
 # the result for its types alone.

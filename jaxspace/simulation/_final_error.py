@@ -183,17 +183,17 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
     return jnp.where(a.good & jnp.isfinite(worst), worst, jnp.inf)
 
 
-def _error(name: str, value: Any) -> Array | np.ndarray:
+def _error(name: str, value: object) -> Array | np.ndarray:
     """An error that is asked for, as an array; of NumPy where it is known, also under `jit`."""
     check_number(f"FinalError.{name}", value)
     with jax.ensure_compile_time_eval():
-        value = as_float(value)
-    if value.ndim > 0:
+        number = as_float(value)
+    if number.ndim > 0:
         raise InputError(
-            f"FinalError.{name} has the shape {value.shape}: it must be one number, for all runs."
+            f"FinalError.{name} has the shape {number.shape}: it must be one number, for all runs."
         )
-    check_positive(f"FinalError.{name}", value)
-    return np.asarray(value) if is_concrete(value) else value
+    check_positive(f"FinalError.{name}", number)
+    return np.asarray(number) if is_concrete(number) else number
 
 
 def _of_one_precision(

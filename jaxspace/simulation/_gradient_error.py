@@ -7,7 +7,7 @@ off. A derivative is therefore compared with those by other tolerances, all by o
 
 import dataclasses
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import NamedTuple, TypeVar
 
 import equinox as eqx
 import jax
@@ -33,6 +33,8 @@ from ..solvers.protocol import solver_traits
 from ._final_error import USUAL, Measured
 from ._to_final_error import APART, MOST, advance, begun
 
+X = TypeVar("X")
+
 FINER = 0.01
 # A tolerance that is less than so many times smaller shows no error.
 LITTLE = 0.1
@@ -54,8 +56,8 @@ class CheckedGradient(NamedTuple):
 
 
 def gradient_error(
-    function: Callable[[Any, Accuracy], PyTree],
-    x: PyTree,
+    function: Callable[[X, Accuracy], PyTree],
+    x: X,
     accuracy: Accuracy | Float[ArrayLike, ""] | None = None,
     *,
     forward: bool = False,
@@ -90,8 +92,8 @@ def gradient_error(
 
 
 def gradient_within(
-    function: Callable[[Any, Accuracy], PyTree],
-    x: PyTree,
+    function: Callable[[X, Accuracy], PyTree],
+    x: X,
     within: PyTree[Float[ArrayLike, ""]],
     *,
     accuracy: Accuracy = DEFAULT,
@@ -163,8 +165,8 @@ def _checked(x: PyTree, accuracy: Accuracy) -> tuple[PyTree, np.dtype]:
 
 
 def _derivative(
-    function: Callable[[Any, Accuracy], PyTree],
-    x: PyTree,
+    function: Callable[[X, Accuracy], PyTree],
+    x: X,
     accuracy: Accuracy,
     rtol: float,
     forward: bool,
@@ -175,8 +177,8 @@ def _derivative(
 
 @eqx.filter_jit
 def _program(
-    function: Callable[[Any, Accuracy], PyTree],
-    x: PyTree,
+    function: Callable[[X, Accuracy], PyTree],
+    x: X,
     accuracy: Accuracy,
     rtol: Array,
     forward: bool,

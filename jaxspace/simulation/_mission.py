@@ -24,7 +24,7 @@ from .runnable import AbstractRunnable
 
 
 # A duration becomes an array; an event passes.
-def _as_until(x: Any) -> Any:
+def _as_until(x: object) -> Array | Event:
     if isinstance(x, Event):
         return x
     # By types alone, because tree transformations put placeholders here.
@@ -34,7 +34,7 @@ def _as_until(x: Any) -> Any:
     return as_float(x)
 
 
-def _as_jump(x: Any, name: str = "Phase.then") -> Any:
+def _as_jump(x: object, name: str = "Phase.then") -> Any:
     if x is not None and not callable(x):
         raise InputError(f"{name} is {x!r}: it must be a function (t, y) -> y, or None.")
     return x

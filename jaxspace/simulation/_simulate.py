@@ -85,6 +85,7 @@ def simulate(
     from its derivative; and a mission. `SimulationError` for a failed run; under `jit`, when the
     compiled program runs."""
     check_system("system", system, "simulate_mission")
+    events = as_events(events)
     if isinstance(accuracy, FinalError):
         options = {"events": events, "dense": dense}
         return to_final_error(simulate, (system, y0, ts), accuracy, throw, options)
@@ -101,7 +102,7 @@ def simulate(
     traced = is_traced((system, y0, ts, given))
     if not traced:
         check_values(system, ts, y0)
-    events = captured_as_leaves(as_events(events))
+    events = captured_as_leaves(events)
     check_events(events, system, y0, start, 0)
     warn_of_switches(system, events, y0, start, stacklevel=3)
     check_dense(dense, events)

@@ -56,7 +56,7 @@ def _hint(name: str, known: list[str]) -> str:
     return "." + (InputError.hint(name, known) or f" It has {', '.join(known)}.")
 
 
-def check_times(ts: Any, y0: PyTree, axes: int = 1) -> Array:
+def check_times(ts: object, y0: PyTree, axes: int = 1) -> Array:
     """The save times in the precision of the state.
 
     Raises `InputError` unless they are finite and ascend or descend."""
@@ -73,7 +73,7 @@ def check_times(ts: Any, y0: PyTree, axes: int = 1) -> Array:
     return ts
 
 
-def as_times(name: str, x: Any, y0: State, allowed: str) -> Array:
+def as_times(name: str, x: object, y0: State, allowed: str) -> Array:
     """Times in the precision of the state. Raises `InputError`, which says what is `allowed`, for
     anything but real numbers."""
     dtype = state_dtype(y0)
@@ -228,13 +228,16 @@ def _held(tree: PyTree) -> str:
     )
 
 
-def as_events(events: Any) -> tuple[Event, ...]:
+def as_events(given: object) -> tuple[Event, ...]:
     """The events as a tuple. Raises `InputError` for anything else than a sequence of them."""
-    several = isinstance(events, Iterable) and not isinstance(events, Event)
-    if not several or not all(isinstance(event, Event) for event in events):
-        name = type(events).__name__
+    members = None
+    if isinstance(given, Iterable) and not isinstance(given, Event):
+        # Gathered once, because a generator gives its events a single time.
+        members = tuple(given)
+    events = tuple(event for event in members or () if isinstance(event, Event))
+    if members is None or len(events) < len(members):
+        name = type(given).__name__
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
-    events = tuple(events)
     if any(event.passed is not None for event in events):
         raise InputError(
             "events holds one with passed=True: it must be Phase.until, for a run of its own would "

@@ -179,7 +179,7 @@ def _largest(status: Int[Array, "..."]) -> Int[Array, "..."]:
 
 
 @_largest.def_vmap
-def _largest_of_mapped(axis_size: int, in_batched: Any, status: Array) -> tuple[Array, bool]:
+def _largest_of_mapped(axis_size: int, in_batched: object, status: Array) -> tuple[Array, bool]:
     del axis_size, in_batched
     return _largest(jnp.max(status, axis=0)), False
 

@@ -27,6 +27,7 @@ from jaxspace.simulation import (
     Status,
 )
 from jaxspace.simulation._dataset import blocks_of
+from jaxspace.simulation.checks import as_events
 from jaxspace.solvers import DOP853, FixedSteps, Stormer, Tsit5
 
 KEPLER = Integrated(TwoBody(1.0))
@@ -45,6 +46,14 @@ def position(speed, t=1.5, accuracy=QUICK, system=KEPLER):
 
 
 # ---------------------------------------------------------------- shapes
+
+
+def test_events_of_a_generator_are_all_there():
+    """One gives them a single time, which the check of their kind must not use up."""
+    events = (Event(lambda t, y: t), Event(lambda t, y: t - 1.0))
+    assert as_events(event for event in events) == events
+    with pytest.raises(InputError, match="events is of type generator: it must be a tuple"):
+        as_events(event for event in (*events, 3.0))
 
 
 def test_formulas_apply_to_whole_trajectories():
