@@ -3,8 +3,9 @@
 from typing import NamedTuple
 
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float, PyTree
+from jaxtyping import Array, Bool, Float, Int, PyTree
 
+from ..core import Scalar
 from ._criterion import Criterion, Minimum, StopReason, stop_reason
 from ._gradient_check import GRADIENT_TOLERANCE
 from ._sqp_measures import at_least_violation, lagrangian_gradient, slope, violation
@@ -33,31 +34,13 @@ def minimum_of(end: End, last: PyTree, limits: Limits, interrupted: bool) -> Min
     y = end.y * weight[1 : 1 + end.y.size] / weight[0]
     nu = end.nu * weight[1 + end.y.size :] / weight[0]
     gradient = lagrangian_gradient(at, end.z, end.y, end.nu, limits)
+    converged, reason = _ended_by(end, last, gradient, limits, interrupted)
+    # In the units of the problem, because a user's limit is in them, too.
     unscaled = jnp.zeros_like(gradient)
     if c is not None:
         unscaled = jnp.maximum(unscaled, jnp.max(jnp.abs(c)))
     if d is not None:
         unscaled = jnp.maximum(unscaled, jnp.max(-d))
-    missed = violation(at) > limits.tolerance
-    # Without constraints there is nothing to compile.
-    infeasible = jnp.zeros_like(missed)
-    if at.c.size + at.d.size:
-        infeasible = missed & at_least_violation(at, end.z, end.last_y, end.last_nu, limits)
-    finite = at.sound()
-    # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
-    # have a gradient of zero.
-    converged = (gradient <= limits.tolerance) & ~missed & finite
-    reason = stop_reason(
-        finite,
-        converged,
-        last.taken >= last.rows.shape[0],
-        infeasible,
-        end.diverged,
-    )
-    # A wrong gradient and an interruption come first.
-    if interrupted:
-        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
-    reason = jnp.where(last.wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason)
     return Minimum(
         x=size * end.z,
         criterion=at.report,
@@ -79,3 +62,27 @@ def minimum_of(end: End, last: PyTree, limits: Limits, interrupted: bool) -> Min
         search=last,
         tolerance=limits.tolerance,
     )
+
+
+def _ended_by(
+    end: End, last: PyTree, gradient: Scalar, limits: Limits, interrupted: bool
+) -> tuple[Bool[Array, ""], Int[Array, ""]]:
+    """Whether a search has converged, and the `StopReason` by which it ended; `gradient`: the
+    scaled one of the Lagrangian."""
+    at = end.at
+    missed = violation(at) > limits.tolerance
+    # Without constraints there is nothing to compile.
+    infeasible = jnp.zeros_like(missed)
+    if at.c.size + at.d.size:
+        infeasible = missed & at_least_violation(at, end.z, end.last_y, end.last_nu, limits)
+    finite = at.sound()
+    # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
+    # have a gradient of zero.
+    converged = (gradient <= limits.tolerance) & ~missed & finite
+    spent = last.taken >= last.rows.shape[0]
+    reason = stop_reason(finite, converged, spent, infeasible, end.diverged)
+    # A wrong gradient and an interruption come first.
+    if interrupted:
+        reason = jnp.full_like(reason, StopReason.INTERRUPTED)
+    reason = jnp.where(last.wrong > GRADIENT_TOLERANCE, StopReason.WRONG_GRADIENT, reason)
+    return converged, reason

@@ -143,6 +143,7 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     finite = trial.sound() & jnp.isfinite(after) & solved
     ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
     # A step whose predicted gain is rounding is accepted only if it reduces the gradient.
+    # With the multipliers of the step, with which its gradient has to vanish.
     ahead = s._replace(x=s.trial, at=trial, y=y, nu=nu)
     take = (ratio > 1e-4) & ((predicted > noise) | (gradient(ahead, limits) < s.gradient))
     # Where the programme was not solved there is no step, and only the radius shrinks.
@@ -157,6 +158,7 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
     radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
     rho, hopeless = _weighted(s, penalty(c, d), take)
+    # A refused step tells nothing of the curvature at the point that stays.
     B = jnp.where(take, damped_bfgs(s, trial, p, y, nu), s.B)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
     shift = (trial.c - c, trial.d - d)

@@ -106,8 +106,22 @@ def _stored(
     angle: np.ndarray, grid: dict[str, np.ndarray], name: str
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Names and values of what a table holds, (machs, angles, rolls, reynolds, numbers)."""
+    grid = _in_body_axes(angle, grid, name)
+    # Before the force across the axis, which may come from drag and lift alone.
+    result = {key: grid[key] for key in AXIAL if key in grid} | _across(angle, grid, name)
+    result |= {key: grid[key] for key in PLAIN if key in grid}
+    result = _without_roll_at_ends(angle, result)
+    return tuple(result), np.stack(list(result.values()), axis=-1)
+
+
+def _in_body_axes(
+    angle: np.ndarray, grid: dict[str, np.ndarray], name: str
+) -> dict[str, np.ndarray]:
+    """The coefficients with C_A, motor on and off, and C_N in place of drag and lift."""
+    grid = dict(grid)
     a = angle[:, None, None]
     s, c = np.sin(a), np.cos(a)
+    # A table that has both is taken by its C_A: drag and lift then follow from it.
     if "axial" not in grid and "drag" in grid:
         if "lift" not in grid and angle.size > 1:
             raise InputError(f"{name} has a drag and no lift: it must have both, or C_A and C_N.")
@@ -121,40 +135,49 @@ def _stored(
         raise InputError(f"{name} has no axial force and no drag: it must have one of them.")
     if "axial" not in grid:
         grid["axial"] = grid["axial_burning"]
+    # The jet fills the base, whose share of the drag is gone while the motor burns.
     if "axial_burning" not in grid and "base" in grid:
         grid["axial_burning"] = grid["axial"] - grid["base"]
-    result = {key: grid[key] for key in AXIAL if key in grid}
+    return grid
+
+
+def _across(angle: np.ndarray, grid: dict[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+    """What acts across the axis, over sin(alpha): the normal force with its moment or its lever,
+    and the side force with its moment."""
+    result = {}
     slope = grid.get("normal_slope")
+    normal = slope
+    # At a single angle of zero the force itself says nothing: the slope is all that there is.
     if "normal" in grid and (angle.size > 1 or slope is not None):
-        normal = _over_sine(angle, grid["normal"], None if slope is None else slope)
-    else:
-        normal = slope
+        normal = _over_sine(angle, grid["normal"], slope)
     if normal is not None:
         result["normal"] = normal
         if "pitch" in grid:
             result["pitch"] = _over_sine(angle, grid["pitch"])
         elif "centre" in grid:
+            # A product, and no centre: where the normal force vanishes its centre does not exist.
             result["lever"] = -normal * grid["centre"]
         else:
             raise InputError(
                 f"{name} has a normal force and neither its centre nor a moment: it must have one."
             )
-    for key in ("side", "yaw"):
-        if key in grid:
-            result[key] = _over_sine(angle, grid[key])
-    result |= {
-        key: grid[key] for key in ("roll_moment", "pitch_damping", "roll_damping") if key in grid
-    }
+    return result | {key: _over_sine(angle, grid[key]) for key in ("side", "yaw") if key in grid}
+
+
+def _without_roll_at_ends(
+    angle: np.ndarray, numbers: dict[str, np.ndarray]
+) -> dict[str, np.ndarray]:
+    """The numbers with their mean over the roll at the angles 0 and pi, where no roll is defined:
+    they must not depend on it there."""
+    result = {key: x.copy() for key, x in numbers.items()}
     for k in (0, -1):
         if angle.size == 1 or 0.0 < angle[k] < np.pi:
             continue
-        # At 0 and pi no roll is defined, and the coefficients there must not depend on it.
-        for key, x in result.items():
-            result[key] = x.copy()
+        for key, x in numbers.items():
             # The last roll is the first one again.
             turn = x[:, k, : max(x.shape[2] - 1, 1)]
             result[key][:, k] = turn.mean(axis=1, keepdims=True)
-    return tuple(result), np.stack(list(result.values()), axis=-1)
+    return result
 
 
 def _over_sine(angle: np.ndarray, x: np.ndarray, ahead: np.ndarray | None = None) -> np.ndarray:
