@@ -44,6 +44,8 @@ class _Reader:
         self.head: tuple[str, list[float]] | None = None
         self.points: list[Point] = []
         self.done = False
+        # The parser itself and not a tree: it stops at an entity, and a tree would hold every
+        # engine.
         self.parser = expat.ParserCreate("utf-8")
         self.parser.StartElementHandler = self.start
         self.parser.EndElementHandler = self.end

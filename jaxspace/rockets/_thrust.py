@@ -219,6 +219,7 @@ class Thrust(AbstractEffect):
         """The thrust in vacuum, N, at the time `t`, s, with `mass`, kg, left."""
         x = (t - ignition_of(self)) / self.burn_time
         if self.profile is None:
+            # Both ends count: a step that ends at the burnout still sees the motor burn.
             level = jnp.where((x >= 0.0) & (x <= 1.0), 1.0, 0.0)
         else:
             level = self.profile.at(x)

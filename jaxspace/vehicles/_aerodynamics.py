@@ -40,6 +40,7 @@ def moments_of_slope(
     surfaces: Sequence[AbstractSurface], mach: Scalar, station: Scalar | float = 0.0
 ) -> tuple[Scalar, ...]:
     """S_0, m^2, S_1, m^3, and S_2, m^4, of parts about the `station`, m, at a Mach number."""
+    # Arrays also for a rocket without such parts, whose forces must have the runs of the flow.
     zeroth = first = second = jnp.zeros_like(mach)
     for surface in surfaces:
         slope = surface.slope(mach)
@@ -112,6 +113,7 @@ class Aerodynamics(AbstractEffect):
         s0, s1, s2 = self.moments_of_slope(mach, centre_of(body, y))
         axial = self.area * self.axial_coefficient(t, mach)
         p, q, r = y.omega
+        # The rates change the flow at each part by its arm, of which S_1 is the sum.
         force = -push * jnp.stack([s0 * w[0] + s1 * q, s0 * w[1] - s1 * p, axial * w[2]])
         roll = 0.0 * push
         if self.fins is not None:

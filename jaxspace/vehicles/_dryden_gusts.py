@@ -79,6 +79,7 @@ WINDS = {name: k * 15.0 * 1852.0 / 3600.0 for k, name in enumerate(RMS, 1)}
 def dryden_lengths(height: Array | np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The scales L of the horizontal and of the vertical component, m, at known heights above the
     ground, m (MIL-F-8785C, 3.7.3)."""
+    # The formulas of low altitude are held at both ends: on the ground the scales would vanish.
     h = np.clip(np.asarray(height, float), LOWEST, LOW)
     horizontal = h / (0.177 + 0.000823 * h / FOOT) ** 1.2
     # Both are 1000 ft there, to a thousandth.
@@ -105,6 +106,7 @@ def dryden_intensities(
 
     known = with_rank(rms_aloft, rank)
     h = by_height(np.clip(height, LOWEST, LOW) / FOOT)
+    # From 2000 ft on, where the model of high altitude holds alone.
     high = np.clip(height, HIGH, RMS_HEIGHTS[-1])
     k = np.clip(np.searchsorted(RMS_HEIGHTS, high) - 1, 0, RMS_HEIGHTS.size - 2)
     at = by_height((high - RMS_HEIGHTS[k]) / (RMS_HEIGHTS[k + 1] - RMS_HEIGHTS[k]))
@@ -123,7 +125,9 @@ def _share(height: np.ndarray) -> np.ndarray:
 def _nodes(top: float, per_length: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Heights, m, a `per_length`-th of the smaller scale apart, and the distances between them in
     units of the horizontal and of the vertical scale."""
+    # Geometric, because the scales grow with the height: near the ground they are a few metres.
     fine = np.concatenate([[0.0], np.geomspace(0.01, max(top, 1.0), 20_000)])
+    # The midpoint rule, exact to the square of the spacing.
     middle = 0.5 * (fine[1:] + fine[:-1])
     lengths = np.stack(dryden_lengths(middle))
     passed = np.concatenate([[[0.0]] * 2, np.cumsum(np.diff(fine) / lengths, axis=1)], axis=1)
@@ -172,11 +176,14 @@ class DrydenGusts(AbstractParameters):
         self.rms_aloft = as_float(rms_aloft)
         self.top, self.per_length = top, per_length
         check_declared(self, "seed", "wind_20_feet", "rms_aloft", "top", "per_length")
+        # After the check of their kind: they are static, and a program is chosen by their values.
         self.top, self.per_length = float(top), float(per_length)
         check(0.0 < self.top < np.inf, "DrydenGusts.top", top, "positive and finite, in m")
         few = 2.0 <= self.per_length <= 256.0
         check(few, "DrydenGusts.per_length", per_length, "from 2 to 256 nodes")
         heights, horizontal, vertical = _nodes(self.top, self.per_length)
+        # Two for each horizontal component, whose spectrum is of second order, and one for the
+        # vertical.
         z = normal_numbers(self.seed, (heights.size, 5))
         strong = dryden_intensities(heights, self.wind_20_feet, self.rms_aloft)
         rank = max(z.ndim - 2, strong[0].ndim - 1)

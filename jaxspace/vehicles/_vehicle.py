@@ -218,6 +218,7 @@ class Vehicle(AbstractParameters):
                 mean_thrust=factor * thrust.mean_thrust,
                 exhaust_velocity=factor * thrust.exhaust_velocity,
             ),
+            # Of the tube, to which makers refer the coefficient of the drag.
             area=np.pi * as_float(radius) ** 2,
             drag=drag,
             coasting_drag=coasting_drag,
@@ -267,6 +268,8 @@ class Vehicle(AbstractParameters):
         effects: tuple[AbstractEffect, ...] = (self._air_forces(air, powered),)
         if powered:
             effects = (self._motor(control), *effects)
+            # The damping by the jet depends on the square of its distance, for which there is no
+            # default.
             if self.exit_station is not None:
                 # A full exit has the mean square radius of a ring of its radius over sqrt(2).
                 ring = self.exit_radius / np.sqrt(2.0)
@@ -320,6 +323,7 @@ class Vehicle(AbstractParameters):
     def _coasting(self, powered: bool) -> tuple[MachTable | None, Scalar | None]:
         """The coefficient after burnout, and its time, s; nothing where it does not change."""
         coasting = self.coasting_drag
+        # A table that knows the motor on has the motor off, too.
         if self.drag is None and self.table is not None and "axial_burning" in self.table.names:
             coasting = self.table.ahead(False)
         # Without power `_drag` uses that coefficient from the start.

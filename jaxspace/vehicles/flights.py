@@ -105,6 +105,7 @@ class LaunchSite(AbstractParameters):
         """Gravity, and the forces of inertia in axes that turn with the Earth where the latitude is
         known."""
         if self.latitude is None:
+            # Without a latitude neither the rate of the axes nor the gravity of the place is known.
             return (GroundGravity(STANDARD_GRAVITY),)
         s, c = jnp.sin(self.latitude), jnp.cos(self.latitude)
         turning = EARTH_RATE * jnp.stack([0.0 * s, c, s])
@@ -141,6 +142,7 @@ class LaunchSite(AbstractParameters):
     def attitude(self) -> Quaternion:
         """The attitude of a rocket on the rail: turned about z by the heading, then off the
         vertical."""
+        # Half of the angle off the vertical, as a quaternion has it.
         tilt = 0.5 * (0.5 * jnp.pi - self.inclination)
         c, s = jnp.cos(tilt), jnp.sin(tilt)
         # The axis of the tilt lies across the heading: (cos, -sin, 0) turns z towards north for 0.
@@ -291,6 +293,8 @@ def sounding_flight(
 
     rail = Rail(site.direction, site.rail_length)
     burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
+    # Computed, because a default in seconds would be wrong for a large rocket, and slow for a small
+    # one: the search samples all of it.
     leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     for number, chute in enumerate(recovery[1:], 2):
         if chute.height is None and chute.time is None:
@@ -313,6 +317,8 @@ def sounding_flight(
             name=next(names),
         ),
     ]
+    # The mass goes on as a part of the state, although nothing changes it: phases before and after
+    # have it.
     flying = scene(*gliding, carry=("mass",))
     if first is not None and first.height is not None:
         opening = first.trigger(descent_within, True)

@@ -147,6 +147,8 @@ class LocalAir(AbstractParameters):
             if not blowing:
                 return moving
             return jnp.stack([sum(parts, x) for *parts, x in zip(*blowing, moving, strict=True)])
+        # Towards the east, and as long as the distance from the axis: by it the air turns with the
+        # planet.
         across = cross(up, position)
         moving = self.air_rate * across
         if not blowing:
