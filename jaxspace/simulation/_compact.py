@@ -14,7 +14,8 @@ one Newton step carries the derivative.
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.5 (DOP853).
 """
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple, TypeAlias
 
 import jax
 import jax.numpy as jnp
@@ -34,6 +35,9 @@ from .legs import legs_of
 
 # The largest number of reductions of the step to an event: about eight reach rounding.
 SEARCH = 12
+
+Step: TypeAlias = Callable[[Scalar, Scalar, Array], tuple[Array, Array]]
+"""From time, length and state of a step to the state behind it and its error."""
 
 
 class CompactPhase(NamedTuple):
@@ -122,45 +126,23 @@ def _phase(
     phase: Phase, t0: Scalar, y0: State, steps: int
 ) -> tuple[CompactPhase, Scalar, State, Scalar]:
     """A phase, the time and the state at its end before the jump, and the error of its steps."""
-    event = phase.until if isinstance(phase.until, Event) else None
-    if event is not None and event.touch is not None:
-        raise InputError(
-            f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
-        )
+    event = _event_of(phase)
     t1 = t0 + (phase.until if event is None else event.within)
     beyond = None if event is None else event.beyond(t0, y0)
     if beyond is not None:
         t1 = jnp.where(beyond, t0, t1)
-    if phase.system is not phase.moving:
-        raise InputError(
-            f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
-        )
     # Parts of the state that are constant in the phase are integrated with the others.
     v0, unravel = ravel_pytree(y0)
     system = phase.moving.started_at(t0)
-    ts = _ends(system, t0, t1, steps)
-
-    def rate(t: Scalar, v: Array) -> Array:
-        return ravel_pytree(system.vector_field(t, unravel(v)))[0]
-
-    def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
-        ks = stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A, [], in_loop=True)
-        return combine(v, h, tableau.DOP853_B, ks), combine(None, h, tableau.DOP853_ERROR_5, ks)
-
+    times = _ends(system, t0, t1, steps)
+    step = _step_of(system, unravel)
     if event is None:
-
-        def advance(v: Array, span: tuple[Array, Array]) -> tuple[Array, tuple[Array, Array]]:
-            v, wrong = step(span[0], span[1] - span[0], v)
-            return v, (v, wrong)
-
-        v, (vs, wrongs) = lax.scan(advance, v0, (ts[:-1], ts[1:]))
-        times = ts
+        v, (vs, wrongs) = _through(step, times, v0)
         happened = jnp.asarray(True)
         t = t1
         y = unravel(v)
     else:
-        result = _until_event(event, step, unravel, ts, v0)
-        (t, v, happened), (times, vs, wrongs) = result
+        (t, v, happened), (times, vs, wrongs) = _until_event(event, step, unravel, times, v0)
         times = jnp.concatenate([t0[None], times])
         # No step goes beyond the last time, which several of them may share.
         ended = times >= t
@@ -174,6 +156,45 @@ def _phase(
     sizes = _sizes(states, unravel(v0))
     error = jnp.sum(jnp.max(jnp.abs(wrongs) / sizes, axis=1))
     return CompactPhase(times, states, y, happened), t, y, error
+
+
+def _event_of(phase: Phase) -> Event | None:
+    """The event that ends a phase; `None` for a duration. Raises `InputError` for a touch, and for
+    a closed loop."""
+    event = phase.until if isinstance(phase.until, Event) else None
+    if event is not None and event.touch is not None:
+        raise InputError(
+            f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
+        )
+    if phase.system is not phase.moving:
+        raise InputError(
+            f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
+        )
+    return event
+
+
+def _step_of(system: AbstractSystem, unravel: Callable[[Array], State]) -> Step:
+    """A step of the system, of order 8, in states that are one vector."""
+
+    def rate(t: Scalar, v: Array) -> Array:
+        return ravel_pytree(system.vector_field(t, unravel(v)))[0]
+
+    def step(t: Scalar, h: Scalar, v: Array) -> tuple[Array, Array]:
+        ks = stages(rate, t, h, v, tableau.DOP853_C, tableau.DOP853_A, [], in_loop=True)
+        return combine(v, h, tableau.DOP853_B, ks), combine(None, h, tableau.DOP853_ERROR_5, ks)
+
+    return step
+
+
+def _through(step: Step, times: Array, v0: Array) -> tuple[Array, tuple[Array, Array]]:
+    """The state behind the last of the steps between these times, those behind all of them,
+    (steps, components), and their errors."""
+
+    def advance(v: Array, span: tuple[Array, Array]) -> tuple[Array, tuple[Array, Array]]:
+        v, wrong = step(span[0], span[1] - span[0], v)
+        return v, (v, wrong)
+
+    return lax.scan(advance, v0, (times[:-1], times[1:]))
 
 
 def _sizes(states: State, like: State) -> Float[Array, " components"]:
@@ -206,8 +227,11 @@ class _Search(NamedTuple):
     side: Array
 
 
-def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
-    """Steps up to the zero of the event's condition.
+def _until_event(
+    event: Event, step: Step, unravel: Callable[[Array], State], ts: Array, v0: Array
+) -> tuple[tuple[Array, Array, Array], tuple[Array, Array, Array]]:
+    """Steps up to the zero of the event's condition: time and state just before it and whether it
+    was met; and times, states and errors of the steps.
 
     A step across the zero is not taken but shortened by regula falsi, until the state stands just
     before it."""
@@ -217,7 +241,7 @@ def _until_event(event, step, unravel, ts, v0):  # noqa: ANN001, ANN202
         ahead = (g0 < 0.0) & (g >= 0.0), (g0 > 0.0) & (g <= 0.0)
         return ahead[0] if sign > 0 else ahead[1] if sign < 0 else ahead[0] | ahead[1]
 
-    def advance(at, _):  # noqa: ANN001, ANN202
+    def advance(at: _Search, _: None) -> tuple[_Search, tuple[Array, Array, Array]]:
         full = ts[jnp.minimum(at.number + 1, ts.size - 1)] - at.t
         share = safe_divide(at.ahead * at.g, at.ahead * at.g - at.past * at.g1)
         # No derivative passes through the search: `newton_correct` gives that of the time.

@@ -93,13 +93,11 @@ def run_in_loop(
         return None
     check_events(tuple(events), system, y0, t0, run_axes, "Phase.until")
     sought = [isinstance(phase.until, Event) for phase in phases]
-    # A phase without an event takes that of another one, which is not sought.
-    untils = [phase.until if isinstance(phase.until, Event) else events[0] for phase in phases]
     longest = [p.until.within if isinstance(p.until, Event) else p.until for p in phases]
     within = [jnp.broadcast_to(jnp.asarray(x, dtype), runs) for x in longest]
-    numbers, parts_of = _stacked(
-        [(phase.system, e) for phase, e in zip(phases, untils, strict=True)]
-    )
+    # A phase without an event takes that of another one, which is not sought.
+    pairs = [(p.system, p.until if isinstance(p.until, Event) else events[0]) for p in phases]
+    numbers, parts_of = _stacked(pairs)
 
     def one(
         carry: tuple[State, Array], own: tuple[list[Array], Array, Array]
@@ -121,10 +119,15 @@ def run_in_loop(
 
     own = numbers, jnp.stack(within), jnp.array(sought)
     _, results = jax.lax.scan(one, (y0, t0), own)
-    every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(phases))]
+    return _of_each_phase(results, sought)
+
+
+def _of_each_phase(results: Trajectory, sought: list[bool]) -> list[Trajectory]:
+    """The results of a loop, phase by phase; `sought`: whether each was to end at its event."""
+    every = [jax.tree.map(lambda x, k=k: x[k], results) for k in range(len(sought))]
     # Outside of a loop a phase of known duration has no event, and so none that could have
     # happened.
-    none = jnp.zeros((0, *runs), bool)
+    none = jnp.zeros((0, *every[0].status.shape), bool)
     return [
         run if event else dataclasses.replace(run, happened=none)
         for run, event in zip(every, sought, strict=True)
