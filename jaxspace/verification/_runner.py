@@ -7,6 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jaxtyping import Array
 
 from ..core import InputError
 from ._case import Case, CaseFunction
@@ -37,6 +38,7 @@ def run_cases(
     started = time.perf_counter()
     where = _device(device)
     _check_precision(precision)
+    # By their functions, because each is one program, whose compilation takes most of the time.
     groups: dict[CaseFunction, list[Case]] = {}
     for case in cases:
         if precision == "float64" or not case.single:
@@ -84,10 +86,10 @@ def _run_group(
     return results
 
 
-def _program(function: CaseFunction):
+def _program(function: CaseFunction) -> "jax.stages.Wrapped":
     """Value, forward and reverse derivatives of each row of inputs."""
 
-    def one(x):
+    def one(x: Array) -> tuple[Array, Array, Array]:
         value, pull = jax.vjp(function, x)
         (reverse,) = jax.vmap(pull)(jnp.eye(value.size, dtype=x.dtype))
         # Value and reverse mode share one trace, because compiling takes most of the time.
@@ -118,6 +120,7 @@ def _judge(
         for result in (forward, reverse)
         if result is not None
     ]
+    # One mode alone may be wrong: a rule for tangents is not that of their transposition.
     good = error <= case.roundings * eps
     good = good and all(s <= case.slope_roundings * eps for s in slopes)
     forward_error, reverse_error = slopes or (None, None)
@@ -138,6 +141,7 @@ def _slope_error(computed: np.ndarray, truth: np.ndarray, inputs: np.ndarray) ->
 
     Those by inputs far from one, which have large units, count as derivatives by their logarithm.
     """
+    # Not below one: by an input of zero a derivative by its logarithm would say nothing.
     weights = np.maximum(np.abs(inputs), 1.0)
     overall = _size(truth * weights)
     return max(

@@ -100,7 +100,8 @@ class Verification:
         return json.dumps(_plain(record), indent=1, allow_nan=False) + "\n"
 
 
-def _plain(x):
+def _plain(x: object) -> object:
+    """The same in values that JSON has."""
     if isinstance(x, dict):
         return {key: _plain(value) for key, value in x.items()}
     if isinstance(x, list | tuple):
