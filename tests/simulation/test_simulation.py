@@ -14,10 +14,12 @@ from jaxtyping import Array, Float
 from systems import Integrated
 
 from jaxspace import Scene
+from jaxspace.attitude import TorqueFreeBody
 from jaxspace.bodies import BodyState
 from jaxspace.core import AbstractSystem, InputError, Scalar
 from jaxspace.integration.mapping import BLOCK
 from jaxspace.orbits import PointGravity, TwoBody
+from jaxspace.rotations import Quaternion
 from jaxspace.simulation import (
     Accuracy,
     Event,
@@ -29,6 +31,7 @@ from jaxspace.simulation import (
     simulate_batch,
     simulate_mission,
 )
+from jaxspace.simulation._batch_runs import _relative_rate
 from jaxspace.solvers import DOP853, Regularised, Splitting, Stormer, Tsit5
 
 
@@ -466,6 +469,27 @@ def test_runs_that_want_like_steps_share_a_block():
     evaluations = np.asarray(run.stats["evaluations"])
     assert np.mean(evaluations) < 0.65 * np.max(evaluations)
     assert evaluations[np.argmin(es)] < evaluations[np.argmax(es)]
+
+
+def test_runs_are_told_apart_that_turn_alike_at_first():
+    """Of bodies with two equal moments, A, and the third C, as fast as each other about any axis:
+    the rate circles in the body at (C / A - 1) times its third component. What changes of each has
+    length one, so that the second derivatives are known."""
+    tilt = jnp.linspace(0.1, 1.4, 14)
+    across, along = jnp.sin(tilt), jnp.cos(tilt)
+    circling = (1.9 - 1.0) * along
+    omega = jnp.stack([across, 0.0 * tilt, along])
+    attitude = Quaternion(jnp.stack([1.0 + 0.0 * tilt, *jnp.zeros((3, tilt.size))]))
+    bodies = BodyState(omega=omega, attitude=attitude)
+    body = TorqueFreeBody([1.0, 1.0, 1.9])
+    rate = jax.jit(_relative_rate)(body, bodies, jnp.array(0.0))
+    of_rate = circling * jnp.sqrt(across)
+    # q'' = q (0, omega') / 2 - q / 4
+    of_attitude = ((circling * across / 2.0) ** 2 + 1.0 / 16.0) ** 0.25
+    # By a difference over a hundredth of the time in which the state changes.
+    np.testing.assert_allclose(rate, jnp.maximum(of_rate, of_attitude), rtol=0.01)
+    # The first derivative tells none of them apart: it is that of the attitude, half the rate.
+    assert np.count_nonzero(circling * across > 0.5) == 0
 
 
 def test_devices_change_no_number():
