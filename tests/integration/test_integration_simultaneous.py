@@ -233,21 +233,21 @@ def pushed_and_doubled(x):
     return jnp.stack([-2.0 * u * left, 2.0 * left, -2.0 * u * left])
 
 
-SAMPLED = {
+SEARCHED_FIRST = {
     "fixed steps": Accuracy(method=FixedSteps(DOP853(), 8)),
     "adjoint": Accuracy(method=Tsit5(), adjoint=diffrax.RecursiveCheckpointAdjoint()),
 }
 
 
 @pytest.mark.parametrize("how", ["fixed steps", pytest.param("adjoint", marks=pytest.mark.sweep)])
-def test_methods_whose_runs_are_sampled(how):
+def test_methods_that_search_before_they_run(how):
     """In straight lines they are exact."""
     events = (jump(falls(2), pushed), jump(falls(0), doubled))
 
     @jax.jit
     def final(x):
         run = simulate(
-            Coast(), corner(*x), jnp.array([0.0, 3.0]), events=events, accuracy=SAMPLED[how]
+            Coast(), corner(*x), jnp.array([0.0, 3.0]), events=events, accuracy=SEARCHED_FIRST[how]
         )
         return run.final.position
 
