@@ -15,9 +15,15 @@ from ..dispersion import Campaign
 from ..dispersion.evaluate import evaluate_allowed, fixed_normals, inputs_at
 from ..integration.accuracy import Accuracy
 from ..optimization import Criterion
+from ..optimization.batch_descent import FORWARD_RATIO
 from ..simulation import Status
 from ..simulation.blocks import Blocks
+from ._few_runs import by_few_runs
 from .statistics import TAIL, AbstractStatistic, Constraint
+
+# Up to so many unknowns forward derivatives of all runs take less time than to compile a second
+# program, of the runs without derivatives.
+FEW_UNKNOWNS = 4
 
 Design: TypeAlias = PyTree[Float[Array, "..."]]
 CampaignOf: TypeAlias = Callable[[Design], Campaign]
@@ -74,51 +80,98 @@ class Problem(NamedTuple):
 
         Raises `InputError` for an output that the campaign does not have."""
         campaign = self.campaign(x)
+        return self._evaluated(campaign, self._samples(campaign))
+
+    def _samples(self, campaign: Campaign) -> dict[str, Float[Array, " runs"]]:
+        """The random inputs of the runs."""
         if self.normals is None:
-            samples = campaign.nominal()
-        else:
-            samples = inputs_at(campaign, self.normals)
-        outputs, status = self._evaluated(campaign, samples)
-        for name in self.outputs:
-            if name not in outputs:
-                raise InputError(
-                    f"{name!r} is no output of the campaign: it must be one of "
-                    f"{', '.join(outputs)}.{InputError.hint(name, outputs)}"
-                )
-        dtype = jnp.result_type(float)
-        return RunsOfDesign({name: outputs[name].astype(dtype) for name in self.outputs}, status)
+            return campaign.nominal()
+        return inputs_at(campaign, self.normals)
 
     def _evaluated(
         self, campaign: Campaign, samples: dict[str, Float[Array, " runs"]]
-    ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
-        """Outputs and status of the runs with these inputs."""
+    ) -> RunsOfDesign:
+        """The runs with these inputs."""
 
-        def block(piece: dict[str, Array], campaign: Campaign) -> Any:
-            return evaluate_allowed(campaign, self.accuracy, piece)
+        def block(piece: dict[str, Array], campaign: Campaign) -> RunsOfDesign:
+            outputs, status = evaluate_allowed(campaign, self.accuracy, piece)
+            self._check_outputs(tuple(outputs))
+            dtype = jnp.result_type(float)
+            return RunsOfDesign({x: outputs[x].astype(dtype) for x in self.outputs}, status)
 
         count = next(iter(samples.values())).size
-        if count == 1:
-            return block(samples, campaign)
         # The data of a block stay in the cache: five times as fast as all runs at once.
         blocks = Blocks.on(jax.local_devices()[:1], count)
+        if count in (1, blocks.size):
+            return block(samples, campaign)
         return blocks.map(block, samples, campaign)
 
+    def _check_outputs(self, known: tuple[str, ...]) -> None:
+        for name in self.outputs:
+            if name not in known:
+                raise InputError(
+                    f"{name!r} is no output of the campaign: it must be one of "
+                    f"{', '.join(known)}.{InputError.hint(name, known)}"
+                )
+
     def __call__(self, x: Design) -> Criterion:
-        """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report."""
+        """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report.
+
+        Objective and constraints are differentiable; the report need not be."""
+        unknowns = sum(jnp.size(leaf) for leaf in jax.tree.leaves(x))
+        forward = unknowns <= FORWARD_RATIO * len(self.statistics)
+        if self._few_count(unknowns, forward):
+            numbers, runs = by_few_runs(self, x, forward)
+        else:
+            numbers, runs = self.numbers(x)
+        # Without this a search would leave out bad runs by making them fail.
+        failed = jnp.mean(runs.status > Status.EVENT, dtype=numbers.dtype)
+        objective = jnp.where(failed <= self.may_fail, numbers[0], jnp.inf)
+        return Criterion(objective, None, numbers[1:] if self.constraints else None, runs)
+
+    def numbers(self, x: Design) -> tuple[Float[Array, " rows"], RunsOfDesign]:
+        """The objective and the margins of the constraints, and the runs."""
         runs = self.runs(x)
-        if self.normals is None:
+        if self.normals is not None:
+            measures = (self.objective.value, *(c.margin for c in self.constraints))
+            pairs = zip(measures, self.statistics, strict=True)
+            values = [f(runs.outputs[s.output], runs.good(s.output)) for f, s in pairs]
+        else:
             # A single run has neither quantile nor share.
             alone = {name: values[0] for name, values in runs.outputs.items()}
-            objective = self.objective.at_nominal(alone[self.objective.output])
-            margins = [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
-        else:
-            arguments = {name: (runs.outputs[name], runs.good(name)) for name in self.outputs}
-            objective = self.objective.value(*arguments[self.objective.output])
-            margins = [c.margin(*arguments[c.statistic.output]) for c in self.constraints]
-        # Without this a search would leave out bad runs by making them fail.
-        failed = jnp.mean(runs.status > Status.EVENT, dtype=objective.dtype)
-        objective = jnp.where(failed <= self.may_fail, objective, jnp.inf)
-        return Criterion(objective, None, jnp.stack(margins) if margins else None, runs)
+            values = [self.objective.at_nominal(alone[self.objective.output])]
+            values += [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
+        return jnp.stack(values), runs
+
+    def weights(self, runs: RunsOfDesign) -> Float[Array, "rows runs"]:
+        """The derivatives of objective and margins, each by its own output of every run."""
+        measures = (self.objective.value, *(c.margin for c in self.constraints))
+        return jnp.stack(
+            [
+                jax.grad(f)(runs.outputs[s.output], runs.good(s.output))
+                for f, s in zip(measures, self.statistics, strict=True)
+            ]
+        )
+
+    def places_of_outputs(self) -> tuple[int, ...]:
+        """The place of the output of each of the numbers among the `outputs`."""
+        return tuple(self.outputs.index(statistic.output) for statistic in self.statistics)
+
+    def outputs_at(self, x: Design, places: Int[Array, " block"]) -> Float[Array, "outputs block"]:
+        """The outputs that count, of the runs at these places."""
+        assert self.normals is not None
+        campaign = self.campaign(x)
+        runs = self._evaluated(campaign, inputs_at(campaign, self.normals[places]))
+        return jnp.stack([runs.outputs[name] for name in self.outputs])
+
+    def _few_count(self, unknowns: int, forward: bool) -> bool:
+        """Whether the numbers are differentiated by those of the runs that count, and neither most
+        of them do, nor derivatives cost less than another program takes to compile."""
+        if self.normals is None:
+            return False
+        few = [statistic.of_few for statistic in self.statistics]
+        # Forward, a run is computed once for all numbers.
+        return all(few) and unknowns > FEW_UNKNOWNS if forward else any(few)
 
 
 def problem_of(

@@ -2,22 +2,23 @@
 
     mean, mean + k std   m,  m + k sqrt(sum (x_i - m)^2 / n)
     violation of a       (1/n) sum Phi((x_i - a)/h),   h = 1.63 n^(-1/3) (1/n) sum |x_i - m|
-    quantile c of q      violation of c = 1 - q
-    mean beyond c        c + (1/n) sum h [z_i Phi(z_i) + phi(z_i)] / (1 - q),   z_i = (x_i - c)/h
+    quantile c of q      (1/n) sum G((x_i - c)/b) = 1 - q
+    mean beyond c        c + (1/n) sum b H((x_i - c)/b) / (1 - q)
 
     symbol    meaning                                               unit
     x_i, n    values of the good runs, and how many there are       that of the output, 1
     m         their mean                                            that of the output
     a         limit                                                 that of the output
     q         share of the runs below the quantile                  1
-    h         width by which each run is smoothed                   that of the output
-    Phi, phi  normal distribution function and density              1
+    h, b      widths by which each run is smoothed                  that of the output
+    Phi       normal distribution function                          1
+    G, H      distribution of a kernel that ends, and its integral  1
 
 Counts and order statistics have no useful derivative: it is zero, or that of a single run, and
-jumps. The last three are therefore those of the sample smoothed by a normal kernel, whose width is
-the best for the distribution function of a normal law and falls below the error of the sample. The
-quantile c makes the mean beyond it stationary (Rockafellar and Uryasev's auxiliary number), so that
-its derivative there is stopped.
+jumps. The last three are therefore those of a smoothed sample (`_smoothed.py`), whose widths fall
+below the error of the sample: h is the best for the distribution function of a normal law, b
+follows the error of the quantile. The quantile c makes the mean beyond it stationary (Rockafellar
+and Uryasev's auxiliary number), so that its derivative there is stopped.
 
 A failed run has no value and is left out, but for the share of violations, in which it counts. With
 its `influence` a run has a part in the error: the variance of a statistic is the sum of their
@@ -45,23 +46,16 @@ import jax.numpy as jnp
 import numpy as np
 from jax import lax
 from jax.scipy.special import ndtr
-from jax.scipy.stats import norm
 from jaxtyping import Array, Bool, Float
 
 from ..core import InputError
 from ..core.safe import safe_sqrt
 from ..statistics.limits import check_share, quantile
 from ..statistics.requirements import Requirement
+from ._smoothed import count, hinge, smoothed_quantile, width_of_all
 
 # Runs beyond a quantile from which on its error is known to a quarter.
 TAIL = 20
-# Of the kernel, in mean absolute deviations: 1.3 standard deviations of a normal distribution. An
-# outlier moves the former less.
-BANDWIDTH = 1.3 * float(np.sqrt(np.pi / 2.0))
-# Units of rounding up to which a width is no scatter.
-NOISE = 4096.0
-# Newton's steps for a quantile, from the order statistic, which is nearer than the width.
-NEWTON_STEPS = 12
 
 
 class Measured(NamedTuple):
@@ -107,6 +101,11 @@ class AbstractStatistic(eqx.Module):
     def tail(self) -> float | None:
         """The share of the runs that decide about it; `None` where all of them do."""
         return None
+
+    @property
+    def of_few(self) -> bool:
+        """Whether few of the runs have all the weight in its derivative."""
+        return False
 
     @property
     def fewest_runs(self) -> int:
@@ -233,7 +232,7 @@ class Quantile(AbstractStatistic):
         check_share("Quantile.share", self.share)
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-        return _quantile(x, good, self.share)
+        return smoothed_quantile(x, good, self.share)[0]
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
         known = x[good]
@@ -250,6 +249,10 @@ class Quantile(AbstractStatistic):
     @property
     def tail(self) -> float | None:
         return min(self.share, 1.0 - self.share)
+
+    @property
+    def of_few(self) -> bool:
+        return True
 
     def requirement(self, limit: float, upper: bool) -> Requirement | None:
         if upper:
@@ -271,10 +274,10 @@ class CVaR(AbstractStatistic):
         check_share("CVaR.share", self.share)
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-        c = lax.stop_gradient(_quantile(x, good, self.share))
-        width, n = _width(x, good)
-        z = (jnp.where(good, x, c) - c) / width
-        beyond = jnp.where(good, width * (z * ndtr(z) + norm.pdf(z)), 0.0)
+        c, half, n = smoothed_quantile(x, good, self.share)
+        c = lax.stop_gradient(c)
+        z = (jnp.where(good, x, c) - c) / half
+        beyond = jnp.where(good, half * hinge(z), 0.0)
         return c + jnp.sum(beyond) / (n * (1.0 - self.share))
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
@@ -289,6 +292,10 @@ class CVaR(AbstractStatistic):
     @property
     def tail(self) -> float | None:
         return 1.0 - self.share
+
+    @property
+    def of_few(self) -> bool:
+        return True
 
 
 @final
@@ -317,7 +324,7 @@ class Violation(AbstractStatistic):
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
         limit, sign = self._limit
-        width, n = _width(x, good)
+        width, n = width_of_all(x, good)
         beyond = sign * (jnp.where(good, x, limit) - limit) / width
         bad = jnp.sum(jnp.where(good, ndtr(beyond), 1.0))
         return jnp.where(n > 0.0, bad / x.size, jnp.nan)
@@ -357,19 +364,17 @@ class Worst(AbstractStatistic):
         # What is above the greatest value of a sample is not known from the sample.
         return Measured(float(np.max(x[good])), np.full(x.shape, np.nan))
 
+    @property
+    def of_few(self) -> bool:
+        return True
+
     def text(self) -> str:
         return f"greatest {self.output}"
 
 
-def _count(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-    """The number of good runs; NaN for none, which makes NaN of a statistic."""
-    n = jnp.sum(good, dtype=x.dtype)
-    return jnp.where(n > 0.0, n, jnp.nan)
-
-
 def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array, Array]:
     """Mean, deviation and number of the good runs."""
-    n = _count(x, good)
+    n = count(x, good)
     mean = jnp.sum(jnp.where(good, x, 0.0)) / n
     off = jnp.where(good, x - mean, 0.0)
     return mean, safe_sqrt(jnp.sum(off * off) / n), n
@@ -379,38 +384,3 @@ def _known_moments(x: np.ndarray, good: np.ndarray) -> tuple[float, np.ndarray, 
     """The mean of the good runs, how far each is from it, and how many there are."""
     mean = float(np.mean(x[good]))
     return mean, np.where(good, x - mean, 0.0), int(np.count_nonzero(good))
-
-
-def _width(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array]:
-    """The width of the kernel, and the number of the good runs."""
-    n = _count(x, good)
-    mean = jnp.sum(jnp.where(good, x, 0.0)) / n
-    off = jnp.abs(jnp.where(good, x - mean, 0.0))
-    width = BANDWIDTH * jnp.sum(off) / (n * jnp.cbrt(n))
-    # Without scatter the width would be zero, or that of the rounding.
-    least = NOISE * jnp.finfo(x.dtype).eps * jnp.abs(mean) + jnp.finfo(x.dtype).tiny
-    return jnp.maximum(width, lax.stop_gradient(least)), n
-
-
-def _quantile(
-    x: Float[Array, " runs"], good: Bool[Array, " runs"], share: float
-) -> Float[Array, ""]:
-    """The quantile of the smoothed sample."""
-    width, n = _width(x, good)
-
-    def newton(c: Array, x: Array, width: Array) -> Array:
-        z = (c - jnp.where(good, x, c)) / width
-        below = jnp.sum(jnp.where(good, ndtr(z), 0.0)) / n
-        density = jnp.sum(jnp.where(good, norm.pdf(z), 0.0)) / n
-        # In widths. Where no run is near, the density is that of a hundredth of one.
-        step = (share - below) / jnp.maximum(density, 0.01 / n)
-        return c + width * jnp.clip(step, -1.0, 1.0)
-
-    fixed_x, fixed_width = lax.stop_gradient((x, width))
-    # Failed runs go to the end.
-    ordered = jnp.sort(jnp.where(good, fixed_x, jnp.inf))
-    place = jnp.ceil(share * jnp.where(n > 0.0, n, 1.0)).astype(int) - 1
-    start = jnp.where(jnp.any(good), ordered[place], jnp.nan)
-    c = lax.fori_loop(0, NEWTON_STEPS, lambda _, c: newton(c, fixed_x, fixed_width), start)
-    # One more step has the derivatives of the root.
-    return newton(c, x, width)

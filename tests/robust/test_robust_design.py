@@ -166,7 +166,8 @@ def test_a_quantile_and_a_share_of_violations_are_one_requirement():
     good = jnp.ones(500, bool)
     limit = Quantile("y", 0.9).value(x, good)
     share = Violation("y", high=float(limit)).value(x, good)
-    np.testing.assert_allclose(share, 0.1, rtol=1e-6)
+    # Smoothed by other widths, they differ by less than one run.
+    np.testing.assert_allclose(share, 0.1, atol=1.0 / 500)
 
 
 def test_statistics_without_scatter():
