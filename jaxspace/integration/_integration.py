@@ -62,7 +62,8 @@ class Integration(eqx.Module):
             record = self._record(own.buffers.recording, own.count, None)
             return own_outcome_of(own, settings), record
         small = self._is_alone if small else recorded and self._is_single
-        if small or self._is_small(derivative=False):
+        # Many runs that are recorded are part of a derivative.
+        if small or self._is_small(derivative=recorded and not self._is_alone):
             settings = dataclasses.replace(settings, method=small_program(settings.method))
         if is_small(Runs.ONE, self.field_operations):
             # The estimate of the first step is another copy of the field.

@@ -40,8 +40,7 @@ class _NestedProducts(AbstractDenseOutput):
     with d = y1 - y0 and the fraction x of the step: factors x and 1 - x alternate.
 
     - `y0`, `y1`, `k0`, `k1`: states and derivatives at both ends.
-    - `rest`: the coefficients r_i, a list, or on the first axis of the leaves for a small program;
-      `None` where no state within the step is needed."""
+    - `rest`: the coefficients r_i; `None` where no state within the step is needed."""
 
     t0: Float[Array, ""]
     t1: Float[Array, ""]
@@ -49,37 +48,22 @@ class _NestedProducts(AbstractDenseOutput):
     y1: State | None
     k0: State | None
     k1: State | None
-    rest: list[State] | State | None
+    rest: list[State] | None
 
     def state(self, t: Float[Array, "*#runs"]) -> State:
         assert self.rest is not None, "the step keeps nothing for states within it"
         x, h = self.fraction(t), self.t1 - self.t0
 
-        def ends(y0: Array, y1: Array, k0: Array, k1: Array) -> list[Array]:
+        def nested(y0: Array, y1: Array, k0: Array, k1: Array, *rest: Array) -> Array:
             change = y1 - y0
             start = h.astype(y0.dtype) * k0 - change
-            return [change, start, change - h.astype(y0.dtype) * k1 - start]
-
-        def nested(y0: Array, y1: Array, k0: Array, k1: Array, *rest: Array) -> Array:
+            fs = [change, start, change - h.astype(y0.dtype) * k1 - start, *rest]
             total = jnp.zeros_like(y0)
-            fs = [*ends(y0, y1, k0, k1), *rest]
             for i, f in reversed(list(enumerate(fs))):
                 total = (total + f) * (x if i % 2 == 0 else 1.0 - x).astype(y0.dtype)
             return y0 + total
 
-        if isinstance(self.rest, list):
-            return jax.tree.map(nested, self.y0, self.y1, self.k0, self.k1, *self.rest)
-        # The same products as weights: one sum for each leaf.
-        weights = [x]
-        for i in range(2 + jax.tree.leaves(self.rest)[0].shape[0]):
-            weights.append(weights[-1] * ((1.0 - x) if i % 2 == 0 else x))
-        w = jnp.stack(weights)
-
-        def summed(y0: Array, y1: Array, k0: Array, k1: Array, rest: Array) -> Array:
-            rows = jnp.concatenate([jnp.stack(ends(y0, y1, k0, k1)), rest])
-            return y0 + weighted_rows(w.astype(y0.dtype), rows)
-
-        return jax.tree.map(summed, self.y0, self.y1, self.k0, self.k1, self.rest)
+        return jax.tree.map(nested, self.y0, self.y1, self.k0, self.k1, *self.rest)
 
 
 def within_step(
@@ -105,8 +89,14 @@ def within_step(
         weights = dense_rows(rows, k.shape[0]).astype(k.dtype)
         return jax.vmap(lambda w: weighted_rows(w, hk))(weights)
 
-    k0, k1 = (jax.tree.map(lambda k, i=i: k[i], ks) for i in (0, last))
-    return dict(y0=y0, y1=y1, k0=k0, k1=k1, rest=jax.tree.map(leaf, ks))
+    def number(i: int, stacked: State) -> State:
+        return jax.tree.map(lambda x: x[i], stacked)
+
+    # One sum gives all coefficients. The polynomial is not one more sum with powers as weights: a
+    # search for an event samples it at many times, which would take twice as long.
+    sums = jax.tree.map(leaf, ks)
+    rest = [number(i, sums) for i in range(len(rows))]
+    return dict(y0=y0, y1=y1, k0=number(0, ks), k1=number(last, ks), rest=rest)
 
 
 class _AbstractStages(AbstractFieldSolver):
