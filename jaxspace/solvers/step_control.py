@@ -26,6 +26,8 @@ from .tolerances import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
+# Behind a rejected step: as much as its error is in need of, and not the length that was rejected.
+GROW_BEHIND_REJECTION = 1.5
 # The first step behind a break says by its error how long the next one may be.
 BEHIND_BREAK = 100.0
 # Fraction of a segment. A step this short is accepted with any error, which the status reports:
@@ -52,10 +54,12 @@ class StepControl(NamedTuple):
     """State of the control of the steps of each run.
 
     - `proposal`: the length of the next step, in normalised time.
-    - `begun`: whether a step has been accepted."""
+    - `begun`: whether a step has been accepted.
+    - `rejected`: whether the step before was not."""
 
     proposal: Float[Array, "*runs"]
     begun: Bool[Array, "*runs"]
+    rejected: Bool[Array, "*runs"]
 
 
 class Following(NamedTuple):
@@ -100,7 +104,8 @@ class StepController(eqx.Module):
             ds = self._starting_step(f, s, y0, order)
         else:
             ds = jnp.full_like(s, self.first_step)
-        return self._end_of_step(s, ds), StepControl(ds, jnp.zeros(s.shape, bool))
+        no = jnp.zeros(s.shape, bool)
+        return self._end_of_step(s, ds), StepControl(ds, no, no)
 
     def following(
         self,
@@ -111,7 +116,7 @@ class StepController(eqx.Module):
         state: StepControl,
     ) -> Following:
         """What follows a step from `t0` to `t1` with these `errors`, in units of the tolerance."""
-        before, begun = state
+        before, begun, rejected = state
         ds = t1 - t0
         errors = self._of_times(errors, t0)
         # In single precision, or after many segments, the rounding of the time is the limit.
@@ -124,8 +129,11 @@ class StepController(eqx.Module):
         factor = SAFETY * jnp.exp(jnp.log(size) * (-1.0 / order)).astype(ds.dtype)
         # What made the steps short before a break may have ended there.
         begins_segment = (t0 > 0.0) & (t0 == jnp.round(t0))
+        # What a longer step was rejected for, such as a kink, still lies ahead. A first step, which
+        # is found by trial, may have been shortened too far.
+        grow = jnp.where(rejected & begun, GROW_BEHIND_REJECTION, GROW)
         # A rejected step must become shorter, whatever its error estimate.
-        most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, GROW), SAFETY)
+        most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, grow), SAFETY)
         # A first step, which may be far too long, becomes as short as its error says.
         least = jnp.where(begun, SHRINK, 0.0)
         factor = jnp.clip(factor, least, most).astype(ds.dtype)
@@ -143,7 +151,8 @@ class StepController(eqx.Module):
         next_segment = jnp.maximum(rescaled, FIRST_STEP)
         proposal = jnp.where(landed, next_segment, jnp.maximum(proposal, smallest))
         end = self._end_of_step(start, proposal)
-        following = Following(accept, start, end, landed, StepControl(proposal, begun | accept))
+        control = StepControl(proposal, begun | accept, ~accept)
+        following = Following(accept, start, end, landed, control)
         # All that a step of many runs leaves is selected by them.
         return barrier(following) if self.tolerance.run_axes else following
 
