@@ -5,15 +5,20 @@ record them and along the record, and a column costs as much as 0.6 to 1.0 of a 
 has the sums of the method like a state and only the roots and quotients of the field are shared:
 with six columns eight or nine runs, by the method of Stormer twenty-three. A rule by hand for the
 gradient of gravity, which is symmetric, made no column cheaper. Without derivative control the
-steps look at the motion alone; forward mode of a single run is along one direction."""
+steps look at the motion alone; forward mode of a single run is along one direction. The flight is
+through the standard atmosphere with tables of drag and thrust, whose kinks a tangent sees as jumps:
+its error is that of its derivative by the first mass, against that of the tightest tolerance."""
 
+from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from jaxspace import AbstractSystem, BodyState
+from jaxspace import AbstractSystem, BodyState, load
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import Accuracy, simulate, simulate_batch
 from jaxspace.solvers import DOP853, Stormer, Tsit5
@@ -24,6 +29,8 @@ from .low_orbits import SCENE, orbits
 RUNS, SPAN = 256, 20.0
 STORMER = Stormer(12, steps=264)
 ADAPTIVE = "DOP853", "auto, RKN 12(10)", "Tsit5"
+PAD = Path(__file__).parents[1] / "examples" / "scenes" / "pad_to_orbit.toml"
+CLIMB, TIGHT = 100.0, 1e-12
 
 
 def end(
@@ -82,6 +89,40 @@ def of_single_runs(y0: BodyState) -> dict:
     return in_turn(calls, 1, repeats=51)
 
 
+def of_flights() -> dict:
+    """Speed of a single flight through tables and of its gradient, with and without derivative
+    control, and the error of the gradient."""
+    file = load(PAD)
+    rocket, y0 = file.mission.phases[0].system, file.y0
+
+    def height(m: Array, rtol: float, control: bool) -> Array:
+        y = eqx.tree_at(lambda y: y.mass, y0, m)
+        accuracy = Accuracy(rtol=rtol, derivative_control=control)
+        ts = jnp.array([0.0, CLIMB])
+        return simulate(rocket, y, ts, accuracy=accuracy).final.position[0]
+
+    def gradient(rtol: float, control: bool) -> Callable[[Array], Array]:
+        return jax.jit(jax.grad(lambda m: height(m, rtol, control)))
+
+    true = gradient(TIGHT, True)(y0.mass)
+    run = jax.jit(lambda m: height(m, 1e-9, True))
+    programs = {
+        "run": run,
+        "reverse mode": gradient(1e-9, True),
+        "reverse mode, without derivative control": gradient(1e-9, False),
+    }
+    calls = {
+        f"a flight through tables, {what}": lambda f=f: f(y0.mass) for what, f in programs.items()
+    }
+    rows = in_turn(calls, 1, repeats=51)
+    base = next(iter(rows.values()))["runs_per_second"]
+    for (what, row), f in zip(rows.items(), programs.values(), strict=True):
+        if f is not run:
+            row["worst_error_of_the_gradient"] = float(jnp.abs(f(y0.mass) / true - 1.0))
+            row["times_the_run"] = base / rows[what]["runs_per_second"]
+    return rows
+
+
 def measure() -> dict:
     """Speed of the run, of its reverse mode and of its 6 x 6 matrix, by four methods; the same for
     the closed form; what derivative control takes of it, of single runs as well; and the error of
@@ -125,4 +166,4 @@ def measure() -> dict:
             rows[other]["times_the_run"] = (
                 rows[base]["runs_per_second"] / rows[other]["runs_per_second"]
             )
-    return rows | of_single_runs(y0)
+    return rows | of_single_runs(y0) | of_flights()
