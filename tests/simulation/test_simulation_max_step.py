@@ -153,7 +153,7 @@ def test_the_limit_is_traced_and_none_is_as_before():
         )
     assert not traced
     free = simulate(struck(), start(), ts, accuracy=Accuracy(1e-9, method=RKN1210()))
-    assert runs[1].stats["steps"] >= T / 0.02
+    assert int(runs[1].stats["steps"]) >= T / 0.02
     assert runs[2].stats["steps"] == free.stats["steps"]
     np.testing.assert_allclose(runs[2].final.position, free.final.position, rtol=1e-15)
 
