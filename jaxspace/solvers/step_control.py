@@ -26,8 +26,8 @@ from .tolerances import Tolerance
 SAFETY = 0.8
 SHRINK = 0.2
 GROW = 8.0
-# Behind a rejected step: as much as its error is in need of, and not the length that was rejected.
-GROW_BEHIND_REJECTION = 1.5
+# After a rejection: enough to correct its estimate, and too little to return to what was rejected.
+GROW_AFTER_REJECTION = 1.5
 # The first step behind a break says by its error how long the next one may be.
 BEHIND_BREAK = 100.0
 # Fraction of a segment. A step this short is accepted with any error, which the status reports:
@@ -131,7 +131,7 @@ class StepController(eqx.Module):
         begins_segment = (t0 > 0.0) & (t0 == jnp.round(t0))
         # What a longer step was rejected for, such as a kink, still lies ahead. A first step, which
         # is found by trial, may have been shortened too far.
-        grow = jnp.where(rejected & begun, GROW_BEHIND_REJECTION, GROW)
+        grow = jnp.where(rejected & begun, GROW_AFTER_REJECTION, GROW)
         # A rejected step must become shorter, whatever its error estimate.
         most = jnp.where(accept, jnp.where(begins_segment, BEHIND_BREAK, grow), SAFETY)
         # A first step, which may be far too long, becomes as short as its error says.

@@ -135,8 +135,8 @@ def test_the_time_of_an_impact_by_the_drag_of_a_body_without_drag():
     right = height / v0[2]
     for accuracy in (Accuracy(1e-9), Accuracy(1e-6, method=Tsit5())):
         _, forward, reverse = both_modes(lambda d, a=accuracy: time(k * d, a))(0.0)
-        # Each of fewer than a hundred steps may leave its tolerance in the derivative.
-        bound = 100.0 * float(accuracy.rtol)
+        # Each of fewer than twenty steps may leave its tolerance in the derivative.
+        bound = 20.0 * float(accuracy.rtol)
         np.testing.assert_allclose([forward, reverse], k * right, rtol=bound)
 
 

@@ -30,7 +30,7 @@ def test_a_step_with_a_small_error_grows():
     assert proposals([SMALL]) == [pytest.approx(GROW, rel=1e-6)]
 
 
-def test_a_step_behind_a_rejected_one_does_not_grow_back():
+def test_a_step_after_a_rejected_one_does_not_grow_back():
     """What it was rejected for still lies ahead; the step after it may grow as any other."""
     rejected, behind, further = proposals([LARGE, SMALL, SMALL])
     assert rejected < 1.0
