@@ -159,7 +159,7 @@ TASKS = {
     "robust": {
         "Search": "optimise_design train_design optimise_nominal DesignOptimum",
         "Name what is free": "free",
-        "Judge by fresh runs": "judge_designs JudgedDesigns judged",
+        "Assess by fresh runs": "assess_designs DesignAssessment assessment",
         "Say what is best": "statistics",
     },
     "studies": {

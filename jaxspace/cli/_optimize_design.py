@@ -3,14 +3,14 @@
 import os
 
 from ..io import SceneFile
-from ..robust import DesignOptimum, JudgedDesigns, judge_designs
+from ..robust import DesignAssessment, DesignOptimum, assess_designs
 from ._folder import make_folder
 from ._waiting import progress
 
 
 def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
-    """Search the best free numbers over the runs of the file, judge them by fresh runs beside those
-    of the file, print the table, and keep the file of the optimum, a page and two figures."""
+    """Search the best free numbers over the runs of the file, assess them by fresh runs beside
+    those of the file, print the table, and keep the file of the optimum, a page and two figures."""
     make_folder(folder)
     beginning = os.path.join(folder, file.path.stem)
     store = f"{beginning}_search.npz"
@@ -32,12 +32,12 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
         optimum = file.optimize_design(show, store=store, resume=resume)
         bar.set_description("the nominal optimum, for comparison")
         nominal = file.optimize_design(nominal=True)
-        bar.set_description("judging the optimum by fresh runs")
-        judged = judge_designs(optimum, {"file": optimum.start, "nominal": nominal.x})
+        bar.set_description("assessing the optimum by fresh runs")
+        assessment = assess_designs(optimum, {"file": optimum.start, "nominal": nominal.x})
     print(file.title)
-    print(judged)
+    print(assessment)
     print(optimum.sentence())
-    _keep(file, beginning, optimum, judged)
+    _keep(file, beginning, optimum, assessment)
     if optimum.converged:
         os.remove(store)
     else:
@@ -46,15 +46,17 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
     return 0 if optimum.converged else 1
 
 
-def _keep(file: SceneFile, beginning: str, optimum: DesignOptimum, judged: JudgedDesigns) -> None:
+def _keep(
+    file: SceneFile, beginning: str, optimum: DesignOptimum, assessment: DesignAssessment
+) -> None:
     """Write the file of the optimum, its page, and the figures of its runs and of the search."""
     best = f"{beginning}_optimum.toml"
     with open(best, "w", encoding="utf-8") as out:
         out.write(file.with_design(optimum))
     print(f"file   {best}")
-    print(f"page   {judged.page(f'{beginning}_designs.html', file.title)}")
+    print(f"page   {assessment.page(f'{beginning}_designs.html', file.title)}")
     for ending, figure in (
-        ("_designs.png", judged.plot(title=file.title)),
+        ("_designs.png", assessment.plot(title=file.title)),
         ("_search.png", optimum.minimum.plot(file.title)),
     ):
         figure.savefig(beginning + ending)

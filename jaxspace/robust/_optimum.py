@@ -24,7 +24,7 @@ class DesignOptimum(eqx.Module):
       its steps.
     - `problem`: what was minimised over which runs; `seed`: of these runs.
 
-    The runs of the search flatter their optimum: `judge_designs` has fresh ones."""
+    The runs of the search flatter their optimum: `assess_designs` has fresh ones."""
 
     x: Design
     start: Design

@@ -12,7 +12,7 @@ from jaxspace import Scene, load
 from jaxspace.dispersion import Campaign, disperse
 from jaxspace.io import SceneFile
 from jaxspace.mechanics.missile_loop import MissileLoop
-from jaxspace.robust import judge_designs
+from jaxspace.robust import assess_designs
 from jaxspace.statistics import Dispersion
 from jaxspace.studies import modes
 from jaxspace.vehicles import FlexibleStage
@@ -79,8 +79,8 @@ def test_the_gains_are_best_by_the_linear_loop(file):
     as are allowed."""
     found = file.optimize_design()
     assert found.converged, found.sentence()
-    judged = judge_designs(found, runs=2048).designs["robust"].runs
-    kept = linear_ends(loop_of(found.problem.campaign(found.x), judged), judged)
+    fresh = assess_designs(found, runs=2048).designs["robust"].runs
+    kept = linear_ends(loop_of(found.problem.campaign(found.x), fresh), fresh)
     limits = {"lean": 0.25, "lean_rate": 0.15}
     beyond = {name: np.mean(kept[name] > limit) for name, limit in limits.items()}
     # Of 5 %, by four standard errors of 400 runs and 2,048.

@@ -12,19 +12,19 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxspace
-from jaxspace.robust import judge_designs
+from jaxspace.robust import assess_designs
 
 jaxspace.enable_x64()
 file = jaxspace.load(Path("examples") / "scenes" / "dispersed_ascent.toml")
 best = file.optimize_design()
 nominal = file.optimize_design(nominal=True)
-judged = judge_designs(best, {"nominal": nominal.x})
+assessment = assess_designs(best, {"nominal": nominal.x})
 print(nominal.sentence())
-print(judged)
+print(assessment)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
 steering = file.values["effects"]["steered_thrust"]["steering"]
-for k, (name, design) in enumerate(judged.designs.items()):
+for k, (name, design) in enumerate(assessment.designs.items()):
     periapsis = design.runs.outputs["periapsis_altitude"]
     left.hist(periapsis, 60, alpha=0.5, label=name)
     left.axvline(np.quantile(periapsis, 0.01), color=f"C{k}", ls="--")

@@ -10,17 +10,17 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 
 import jaxspace
-from jaxspace.robust import judge_designs
+from jaxspace.robust import assess_designs
 
 jaxspace.enable_x64()
 file = jaxspace.load(Path("examples") / "scenes" / "transfer_payload.toml")
 best = file.optimize_design()
 nominal = file.optimize_design(nominal=True)
-judged = judge_designs(best, {"nominal": nominal.x})
-print(judged)
+assessment = assess_designs(best, {"nominal": nominal.x})
+print(assessment)
 
 figure, axes = plt.subplots(figsize=(6.4, 3.4))
-for name, design in judged.designs.items():
+for name, design in assessment.designs.items():
     apoapsis = design.runs.outputs["apoapsis_altitude"]
     payload = design.x["body.mass"] - 2050.0 - 250.0
     axes.hist(

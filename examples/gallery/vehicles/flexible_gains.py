@@ -13,18 +13,18 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxspace
-from jaxspace.robust import judge_designs
+from jaxspace.robust import assess_designs
 from jaxspace.studies import modes
 
 jaxspace.enable_x64()
 file = jaxspace.load(Path("examples") / "scenes" / "flexible_gains.toml")
 best = file.optimize_design()
 nominal = file.optimize_design(nominal=True)
-judged = judge_designs(best, {"nominal": nominal.x})
-print(judged)
+assessment = assess_designs(best, {"nominal": nominal.x})
+print(assessment)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
-for k, (name, design) in enumerate(judged.designs.items()):
+for k, (name, design) in enumerate(assessment.designs.items()):
     lean = design.runs.outputs["lean"]
     left.hist(lean, np.linspace(0.15, 0.35, 80), alpha=0.5, label=name)
     inputs = {key: x[:500] for key, x in design.runs.inputs.items()}

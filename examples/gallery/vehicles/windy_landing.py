@@ -12,20 +12,20 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import jaxspace
-from jaxspace.robust import judge_designs
+from jaxspace.robust import assess_designs
 
 jaxspace.enable_x64()
 file = jaxspace.load(Path("examples") / "scenes" / "windy_landing.toml")
 best = file.optimize_design()
 nominal = file.optimize_design(nominal=True)
-judged = judge_designs(best, {"nominal": nominal.x})
-print(judged)
+assessment = assess_designs(best, {"nominal": nominal.x})
+print(assessment)
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(7.2, 3.2))
 times = np.asarray(
     file.values["effects"]["steered_thrust"]["schedule"]["times"]
 )
-for name, design in judged.designs.items():
+for name, design in assessment.designs.items():
     speed = design.runs.outputs["speed"]
     left.hist(speed, np.linspace(0.0, 60.0, 80), alpha=0.5, label=name)
     throttles = [x for path, x in design.x.items() if "throttles" in path]

@@ -1,4 +1,4 @@
-"""Designs judged by a fresh campaign, whose runs no search has seen.
+"""Designs assessed by a fresh campaign, whose runs no search has seen.
 
     worth of modelling the scatter   W = S(f(x_0, w)) - S(f(x*, w))
     its variance                     sum_i (I_i(x_0) - I_i(x*))^2
@@ -32,7 +32,7 @@ from ..statistics.limits import clopper_pearson
 from ..statistics.requirements import Verdict, verdict_of
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs
-from .judged import Estimate, JudgedDesign, JudgedDesigns, JudgedLimit
+from .assessment import AssessedDesign, AssessedLimit, DesignAssessment, Estimate
 from .statistics import AbstractStatistic, Constraint, Measured
 
 RUNS = 4096
@@ -70,15 +70,15 @@ def campaign_at(campaign: CampaignOf, x: Design) -> Campaign:
     )
 
 
-def judge_designs(
+def assess_designs(
     optimum: DesignOptimum,
     others: Mapping[str, Design] | None = None,
     *,
     runs: int | None = None,
     seed: int | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> JudgedDesigns:
-    """An optimum under dispersion, and other designs beside it, judged by fresh runs.
+) -> DesignAssessment:
+    """An optimum under dispersion, and other designs beside it, assessed by fresh runs.
 
     **Arguments**
 
@@ -89,14 +89,14 @@ def judge_designs(
     - `seed`: of the fresh runs; by default the one after that of the search.
     - `progress`: called as `progress(done, total)` after every chunk of every design.
 
-    **Returns** the `JudgedDesigns`, which prints as a table.
+    **Returns** the `DesignAssessment`, which prints as a table.
 
     **Raises** `InputError` for the seed of the search, fewer runs than a quantile needs, an optimum
     of the nominal run, and a name that is taken; `SimulationError` if a nominal run fails.
     """
     problem = optimum.problem
     if problem.normals is None:
-        raise InputError("optimum is that of the nominal run: judge one of optimise_design.")
+        raise InputError("optimum is that of the nominal run: assess one of optimise_design.")
     seed = optimum.seed + 1 if seed is None else seed
     if seed == optimum.seed:
         raise InputError(f"seed is {seed}, that of the search: fresh runs must have another.")
@@ -105,7 +105,7 @@ def judge_designs(
     runs = enough_runs(problem.statistics, RUNS) if runs is None else runs
     problem.check_runs(runs)
     designs = {**(others or {}), "robust": optimum.x}
-    judged = {}
+    assessed = {}
     for name, x in designs.items():
         fresh = disperse(
             campaign_at(problem.campaign, x),
@@ -114,25 +114,25 @@ def judge_designs(
             accuracy=problem.accuracy,
             progress=progress,
         )
-        judged[name] = _judged(problem, x, fresh)
-    return JudgedDesigns(judged, optimum, _on_search(optimum), seed)
+        assessed[name] = _assess_design(problem, x, fresh)
+    return DesignAssessment(assessed, optimum, _on_search(optimum), seed)
 
 
-def _judged(problem: Problem, x: Design, fresh: Dispersion) -> JudgedDesign:
+def _assess_design(problem: Problem, x: Design, fresh: Dispersion) -> AssessedDesign:
     """A design by its fresh runs."""
     measured = _measured(problem.objective, fresh)
     failed = clopper_pearson(int(np.count_nonzero(~fresh.good)), fresh.runs)
-    limits = tuple(_judged_limit(c, fresh) for c in problem.constraints)
-    return JudgedDesign(x, fresh, measured, limits, failed)
+    limits = tuple(_assess_limit(c, fresh) for c in problem.constraints)
+    return AssessedDesign(x, fresh, measured, limits, failed)
 
 
 def _measured(statistic: AbstractStatistic, fresh: Dispersion) -> Measured:
     x = fresh.values(statistic.output).astype(float)
-    # A failed run has no value; the share of failed runs is judged by itself.
+    # A failed run has no value; the share of failed runs is assessed by itself.
     return statistic.measured(x, fresh.good & np.isfinite(x))
 
 
-def _judged_limit(constraint: Constraint, fresh: Dispersion) -> JudgedLimit:
+def _assess_limit(constraint: Constraint, fresh: Dispersion) -> AssessedLimit:
     """A constraint by fresh runs: its statistic, and the runs that violate what it requires."""
     measured = _measured(constraint.statistic, fresh)
     estimate = Estimate(measured.value, measured.error)
@@ -146,7 +146,7 @@ def _judged_limit(constraint: Constraint, fresh: Dispersion) -> JudgedLimit:
             at_most=np.inf if required.high is None else required.high,
         )
         verdict = verdict_of(violation, required.allowed)
-    return JudgedLimit(constraint, estimate, verdict)
+    return AssessedLimit(constraint, estimate, verdict)
 
 
 def _on_search(optimum: DesignOptimum) -> Measured:

@@ -1,4 +1,4 @@
-"""Designs judged by fresh runs, against closed forms of a problem that is linear and quadratic."""
+"""Designs assessed by fresh runs, against closed forms of a linear and quadratic problem."""
 
 import html
 
@@ -10,7 +10,7 @@ from test_robust_design import SCATTER, algebraic, linear_quadratic
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Normal
-from jaxspace.robust import judge_designs, optimise_design, optimise_nominal
+from jaxspace.robust import assess_designs, optimise_design, optimise_nominal
 from jaxspace.robust.statistics import CVaR, Mean, MeanPlus, Quantile
 
 K = 2.0
@@ -30,16 +30,16 @@ def best():
 
 
 @pytest.fixture(scope="module")
-def judged(best):
-    return judge_designs(best, {"nominal": jnp.asarray(1.0)})
+def assessment(best):
+    return assess_designs(best, {"nominal": jnp.asarray(1.0)})
 
 
 def of_x(x):
     return (x - 1.0) ** 2, SCATTER * x
 
 
-def test_values_lie_within_their_errors(judged):
-    for design in judged.designs.values():
+def test_values_lie_within_their_errors(assessment):
+    for design in assessment.designs.values():
         mean, deviation = of_x(float(design.x))
         # Four errors: one of 16,000 draws is farther out.
         value, error = design.value
@@ -54,37 +54,40 @@ def test_values_lie_within_their_errors(judged):
         assert violation.low < scipy.stats.norm.sf(LIMIT, mean, deviation) < violation.high
 
 
-def test_the_worth_of_modelling_the_scatter(judged):
+def test_the_worth_of_modelling_the_scatter(assessment):
     """(k s)^2/4 for (x - 1)^2 + k s x, known better than either value from the same runs."""
-    worth = judged.worth("nominal")
+    worth = assessment.worth("nominal")
     assert abs(worth.value - (K * SCATTER) ** 2 / 4.0) < 4.0 * worth.error
-    assert worth.error < 0.6 * judged.designs["nominal"].value.error
+    assert worth.error < 0.6 * assessment.designs["nominal"].value.error
 
 
-def test_the_table_names_requirements_gap_and_tail(judged):
-    nominal, robust = judged.designs["nominal"].limits[0], judged.designs["robust"].limits[0]
+def test_the_table_names_requirements_gap_and_tail(assessment):
+    nominal, robust = (
+        assessment.designs["nominal"].limits[0],
+        assessment.designs["robust"].limits[0],
+    )
     assert (nominal.verdict.word, robust.verdict.word) == ("fail", "pass")
     assert nominal.fails and not robust.fails
     # The gap is that of the fresh runs, within both errors.
-    assert abs(judged.gap.value) < 4.0 * judged.gap.error
-    text = repr(judged)
+    assert abs(assessment.gap.value) < 4.0 * assessment.gap.error
+    text = repr(assessment)
     for part in ("nominal", "robust", "of 5 %: fail", "of 5 %: pass", "failed", "205 of 4096"):
         assert part in text
     assert "more of the mean + 2 std of y, and fails a limit." in text
 
 
-def test_the_figure_has_a_histogram_of_each(judged):
-    axes = judged.plot(title="y").axes[0]
+def test_the_figure_has_a_histogram_of_each(assessment):
+    axes = assessment.plot(title="y").axes[0]
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["nominal", "robust"]
     # The line of the limit of y.
     assert [line.get_xdata()[0] for line in axes.lines] == [LIMIT]
 
 
-def test_the_page_holds_table_sentences_and_pictures(judged, tmp_path):
-    text = judged.page(tmp_path / "designs.html", "A <design>").read_text()
+def test_the_page_holds_table_sentences_and_pictures(assessment, tmp_path):
+    text = assessment.page(tmp_path / "designs.html", "A <design>").read_text()
     assert "<h1>A &lt;design&gt;</h1>" in text and "<script" not in text
     assert "<th>nominal</th><th>robust</th>" in text
-    for sentence in (*judged.sentences, judged.optimum.sentence()):
+    for sentence in (*assessment.sentences, assessment.optimum.sentence()):
         assert html.escape(sentence) in text
     # One of the output, one of the search.
     assert text.count("<svg") == 2 and "http-equiv" not in text
@@ -97,7 +100,7 @@ def test_what_is_wrong_is_said(best):
         ({"runs": 100}, "runs is 100, too few for the 95 % quantile of y"),
     ):
         with pytest.raises(InputError, match=sentence):
-            judge_designs(best, **arguments)
+            assess_designs(best, **arguments)
     nominal = optimise_nominal(CAMPAIGN, jnp.asarray(0.9), minimise=CVaR("y", 0.9))
     with pytest.raises(InputError, match="optimum is that of the nominal run"):
-        judge_designs(nominal)
+        assess_designs(nominal)

@@ -1,6 +1,6 @@
 """What fresh runs say of designs: table and figure."""
 
-__all__ = ["Estimate", "JudgedDesign", "JudgedLimit"]
+__all__ = ["Estimate", "AssessedDesign", "AssessedLimit"]
 
 import os
 from pathlib import Path
@@ -39,7 +39,7 @@ class Estimate(NamedTuple):
         return f"{self.value:.{place}f} ± {self.error:.{place}f}"
 
 
-class JudgedLimit(NamedTuple):
+class AssessedLimit(NamedTuple):
     """A limit by fresh runs.
 
     - `constraint`: the limit; `value`: of its statistic.
@@ -59,7 +59,7 @@ class JudgedLimit(NamedTuple):
         return (over if self.constraint.upper else -over) > 2.0 * self.value.error
 
 
-class JudgedDesign(NamedTuple):
+class AssessedDesign(NamedTuple):
     """A design by fresh runs.
 
     - `x`: the design; `runs`: the fresh campaign.
@@ -69,7 +69,7 @@ class JudgedDesign(NamedTuple):
     x: Design
     runs: Dispersion
     measured: Measured
-    limits: tuple[JudgedLimit, ...]
+    limits: tuple[AssessedLimit, ...]
     failed: Probability
 
     @property
@@ -79,15 +79,15 @@ class JudgedDesign(NamedTuple):
 
 
 @final
-class JudgedDesigns(eqx.Module):
-    """Designs judged by the same fresh runs.
+class DesignAssessment(eqx.Module):
+    """Designs assessed by the same fresh runs.
 
-    - `designs`: a `JudgedDesign` for each, by name; the optimum of the search is "robust".
+    - `designs`: a `AssessedDesign` for each, by name; the optimum of the search is "robust".
     - `optimum`: the result of the search; `on_search`: the statistic on its runs.
     - `seed`: of the fresh runs.
     """
 
-    designs: dict[str, JudgedDesign]
+    designs: dict[str, AssessedDesign]
     optimum: DesignOptimum
     on_search: Measured
     seed: int = eqx.field(static=True)
@@ -213,7 +213,7 @@ def _percent(share: Probability) -> str:
     return f"{value:.3g} % ({low:.2g} to {high:.2g})"
 
 
-def _shares(limit: JudgedLimit) -> str:
+def _shares(limit: AssessedLimit) -> str:
     """Share of violations and verdict of a limit that requires something of each run."""
     assert limit.verdict is not None
     word, violation, allowed = limit.verdict
