@@ -2,7 +2,6 @@
 
 import base64
 import gzip
-import json
 import os
 import re
 from collections.abc import Mapping, Sequence
@@ -18,6 +17,7 @@ from ..core.record import Record
 from ..core.text import in_words
 from ._dispersion_figure import heading
 from ._page_data import page_data, processor_words
+from ._page_script import page_script
 
 if TYPE_CHECKING:
     from ..dispersion import RunPaths
@@ -82,17 +82,11 @@ def dispersion_page(
 {(HERE / "_dispersion.css").read_text(encoding="utf-8")}</style></head><body>
 {"".join(body)}
 <script id="library" type="text/plain">{_library()}</script>
-<script>const data = {_script_safe(data)};
-{(HERE / "_dispersion.js").read_text(encoding="utf-8")}</script></body></html>
+{page_script(data, "_dispersion_runs", "_dispersion_statistics", "_dispersion")}</body></html>
 """
     path = Path(path)
     path.write_text(page, encoding="utf-8")
     return path
-
-
-def _script_safe(data: Record) -> str:
-    # A name must not end the script.
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
 
 
 def _library() -> str:

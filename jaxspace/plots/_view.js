@@ -1,22 +1,37 @@
-"use strict";
 // Draws `data`, which stands above this script: frames of one run, with a body and its traces.
 const $ = (id) => document.getElementById(id);
-const canvas = $("view"), pen = canvas.getContext("2d");
+const canvas = $("view"),
+  pen = canvas.getContext("2d");
 const ends = [data.times[0], data.times[data.times.length - 1]];
 const span = ends[1] - ends[0] || 1;
 const still = matchMedia("(prefers-reduced-motion: reduce)").matches;
 // From the side on which the run begins, which a planet would hide from the other one.
-const seenFrom = () => data.planet > 0 ? Math.atan2(data.position[0][1], data.position[0][0]) + 0.7 : -0.9;
-const state = { t: ends[0], playing: !still, speed: 1, yaw: seenFrom(), pitch: 0.42, zoom: 1,
-  near: !data.position, last: null, frames: 0, traces: {}, turned: null };
+const seenFrom = () =>
+  data.planet > 0 ? Math.atan2(data.position[0][1], data.position[0][0]) + 0.7 : -0.9;
+const state = {
+  t: ends[0],
+  playing: !still,
+  speed: 1,
+  yaw: seenFrom(),
+  pitch: 0.42,
+  zoom: 1,
+  near: !data.position,
+  last: null,
+  frames: 0,
+  traces: {},
+  turned: null,
+};
 // What the saved times do not resolve: nothing is known of the way from one of them to the next.
 const coarse = Object.fromEntries(data.coarse.map((name) => [name, true]));
 coarse.orbit = coarse.position;
 for (const name in data.traces) coarse[name] = coarse.attitude;
-const UNRESOLVED = data.coarse.length ? `The saved times do not resolve the ${data.coarse.join(" and the ")}, ` +
-  "shown at these times alone: more of them, dense=True or a shorter run show the motion." : "";
+const UNRESOLVED = data.coarse.length
+  ? `The saved times do not resolve the ${data.coarse.join(" and the ")}, ` +
+    "shown at these times alone: more of them, dense=True or a shorter run show the motion."
+  : "";
 const TOO_FAST = "Something turns faster than the screen shows: choose a slower speed.";
-// The unit of the clock and its size, s, by the length of the run; so many digits that it counts on.
+// The unit of the clock and its size, s, by the length of the run; so many digits that it counts
+// on.
 const [UNIT, SIZE] = span > 172800 ? ["d", 86400] : span > 7200 ? ["h", 3600] : ["s", 1];
 const DIGITS = Math.max(0, Math.ceil(2 - Math.log10(span / SIZE / 10)));
 // Seconds of a whole run at speed 1.
@@ -24,23 +39,33 @@ const SHOWN = 12;
 // Where no sun is stated, the light comes from over the reader's left shoulder: right, up, towards.
 const LIGHT = [-0.35, 0.45, 0.82];
 
-const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue("--" + name).trim();
+const colour = (name) =>
+  getComputedStyle(document.documentElement)
+    .getPropertyValue("--" + name)
+    .trim();
 const add = (a, b, s = 1) => [a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2]];
 const scale = (a, s) => [a[0] * s, a[1] * s, a[2] * s];
 const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 
 function turn(q, v) {
-  const u = [q[1], q[2], q[3]], w = scale(cross(u, v), 2);
+  const u = [q[1], q[2], q[3]],
+    w = scale(cross(u, v), 2);
   return add(add(v, w, q[0]), cross(u, w));
 }
 
 // The frame before the time t, and the share of the way to the next one.
 function place(t) {
-  let low = 0, high = data.times.length - 1;
+  let low = 0,
+    high = data.times.length - 1;
   while (high - low > 1) {
     const middle = (low + high) >> 1;
-    if (data.times[middle] <= t) low = middle; else high = middle;
+    if (data.times[middle] <= t) low = middle;
+    else high = middle;
   }
   const gap = data.times[high] - data.times[low];
   return [low, high, gap > 0 ? Math.min(Math.max((t - data.times[low]) / gap, 0), 1) : 0];
@@ -56,34 +81,60 @@ function between(rows, [low, high, s], held) {
 
 // The camera: world to right, up, towards the reader.
 function camera() {
-  const [sy, cy, sp, cp] = [Math.sin(state.yaw), Math.cos(state.yaw), Math.sin(state.pitch), Math.cos(state.pitch)];
-  return [[-sy, cy, 0], [-sp * cy, -sp * sy, cp], [cp * cy, cp * sy, sp]];
+  const [sy, cy, sp, cp] = [
+    Math.sin(state.yaw),
+    Math.cos(state.yaw),
+    Math.sin(state.pitch),
+    Math.cos(state.pitch),
+  ];
+  return [
+    [-sy, cy, 0],
+    [-sp * cy, -sp * sy, cp],
+    [cp * cy, cp * sy, sp],
+  ];
 }
 
 function draw() {
-  const ratio = devicePixelRatio || 1, w = canvas.clientWidth, h = canvas.clientHeight;
+  const ratio = devicePixelRatio || 1,
+    w = canvas.clientWidth,
+    h = canvas.clientHeight;
   if (canvas.width !== Math.round(w * ratio) || canvas.height !== Math.round(h * ratio)) {
     canvas.width = Math.round(w * ratio);
     canvas.height = Math.round(h * ratio);
   }
   pen.setTransform(ratio, 0, 0, ratio, 0, 0);
   pen.clearRect(0, 0, w, h);
-  const axes = camera(), now = place(state.t);
+  const axes = camera(),
+    now = place(state.t);
   // The largest thing that is seen fills the smaller side.
   const extent = state.near ? data.reach : data.extent;
-  const unit = 0.43 * Math.min(w, h) * state.zoom / extent;
-  const project = (p) => [w / 2 + unit * dot(axes[0], p), h / 2 - unit * dot(axes[1], p), dot(axes[2], p)];
-  const scene = { axes, project, unit, now, attitude: data.attitude && between(data.attitude, now, coarse.attitude) };
+  const unit = (0.43 * Math.min(w, h) * state.zoom) / extent;
+  const project = (p) => [
+    w / 2 + unit * dot(axes[0], p),
+    h / 2 - unit * dot(axes[1], p),
+    dot(axes[2], p),
+  ];
+  const scene = {
+    axes,
+    project,
+    unit,
+    now,
+    attitude: data.attitude && between(data.attitude, now, coarse.attitude),
+  };
   const sun = data.sun && between(data.sun, now, false);
   scene.light = sun ? axes.map((axis) => dot(axis, sun)) : LIGHT;
   if (data.ground) ground(scene, extent);
   frame(scene, extent);
   // Behind what is drawn, or in front of it.
   if (sun && scene.light[2] < 0) sunAt(scene, sun, extent);
-  if (state.near) drawBody(scene, [0, 0, 0], 1); else drawOrbit(scene, extent);
+  if (state.near) drawBody(scene, [0, 0, 0], 1);
+  else drawOrbit(scene, extent);
   if (sun && scene.light[2] >= 0) sunAt(scene, sun, extent);
-  $("clock").textContent = `t = ${(state.t / SIZE).toFixed(DIGITS)} ${UNIT}` + (data.phases ? ", " + phase() : "");
-  $("readings").textContent = Object.entries(data.readings).map(([name, rows]) => reading(name, rows, now)).join(", ");
+  $("clock").textContent =
+    `t = ${(state.t / SIZE).toFixed(DIGITS)} ${UNIT}` + (data.phases ? ", " + phase() : "");
+  $("readings").textContent = Object.entries(data.readings)
+    .map(([name, rows]) => reading(name, rows, now))
+    .join(", ");
   $("note").textContent = UNRESOLVED || (tooFast(now) ? TOO_FAST : "");
   state.frames += 1;
   document.body.dataset.frames = state.frames;
@@ -95,7 +146,11 @@ function tooFast([low, high, s]) {
   const now = angles.map((angle) => angle[low] + s * (angle[high] - angle[low]));
   const before = state.turned;
   state.turned = now;
-  return state.playing && before !== null && now.some((angle, i) => Math.abs(angle - before[i]) > Math.PI / 2);
+  return (
+    state.playing &&
+    before !== null &&
+    now.some((angle, i) => Math.abs(angle - before[i]) > Math.PI / 2)
+  );
 }
 
 function phase() {
@@ -104,10 +159,12 @@ function phase() {
 
 // A length or a speed in m or km, by the greatest of the run, with five digits of it.
 function reading(name, rows, now) {
-  const greatest = Math.max(...rows.map(([x]) => Math.abs(x))), large = greatest >= 1e4;
+  const greatest = Math.max(...rows.map(([x]) => Math.abs(x))),
+    large = greatest >= 1e4;
   const digits = Math.max(0, 4 - Math.floor(Math.log10(greatest / (large ? 1000 : 1) || 1)));
   const unit = (large ? "km" : "m") + (name === "speed" ? "/s" : "");
-  return `${name} ${(between(rows, now, coarse.position)[0] / (large ? 1000 : 1)).toFixed(Math.min(digits, 3))} ${unit}`;
+  const value = between(rows, now, coarse.position)[0] / (large ? 1000 : 1);
+  return `${name} ${value.toFixed(Math.min(digits, 3))} ${unit}`;
 }
 
 function line(points, style, width = 1.2, dash = []) {
@@ -151,12 +208,14 @@ function trace({ project, now }, rows, style, front, held, hidden, size = 1) {
   pen.strokeStyle = style;
   pen.lineWidth = 1.5;
   const last = now[0] + 1;
-  let open = false, before = null;
+  let open = false,
+    before = null;
   pen.fillStyle = style;
   pen.beginPath();
   for (let i = 0; i <= last; i++) {
-    const p = scale(i === last ? between(rows, now, held) : rows[i], size), q = project(p);
-    const seen = (q[2] >= 0) === front && !(hidden && hidden(q));
+    const p = scale(i === last ? between(rows, now, held) : rows[i], size),
+      q = project(p);
+    const seen = q[2] >= 0 === front && !(hidden && hidden(q));
     if (held) {
       if (seen) pen.fillRect(q[0] - 1, q[1] - 1, 2, 2);
       continue;
@@ -173,11 +232,13 @@ function arrow({ project }, from, tip, style, name, width = 2.5) {
   const [a, b] = [project(from), project(add(from, tip))];
   line([a, b], style, width);
   const length = Math.hypot(b[0] - a[0], b[1] - a[1]) || 1;
-  const [x, y] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length], head = Math.min(4 * width, 0.4 * length);
+  const [x, y] = [(b[0] - a[0]) / length, (b[1] - a[1]) / length],
+    head = Math.min(4 * width, 0.4 * length);
   pen.fillStyle = style;
   pen.beginPath();
   pen.moveTo(b[0] + x * head * 0.4, b[1] + y * head * 0.4);
-  for (const side of [1, -1]) pen.lineTo(b[0] - head * (x - 0.45 * side * y), b[1] - head * (y + 0.45 * side * x));
+  for (const side of [1, -1])
+    pen.lineTo(b[0] - head * (x - 0.45 * side * y), b[1] - head * (y + 0.45 * side * x));
   pen.fill();
   pen.font = "13px system-ui, sans-serif";
   pen.fillText(name, b[0] + 8, b[1] + 4);
@@ -185,207 +246,47 @@ function arrow({ project }, from, tip, style, name, width = 2.5) {
 
 // The axes of the body that no trace follows, and the vectors of the body, from its centre.
 function arrows(scene, centre, size, shown) {
-  if (state.traces.axis) [[1, 0, 0], [0, 1, 0]].forEach((axis, k) =>
-    arrow(scene, centre, scale(turn(scene.attitude, axis), 1.25 * size), colour("muted"), "xy"[k], 1.5));
+  if (state.traces.axis)
+    [
+      [1, 0, 0],
+      [0, 1, 0],
+    ].forEach((axis, k) =>
+      arrow(
+        scene,
+        centre,
+        scale(turn(scene.attitude, axis), 1.25 * size),
+        colour("muted"),
+        "xy"[k],
+        1.5,
+      ),
+    );
   for (const [name, rows] of shown)
-    arrow(scene, centre, scale(between(rows, scene.now, coarse[name]), size), colour(name), data.names[name]);
+    arrow(
+      scene,
+      centre,
+      scale(between(rows, scene.now, coarse[name]), size),
+      colour(name),
+      data.names[name],
+    );
 }
 
 // The ground on which a top stands, as a disk about the origin.
 function ground({ project }, extent) {
   pen.beginPath();
   for (let k = 0; k <= 72; k++) {
-    const a = (k * Math.PI) / 36, q = project([0.75 * extent * Math.cos(a), 0.75 * extent * Math.sin(a), 0]);
-    if (k) pen.lineTo(q[0], q[1]); else pen.moveTo(q[0], q[1]);
+    const a = (k * Math.PI) / 36,
+      q = project([0.75 * extent * Math.cos(a), 0.75 * extent * Math.sin(a), 0]);
+    if (k) pen.lineTo(q[0], q[1]);
+    else pen.moveTo(q[0], q[1]);
   }
   pen.fillStyle = colour("ground");
-  pen.fill();
-}
-
-// Faces from the far ones to the near ones.
-function faces(scene, centre, size) {
-  const { axes, project, attitude, now } = scene;
-  const q = attitude || [1, 0, 0, 0];
-  const found = [];
-  for (const face of data.faces) {
-    let points = face.points, order = 0;
-    if (face.wheel !== undefined) {
-      const { axis, at, angle } = data.wheels[face.wheel];
-      const half = 0.5 * (angle[now[0]] + now[2] * (angle[now[1]] - angle[now[0]]));
-      const spin = [Math.cos(half), ...scale(axis, Math.sin(half))];
-      points = points.map((p) => add(turn(spin, p), at));
-      // A wheel stands outside of the body: before all of it, or behind.
-      order = dot(axes[2], turn(q, at)) > 0 ? 1 : -1;
-    }
-    const world = points.map((p) => add(centre, scale(turn(q, p), size)));
-    const normal = cross(add(world[1], world[0], -1), add(world[2], world[0], -1));
-    const length = Math.hypot(...normal) || 1;
-    const towards = dot(axes[2], normal) / length;
-    if (towards <= 0 && !face.both) continue;
-    const light = axes.reduce((sum, axis, i) => sum + scene.light[i] * dot(axis, normal) / length, 0);
-    const seen = world.map(project);
-    found.push({ seen, light, order, kind: face.kind, depth: seen.reduce((s, p) => s + p[2], 0) / seen.length });
-  }
-  found.sort((a, b) => a.order - b.order || a.depth - b.depth);
-  for (const { seen, light, kind } of found) {
-    pen.beginPath();
-    seen.forEach((p, i) => (i ? pen.lineTo(p[0], p[1]) : pen.moveTo(p[0], p[1])));
-    pen.closePath();
-    pen.fillStyle = colour(kind);
-    pen.fill();
-    // Shade and edges by black and white over the colour.
-    pen.fillStyle = light > 0.4 ? `rgba(255,255,255,${0.45 * (light - 0.4)})` : `rgba(0,0,0,${0.55 * (0.4 - light)})`;
-    pen.fill();
-    pen.strokeStyle = "rgba(0,0,0,0.25)";
-    pen.lineWidth = 0.6;
-    pen.stroke();
-  }
-}
-
-function drawBody(scene, centre, size) {
-  const shown = Object.entries(data.traces).filter(([name]) => state.traces[name]);
-  for (const [name, rows] of shown) trace(scene, rows, colour(name), false, coarse[name]);
-  faces(scene, centre, size);
-  for (const [name, rows] of shown) trace(scene, rows, colour(name), true, coarse[name]);
-  arrows(scene, centre, size, shown);
-}
-
-function drawOrbit(scene, extent) {
-  const { project, unit, now } = scene, position = between(data.position, now, coarse.position);
-  const radius = data.planet * unit, centre = project([0, 0, 0]);
-  const hidden = (q) => q[2] < 0 && Math.hypot(q[0] - centre[0], q[1] - centre[1]) < radius;
-  const at = project(position);
-  const body = () => {
-    if (hidden(at)) return;
-    const size = data.size || 0.16 * extent / data.reach / state.zoom;
-    if (data.attitude) {
-      faces(scene, position, size);
-      arrows(scene, position, size, Object.entries(data.traces).filter(([name]) => state.traces[name]));
-    } else {
-      pen.fillStyle = colour("axis");
-      pen.beginPath();
-      pen.arc(at[0], at[1], 5, 0, 7);
-      pen.fill();
-    }
-  };
-  if (state.traces.orbit) {
-    // The whole path, before what is gone of it.
-    if (!coarse.orbit) line(data.position.map(project), colour("line"), 1);
-    trace(scene, data.position, colour("orbit"), false, coarse.orbit, hidden);
-    if (data.burns) burnt(scene, false, hidden);
-  }
-  if (at[2] < 0) body();
-  if (data.rod) line([centre, at], colour("muted"), 1.5);
-  else if (radius > 0) sphere(scene, centre, radius);
-  if (state.traces.orbit) {
-    trace(scene, data.position, colour("orbit"), true, coarse.orbit);
-    if (data.burns) burnt(scene, true);
-  }
-  if (at[2] >= 0) body();
-}
-
-// The way on which propellant leaves, up to now; `front` as for a trace.
-function burnt({ project, now }, front, hidden) {
-  for (let i = 0; i <= now[0]; i++) {
-    if (!data.burns[i]) continue;
-    const end = i === now[0] ? between(data.position, now, coarse.position) : data.position[i + 1];
-    const pair = [project(data.position[i]), project(end)];
-    if ((pair[1][2] >= 0) === front && !(hidden && hidden(pair[1]))) line(pair, colour("burn"), 3.5);
-  }
-}
-
-function sphere(scene, centre, radius) {
-  const { light, axes } = scene, size = Math.max(radius, 2);
-  pen.fillStyle = colour("planet");
-  pen.beginPath();
-  pen.arc(centre[0], centre[1], size, 0, 7);
-  pen.fill();
-  if (size > 20) {
-    globe(scene, graticule(), colour("graticule"), 0.6, 0);
-    if (data.coast) globe(scene, coasts(), colour("coast"), 1.1, data.rate * state.t);
-  }
-  if (data.sun) night(centre, size, light);
-  // The ball is round: brighter towards the light. A sun behind it lights a rim.
-  const [x, y] = [centre[0] + 0.8 * size * light[0], centre[1] - 0.8 * size * light[1]];
-  const shade = pen.createRadialGradient(x, y, 0.1 * size, x, y, (1.2 + 0.8 * Math.max(-light[2], 0)) * size);
-  shade.addColorStop(0, "rgba(255,255,255,0.3)");
-  shade.addColorStop(1, "rgba(0,0,0,0.3)");
-  pen.fillStyle = shade;
-  pen.beginPath();
-  pen.arc(centre[0], centre[1], size, 0, 7);
-  pen.fill();
-  const pole = dot(axes[2], [0, 0, 1]);
-  // Its axis, so that north is seen.
-  const tip = [0, 0, Math.sign(pole || 1) * data.planet];
-  line([scene.project(tip), scene.project(scale(tip, 1.12))], colour("muted"), 1.2);
-}
-
-const degrees = Math.PI / 180;
-const onSphere = (longitude, latitude) => [Math.cos(latitude * degrees) * Math.cos(longitude * degrees),
-  Math.cos(latitude * degrees) * Math.sin(longitude * degrees), Math.sin(latitude * degrees)];
-
-// Lines of unit vectors, made when they are first drawn.
-let graticuleLines = null, coastLines = null;
-
-function graticule() {
-  if (graticuleLines) return graticuleLines;
-  graticuleLines = [];
-  const along = (from, to, point) => Array.from({ length: (to - from) / 3 + 1 }, (_, k) => point(from + 3 * k));
-  for (let l = 0; l < 360; l += 30) graticuleLines.push(along(-90, 90, (b) => onSphere(l, b)));
-  for (let b = -60; b <= 60; b += 30) graticuleLines.push(along(0, 360, (l) => onSphere(l, b)));
-  return graticuleLines;
-}
-
-function coasts() {
-  coastLines ??= data.coast.map((flat) =>
-    Array.from({ length: flat.length / 2 }, (_, k) => onSphere(flat[2 * k], flat[2 * k + 1])));
-  return coastLines;
-}
-
-// The near half of lines on the planet, turned about its axis by an angle.
-function globe({ axes, project }, lines, style, width, angle) {
-  const [c, s] = [Math.cos(angle), Math.sin(angle)];
-  pen.strokeStyle = style;
-  pen.lineWidth = width;
-  pen.beginPath();
-  for (const points of lines) {
-    let open = false;
-    for (const [x, y, z] of points) {
-      const p = [c * x - s * y, s * x + c * y, z];
-      if (dot(axes[2], p) < 0) { open = false; continue; }
-      const q = project(scale(p, data.planet));
-      if (open) pen.lineTo(q[0], q[1]); else pen.moveTo(q[0], q[1]);
-      open = true;
-    }
-  }
-  pen.stroke();
-}
-
-// The side of the planet that the sun does not reach, up to the terminator.
-function night(centre, size, light) {
-  const across = Math.hypot(light[0], light[1]);
-  const [nx, ny] = across > 1e-9 ? [light[0] / across, light[1] / across] : [1, 0];
-  pen.beginPath();
-  // From limb to limb along the terminator, the near half of a circle seen at an angle ...
-  for (let k = 0; k <= 48; k++) {
-    const a = (k * Math.PI) / 48, u = Math.cos(a), v = -light[2] * Math.sin(a);
-    const x = -ny * u + nx * v, y = nx * u + ny * v;
-    if (k) pen.lineTo(centre[0] + size * x, centre[1] - size * y);
-    else pen.moveTo(centre[0] + size * x, centre[1] - size * y);
-  }
-  // ... and back along the dark limb.
-  for (let k = 0; k <= 48; k++) {
-    const b = (k * Math.PI) / 48, u = -Math.cos(b), v = -Math.sin(b);
-    pen.lineTo(centre[0] + size * (-ny * u + nx * v), centre[1] - size * (nx * u + ny * v));
-  }
-  pen.fillStyle = colour("night");
   pen.fill();
 }
 
 function step(clock) {
   if (state.playing) {
     const gone = state.last === null ? 0 : Math.min(clock - state.last, 100) / 1000;
-    state.t += gone * state.speed * span / SHOWN;
+    state.t += (gone * state.speed * span) / SHOWN;
     // From the end it begins again.
     if (state.t > ends[1]) [state.t, state.turned] = [ends[0], null];
     $("time").value = (state.t - ends[0]) / span;
@@ -407,11 +308,12 @@ $("time").oninput = (event) => {
   draw();
 };
 $("speed").onchange = (event) => (state.speed = Number(event.target.value));
-if ($("near")) $("near").onchange = (event) => {
-  state.near = event.target.value === "body";
-  state.zoom = 1;
-  draw();
-};
+if ($("near"))
+  $("near").onchange = (event) => {
+    state.near = event.target.value === "body";
+    state.zoom = 1;
+    draw();
+  };
 document.querySelectorAll("#controls input[type=checkbox]").forEach((box) => {
   state.traces[box.value] = box.checked;
   box.onchange = () => {
@@ -432,11 +334,15 @@ canvas.onpointermove = (event) => {
   state.pitch = Math.min(Math.max(state.pitch + 0.008 * event.movementY, -1.57), 1.57);
   draw();
 };
-canvas.addEventListener("wheel", (event) => {
-  event.preventDefault();
-  state.zoom = Math.min(Math.max(state.zoom * Math.exp(-0.0015 * event.deltaY), 0.2), 50);
-  draw();
-}, { passive: false });
+canvas.addEventListener(
+  "wheel",
+  (event) => {
+    event.preventDefault();
+    state.zoom = Math.min(Math.max(state.zoom * Math.exp(-0.0015 * event.deltaY), 0.2), 50);
+    draw();
+  },
+  { passive: false },
+);
 matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 addEventListener("resize", draw);
 addEventListener("error", (event) => (document.body.dataset.error = event.message));

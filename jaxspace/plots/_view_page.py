@@ -1,6 +1,5 @@
 """A run as a page that moves: body, wheels and orbit in three dimensions, with their traces."""
 
-import json
 import os
 import tempfile
 import webbrowser
@@ -17,6 +16,7 @@ from jaxtyping import Array, PyTree
 from ..core import InputError
 from ..core.record import Record
 from ..rotations import Quaternion
+from ._page_script import page_script
 from ._resolution import TURN, Drawn, resolved
 from ._view_flight import burns, planet_lines, readings
 from ._view_shapes import Face, faces_of, top_faces, wheel_faces
@@ -87,8 +87,6 @@ def view_page(
     speeds = "".join(
         f"<option value={v}{' selected' * (v == '1')}>{w} x</option>" for v, w in SPEEDS.items()
     )
-    # The name of a phase must not end the script.
-    script_safe = json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
     page = f"""<!DOCTYPE html>
 <html lang="en"><head><meta charset="utf-8">
 <meta name="viewport" content="width=device-width, initial-scale=1">
@@ -102,8 +100,7 @@ def view_page(
 <input id="time" type="range" min="0" max="1" step="0.0005" value="0" aria-label="time">
 <select id="speed" aria-label="speed">{speeds}</select>
 <span id="boxes">{"".join(boxes)}</span></div>
-<script>const data = {script_safe};
-{(HERE / "_view.js").read_text(encoding="utf-8")}</script></body></html>
+{page_script(data, "_view_objects", "_view")}</body></html>
 """
     path = Path(path)
     path.write_text(page, encoding="utf-8")

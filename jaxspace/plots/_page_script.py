@@ -1,0 +1,17 @@
+"""The script of a page: what it draws as `data`, and the files beside this one that draw it."""
+
+import json
+from pathlib import Path
+
+from ..core.record import Record
+
+HERE = Path(__file__).parent
+
+
+def page_script(data: Record, *files: str) -> str:
+    """An element of a page. `files` are names of scripts without their end; they see each other's
+    functions, and the last one begins to draw."""
+    # A name in the data must not end the script.
+    text = json.dumps(data, separators=(",", ":"), allow_nan=False).replace("</", "<\\/")
+    parts = ((HERE / f"{file}.js").read_text(encoding="utf-8") for file in files)
+    return f"<script>const data = {text};\n{''.join(parts)}</script>"
