@@ -14,12 +14,12 @@ thousandth over these steps. `circular_orbit = "300 km"` stands for the three co
 circle of that altitude.
 
 over = "dispersion"                             the runs of [dispersion], and not the nominal one
-minimise = { output = "propellant", share = "99 %" }        what 99 % of them stay below; else the
-                                                            mean
+minimise = { output = "propellant", take = "99 %" }         what 99 % of them stay below; else the
+                                                            mean (`_run_statistics.py`)
 [[optimize.constraint]]
 output = "speed"
 at_most = "6 m/s"
-share = "99 %"                                  in 99 % of them; else on average
+share = "99 %"                                  in 99 % of them; or `take`, as in the objective
 """
 
 from collections.abc import Mapping
@@ -28,19 +28,23 @@ from typing import NamedTuple
 
 from ..core import argument
 from ..optimization.optimisers import NAMES, named_optimiser
-from ._errors import hint, missing, unknown, wrong
+from ._errors import hint, missing, shown, unknown, wrong
 from ._inputs import measures
 from ._kinds import Entry, Kind, Reading, Schema, Value
 from ._objects import at
 from ._output_entries import read_output, read_share, unit_of
 from ._output_spec import BEGAN, INITIAL, NOMINAL, OutputSpec, needs
 from ._parsed import Parsed
+from ._run_statistics import QUANTILE, RunStatistic, read_statistic, split_take
 from ._table_kinds import AnyTable, Table
 from ._value_kinds import ListOf, Measure, Number, OneName, Whole
 from .units import WrittenUnits, in_unit, read_number
 
 GOALS = ("minimise", "maximise")
-SHARE = "share"
+SHARE, TAKE = "share", "take"
+OUTPUT = ("output", "at", TAKE, "unit", "name")
+OF_RUNS = "of_runs"
+"""What is taken over the runs, beside the extreme along each of them, in an entry that was read."""
 NOMINAL_RUN, DISPERSION = OVER = ("nominal", "dispersion")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
@@ -62,27 +66,27 @@ class Free(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and the `share` of
-    the runs that must keep it; `None` for their mean."""
+    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and what is taken
+    over the runs; `None` for the mean."""
 
     spec: OutputSpec
     limit: str
     target: float
-    share: float | None = None
+    of_runs: RunStatistic | None = None
 
 
 class Task(NamedTuple):
     """The content of [optimize]; `sign` is -1 for a maximum.
 
     - `dispersed`: whether it is about the runs of [dispersion].
-    - `share`: of them that are not worse than the objective; `None` for their mean."""
+    - `of_runs`: what is taken of the objective over them; `None` for the mean."""
 
     objective: OutputSpec
     sign: float
     free: tuple[Free, ...]
     demands: tuple[Demand, ...]
     dispersed: bool = False
-    share: float | None = None
+    of_runs: RunStatistic | None = None
 
 
 class OneOutput(Kind):
@@ -90,16 +94,24 @@ class OneOutput(Kind):
 
     def __init__(self, outputs: Kind, more: tuple[str, ...] = ()):
         self.outputs, self.more = outputs, more
-        # Of which none needs to be there.
-        self.options = (*more, SHARE)
+        # Of the objective no share of the runs is required.
+        self.options = (*more, SHARE) if more else ()
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         options: dict[str, Value] = {}
         if isinstance(value, Mapping):
             options = {key: value[key] for key in self.options if key in value}
-            value = {key: x for key, x in value.items() if key not in self.options}
+            known = (*OUTPUT, *self.options)
+            # Of outputs of a campaign there are more keys, which say nothing here.
+            reading.errors += [
+                unknown(f"{path}.{key}", key, known) for key in value if key not in known
+            ]
+            value = {key: x for key, x in value.items() if key in OUTPUT}
             if self.more and not set(options) & set(self.more):
                 reading.errors.append(missing(path, f"one of {', '.join(self.more)}"))
+            along, of_runs = split_take(value.pop(TAKE, None))
+            value |= {} if along is None else {TAKE: along}
+            options |= {} if of_runs is None else {OF_RUNS: of_runs}
         trial = Reading()
         read = self.outputs.read([value], path, trial)
         # A list of this one entry, whose number is not in the file.
@@ -114,7 +126,12 @@ class OneOutput(Kind):
         assert isinstance(one, dict)
         name, table = one["anyOf"]
         limits = {key: {"type": ["number", "string"]} for key in self.options}
-        table = {**table, "properties": {**table["properties"], **limits}}
+        text = {"type": "string"}
+        # Along each run, and then over the runs.
+        both = {"type": "array", "items": text, "minItems": 2, "maxItems": 2}
+        own = {**limits, TAKE: {"anyOf": [text, both]}}
+        properties = {key: table["properties"][key] for key in OUTPUT}
+        table = {**table, "properties": {**properties, **own}}
         return table if self.more else {"anyOf": [name, table]}
 
 
@@ -123,8 +140,8 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
     goal = OneOutput(outputs)
     return Table(
         {
-            "minimise": Entry(goal, None, doc="the output that is to be least"),
-            "maximise": Entry(goal, None, doc="the output that is to be greatest"),
+            "minimise": Entry(goal, None, doc="the output that is to be least; take: of the runs"),
+            "maximise": Entry(goal, None, doc="the output that is to be greatest; take likewise"),
             "over": Entry(
                 OneName(OVER), NOMINAL_RUN, doc="the nominal run, or the runs of [dispersion]"
             ),
@@ -184,28 +201,32 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
         errors.append(str(error))
     free, more = _free(table["free"], file, units)
     errors += more
-    share = None
+    of_runs = None
     try:
-        share = read_share(f"optimize.{goals[0]}.{SHARE}", table[goals[0]].get(SHARE))
+        if objective is not None:
+            of_runs = _of_runs(f"optimize.{goals[0]}", table[goals[0]], objective, file)
     except ValueError as error:
         errors.append(str(error))
     if errors or objective is None:
         return None, errors
     sign = -1.0 if goals[0] == "maximise" else 1.0
     dispersed = table["over"] == DISPERSION
-    task = Task(objective, sign, free, tuple(demands), dispersed, share)
+    task = Task(objective, sign, free, tuple(demands), dispersed, of_runs)
     return task, _over_errors(task, goals[0], file)
 
 
 def _over_errors(task: Task, goal: str, file: Parsed) -> list[str]:
     """What does not fit the runs that the task is about."""
     if not task.dispersed:
-        shares = {f"optimize.{goal}": task.share}
-        shares |= {f"optimize.constraint.{k}": d.share for k, d in enumerate(task.demands)}
+        table = file.values["optimize"]
+        entries = {f"optimize.{goal}": table[goal]}
+        entries |= {f"optimize.constraint.{k}": x for k, x in enumerate(table["constraint"])}
         return [
-            f'{key}.{SHARE} is {share:g}: it needs optimize.over = "{DISPERSION}".'
-            for key, share in shares.items()
-            if share is not None
+            f"{key}.{name} is {shown(entry[own])}, over the runs: it needs optimize.over = "
+            f'"{DISPERSION}".'
+            for key, entry in entries.items()
+            for name, own in ((SHARE, SHARE), (TAKE, OF_RUNS))
+            if own in entry
         ]
     if file.values["dispersion"] is None:
         return [missing("dispersion", "a table with inputs, over whose runs optimize searches")]
@@ -227,8 +248,8 @@ def dispersed_and_free(task: Task, inputs: Mapping[str, object]) -> list[str]:
 
 
 def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> OutputSpec:
-    # Left out, because on an output the same keys are requirements of a campaign.
-    values = {k: x for k, x in entry.items() if k not in (*LIMITS, SHARE)}
+    # The same keys would be requirements of an output of a campaign.
+    values = {k: x for k, x in entry.items() if k not in (*LIMITS, SHARE, OF_RUNS)}
     spec = read_output(key, values, file, units)
     if needs((spec,), NOMINAL) or needs((spec,), INITIAL):
         raise ValueError(f"{key} compares with the nominal run, which the search changes.")
@@ -237,19 +258,42 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
     return spec
 
 
+def _of_runs(key: str, entry: Value, spec: OutputSpec, file: Parsed) -> RunStatistic | None:
+    """What is taken of an output over the runs. Raises `ValueError` with the whole sentence."""
+    share = read_share(f"{key}.{SHARE}", entry.get(SHARE))
+    if OF_RUNS not in entry:
+        return None if share is None else RunStatistic(QUANTILE, share)
+    if share is not None:
+        raise ValueError(
+            f"{key}.{SHARE} is {shown(entry[SHARE])} and {key}.{TAKE} is {shown(entry[OF_RUNS])}: "
+            f"it must have one of them over the runs."
+        )
+    return read_statistic(f"{key}.{TAKE}", entry[OF_RUNS], spec, file)
+
+
 def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[Demand]:
     spec = _output(key, entry, file, units)
-    share = read_share(f"{key}.{SHARE}", entry.get(SHARE))
+    of_runs = _of_runs(key, entry, spec, file)
     result = []
     for limit in LIMITS:
         if limit in entry:
-            quantity = argument(unit_of(spec, file), doc="target")
-            try:
-                target = read_number(entry[limit], quantity)[0]
-            except ValueError as error:
-                raise ValueError(wrong(f"{key}.{limit}", entry[limit], str(error))) from None
-            result.append(Demand(spec, limit, target, share))
+            target = _target(f"{key}.{limit}", entry[limit], spec, of_runs, file)
+            result.append(Demand(spec, limit, target, of_runs))
     return result
+
+
+def _target(
+    key: str, value: Value, spec: OutputSpec, of_runs: RunStatistic | None, file: Parsed
+) -> float:
+    """The target of a constraint, SI. Raises `ValueError` with the whole sentence."""
+    if of_runs is not None and of_runs.is_share:
+        share = read_share(key, value)
+        assert share is not None
+        return share
+    try:
+        return read_number(value, argument(unit_of(spec, file), doc="target"))[0]
+    except ValueError as error:
+        raise ValueError(wrong(key, value, str(error))) from None
 
 
 def _circle(file: Parsed, units: WrittenUnits) -> list[Demand]:

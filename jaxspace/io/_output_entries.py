@@ -182,6 +182,8 @@ def read_share(key: str, value: object) -> float | None:
 
 def unit_of(spec: OutputSpec, file: Parsed) -> str:
     """The unit of an output in SI."""
+    if spec.take.startswith("time"):
+        return "s"
     if spec.function is not None:
         return spec.function.output.unit
     return _unit_of_path(spec.name, spec.path, spec.at, file)

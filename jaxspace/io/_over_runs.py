@@ -14,19 +14,30 @@ from ..dispersion import Campaign
 from ..optimization import Progress
 from ..optimization.optimisers import named_optimiser
 from ..robust import DesignOptimum, optimise_design, optimise_nominal
-from ..robust.statistics import AbstractStatistic, Constraint, Mean, Quantile
+from ..robust.statistics import (
+    AbstractStatistic,
+    Constraint,
+    CVaR,
+    Mean,
+    MeanPlus,
+    Quantile,
+    Violation,
+    Worst,
+)
 from ..simulation import MissionTrajectory
 from ._build import replaced
 from ._file_content import FileContent
 from ._optimise import size_of
 from ._optimize_table import Demand, Task
 from ._outputs import Outputs
+from ._run_statistics import ABOVE, BEYOND, MEAN, QUANTILE, SPREAD, WORST, RunStatistic
 from ._scene_campaign import BuildOfFile
 
 # The kernel of a quantile has corners of this size.
 TOLERANCE = 1e-4
-# Before the name of an output that is to be greatest.
+# Before the name of an output of which less is worse.
 NEGATIVE = "minus_"
+AVERAGE = RunStatistic(MEAN)
 
 
 def optimise_over_runs(
@@ -83,7 +94,7 @@ def campaign_function(
         base,
         units=base.units
         | {spec.name: spec.unit for spec in specs}
-        | {NEGATIVE + task.objective.name: task.objective.unit},
+        | {NEGATIVE + spec.name: spec.unit for spec in specs},
         requirements=(),
         # Without extremes no states along the run are saved, which would fill the memory.
         along=file.dispersion["extreme_samples"] if extremes else 2,
@@ -92,11 +103,10 @@ def campaign_function(
     def campaign(x: Mapping[str, Array]) -> Campaign:
         values = replaced(file.values, x)
         outputs = Outputs(file.parsed, specs, values, None)
-        greatest = task.objective.name if task.sign < 0.0 else ""
         return dataclasses.replace(
             base,
             build=BuildOfFile(file.parsed, values),
-            outputs=OutputsOfDesign(outputs, greatest),
+            outputs=OutputsOfDesign(outputs, _negative_of(task)),
         )
 
     return campaign
@@ -104,35 +114,73 @@ def campaign_function(
 
 @final
 class OutputsOfDesign(eqx.Module):
-    """The `outputs` of a campaign, and the negative of the `greatest` one, if there is a name."""
+    """The `outputs` of a campaign, and the negatives of those named `negative`."""
 
     outputs: Outputs
-    greatest: str = eqx.field(static=True)
+    negative: tuple[str, ...] = eqx.field(static=True)
 
     def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
-        # The search minimises a statistic: of the greatest quantile it takes the least of the
-        # negative.
         numbers = dict(self.outputs(result, samples))
-        if self.greatest:
-            numbers[NEGATIVE + self.greatest] = -numbers[self.greatest]
-        return numbers
+        return numbers | {NEGATIVE + name: -numbers[name] for name in self.negative}
+
+
+def _negative_of(task: Task) -> tuple[str, ...]:
+    """The outputs whose negative has a statistic of the task."""
+    statistics = [_objective(task), *(_constraint(demand).statistic for demand in task.demands)]
+    names = [task.objective.name, *(demand.spec.name for demand in task.demands)]
+    pairs = zip(statistics, names, strict=True)
+    return tuple(dict.fromkeys(name for statistic, name in pairs if statistic.output != name))
 
 
 def _objective(task: Task) -> AbstractStatistic:
-    name = task.objective.name
-    return _statistic(NEGATIVE + name if task.sign < 0.0 else name, task.share)
+    """The statistic that is to be least."""
+    name, taken = task.objective.name, task.of_runs or AVERAGE
+    if task.sign > 0.0:
+        return _statistic(name, taken)
+    if taken.is_share:
+        # Few runs below are many above.
+        return _share_of_bad(name, taken, 1.0)
+    if taken.kind == SPREAD:
+        # The negative of mean + 3 std is that of the mean, less 3 std.
+        taken = RunStatistic(SPREAD, -taken.number)
+    # The search minimises: of the greatest quantile it takes the least of the negative.
+    return _statistic(NEGATIVE + name, taken)
 
 
 def _constraint(demand: Demand) -> Constraint:
     """The limit of a statistic, in the unit of the file."""
-    spec, share = demand.spec, demand.share
+    spec, taken = demand.spec, demand.of_runs or AVERAGE
+    upper = demand.limit == "at_most"
+    if taken.is_share:
+        # At least 99 % above are at most 1 % that are not.
+        if upper:
+            return _statistic(spec.name, taken).at_most(demand.target)
+        return _share_of_bad(spec.name, taken, 1.0).at_most(1.0 - demand.target)
     # The statistics are of outputs in the unit of the file, the target is in SI.
     limit = spec.factor * demand.target
-    if demand.limit == "at_most":
-        return _statistic(spec.name, share).at_most(limit)
-    # What 99 % of the runs exceed is the quantile of 1 %.
-    return _statistic(spec.name, None if share is None else 1.0 - share).at_least(limit)
+    if upper:
+        return _statistic(spec.name, taken).at_most(limit)
+    if taken.kind == QUANTILE:
+        # What 99 % of the runs exceed is the quantile of 1 %.
+        taken = RunStatistic(QUANTILE, 1.0 - taken.number)
+    if taken.kind in (BEYOND, WORST):
+        # Those of small values are those of the negative.
+        return _statistic(NEGATIVE + spec.name, taken).at_most(-limit)
+    return _statistic(spec.name, taken).at_least(limit)
 
 
-def _statistic(name: str, share: float | None) -> AbstractStatistic:
-    return Mean(name) if share is None else Quantile(name, share)
+def _statistic(name: str, taken: RunStatistic) -> AbstractStatistic:
+    """The statistic of an output of which more is worse."""
+    if taken.is_share:
+        return _share_of_bad(name, taken, -1.0)
+    kinds = {SPREAD: MeanPlus, QUANTILE: Quantile, BEYOND: CVaR}
+    if taken.kind in kinds:
+        return kinds[taken.kind](name, taken.number)
+    return Worst(name) if taken.kind == WORST else Mean(name)
+
+
+def _share_of_bad(name: str, taken: RunStatistic, sign: float) -> Violation:
+    """The share of the runs that are above (or below) the number, or for a positive `sign` of those
+    that are not."""
+    above = (taken.kind == ABOVE) == (sign < 0.0)
+    return Violation(name, high=taken.number) if above else Violation(name, low=taken.number)
