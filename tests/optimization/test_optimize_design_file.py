@@ -1,5 +1,9 @@
 """[optimize] over the runs of [dispersion]: against a closed form, as a command, and bad files."""
 
+import signal
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 import scipy.stats
@@ -9,6 +13,7 @@ from jaxspace import load
 from jaxspace.cli import main
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
+from jaxspace.optimization.search_store import SearchStore
 
 UP, DEVIATION = 1e3, 50.0
 # The least speed along the horizontal with which 99 % of all runs reach 8000 km, though their speed
@@ -160,6 +165,48 @@ def test_the_command(path, capsys):
     assert kept == {f"transfer{ending}" for ending in endings}
     best = load(out / "transfer_optimum.toml")
     assert 7.6e3 < float(best.values["initial"]["velocity"][1]) < 8e3
+
+
+# Ends like a machine that loses its power, behind the first step.
+KILLED = """
+import os, signal, sys
+from jaxspace.cli import main
+from jaxspace.optimization.search_store import SearchStore
+
+save = SearchStore.save
+def save_and_die(store, state, last=False):
+    save(store, state, True)
+    if int(state.taken) == 1:
+        os.kill(os.getpid(), signal.SIGKILL)
+SearchStore.save = save_and_die
+main(["optimize", sys.argv[1], "--out", sys.argv[2]])
+"""
+
+
+@pytest.mark.sweep
+def test_a_killed_command_resumes(path, capsys, monkeypatch):
+    """Bit for bit as if there had been no kill: a search with too few steps keeps its state."""
+    path.write_text(TRANSFER.replace('over = "dispersion"', 'over = "dispersion"\nmax_steps = 2'))
+    whole, out = path.parent / "whole", path.parent / "out"
+    killed = subprocess.run([sys.executable, "-c", KILLED, path, out], capture_output=True)
+    assert killed.returncode == -signal.SIGKILL, killed.stderr
+    assert [entry.name for entry in out.iterdir()] == ["transfer_search.npz"]
+    save, taken, texts = SearchStore.save, [], []
+
+    def watched(store, state, last=False):
+        taken.append(int(state.taken))
+        save(store, state, last)
+
+    monkeypatch.setattr(SearchStore, "save", watched)
+    for folder, more in ((out, ["--resume"]), (whole, [])):
+        assert main(["optimize", str(path), "--out", str(folder), *more]) == 1
+        texts.append(capsys.readouterr().out.replace(str(folder), "FOLDER"))
+        # One that begins again has not taken a step when it first saves its state.
+        assert (taken[0] > 0) == bool(more)
+        taken.clear()
+    assert texts[0] == texts[1] and "store  FOLDER" in texts[0]
+    for name in ("transfer_search.npz", "transfer_optimum.toml"):
+        assert (out / name).read_bytes() == (whole / name).read_bytes()
 
 
 def test_what_is_wrong_is_said(path):
