@@ -1,11 +1,14 @@
 """`jaxspace optimize` of a file whose search is over the runs of its [dispersion]."""
 
+import contextlib
 import os
+from collections.abc import Iterator
 
 from ..io import SceneFile
+from ..optimization import Progress
 from ..robust import DesignAssessment, DesignOptimum, assess_designs
 from ._folder import make_folder
-from ._waiting import progress
+from ._waiting import progress, waiting
 
 
 def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
@@ -17,22 +20,11 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
     # A new search replaces the state of an old one.
     if not resume and os.path.exists(store):
         os.remove(store)
-    # With the most steps that it may take, the bar says how long it may last at most.
-    most = file.values["optimize"]["max_steps"]
-    with progress("compiling the search", unit="step", total=most) as bar:
-
-        def show(step: int, objective: float, violation: float, gradient: float) -> None:
-            del step
-            bar.set_description_str(refresh=False)
-            bar.update(1)
-            bar.set_postfix_str(
-                f"objective {objective:.4g}, violation {violation:.1e}, gradient {gradient:.1e}"
-            )
-
+    with search_progress(file.values["optimize"]["max_steps"]) as show:
         optimum = file.optimize_design(show, store=store, resume=resume)
-        bar.set_description("the nominal optimum, for comparison")
+    with waiting("the nominal optimum, for comparison"):
         nominal = file.optimize_design(nominal=True)
-        bar.set_description("assessing the optimum by fresh runs")
+    with waiting("assessing the optimum by fresh runs"):
         assessment = assess_designs(optimum, {"file": optimum.start, "nominal": nominal.x})
     print(file.title)
     print(assessment)
@@ -44,6 +36,29 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
         print(f"store  {store}")
     print(f"next   jaxspace disperse {beginning}_optimum.toml")
     return 0 if optimum.converged else 1
+
+
+@contextlib.contextmanager
+def search_progress(most: int) -> Iterator[Progress]:
+    """A bar of a search that takes so many steps at `most`: the step, the longest time that it may
+    still last, objective, violation and gradient. What is yielded is called after each step."""
+    # Most searches converge long before their last step, and nobody knows when.
+    line = "{desc}: {n_fmt} of at most {total_fmt} steps in {elapsed}"
+    left = f"{line}, at most {{remaining}} more{{postfix}}"
+    with progress("compiling the search", total=most, bar_format=left) as bar:
+
+        def show(step: int, objective: float, violation: float, gradient: float) -> None:
+            if not bar.n:
+                bar.set_description_str("searching", refresh=False)
+                # A search that is resumed has taken the steps before it.
+                bar.initial = bar.n = step - 1
+            bar.update(step - bar.n)
+            bar.set_postfix_str(
+                f"objective {objective:.4g}, violation {violation:.1e}, gradient {gradient:.1e}"
+            )
+
+        yield show
+        bar.bar_format = f"{line}{{postfix}}"
 
 
 def _keep(

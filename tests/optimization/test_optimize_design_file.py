@@ -1,5 +1,7 @@
 """[optimize] over the runs of [dispersion]: against a closed form, as a command, and bad files."""
 
+import io
+import re
 import signal
 import subprocess
 import sys
@@ -7,10 +9,12 @@ import sys
 import numpy as np
 import pytest
 import scipy.stats
+import tqdm
 from test_optimize_file import MU, R1, R2, across
 
 from jaxspace import load
 from jaxspace.cli import main
+from jaxspace.cli._optimize_design import search_progress
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
 from jaxspace.optimization.search_store import SearchStore
@@ -207,6 +211,25 @@ def test_a_killed_command_resumes(path, capsys, monkeypatch):
     assert texts[0] == texts[1] and "store  FOLDER" in texts[0]
     for name in ("transfer_search.npz", "transfer_optimum.toml"):
         assert (out / name).read_bytes() == (whole / name).read_bytes()
+
+
+def test_progress_says_that_its_end_is_the_latest(monkeypatch):
+    """A search ends before its last step, and one that is resumed has taken some."""
+    shown = io.StringIO()
+    bar = tqdm.tqdm
+    monkeypatch.setattr(
+        tqdm, "tqdm", lambda **options: bar(**{**options, "disable": False, "file": shown})
+    )
+    with search_progress(200) as show:
+        show(8, 1.5, 1e-3, 1e-2)
+        show(9, 1.25, 0.0, 1e-3)
+    numbers = ", objective 1.25, violation 0.0e+00, gradient 1.0e-03"
+    assert re.search(
+        rf"searching: 9 of at most 200 steps in 00:00, at most [\d:?]+ more{re.escape(numbers)}",
+        shown.getvalue(),
+    )
+    # Nothing more when it has ended.
+    assert f"\r9 of at most 200 steps in 00:00{numbers}" in shown.getvalue()
 
 
 def test_what_is_wrong_is_said(path):
