@@ -23,7 +23,7 @@ import scipy.optimize
 from jaxspace.core import AbstractSystem, Scalar, Table
 from jaxspace.dispersion import Campaign, Normal, disperse
 from jaxspace.dispersion.evaluate import inputs_at
-from jaxspace.optimization.batch_descent import FORWARD_RATIO
+from jaxspace.minimisation.batch_descent import FORWARD_RATIO
 from jaxspace.robust import optimise_design
 from jaxspace.robust._runs import problem_of
 from jaxspace.robust.statistics import Quantile

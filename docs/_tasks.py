@@ -147,6 +147,9 @@ TASKS = {
         "Choose where runs are computed": "ProcessPool DaskCluster MultiHost",
         "Write an engine": "AbstractEngine AbstractRunner",
     },
+    "minimisation": {
+        "Minimise": "minimise minimise_from Criterion Minimum StopReason",
+    },
     "optimization": {
         "Minimise": "minimise minimise_from Criterion Minimum StopReason",
         "Stage a rocket": "optimal_staging Staging staging fixed_masses flown_staging "

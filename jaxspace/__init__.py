@@ -23,6 +23,7 @@ The packages, from the ground up:
     stores          campaigns on disk (imported by name)
     engines         what computes their runs, here or on a cluster (imported by name)
     dispersion      campaigns of many runs
+    minimisation    searches for a minimum under constraints (imported by name)
     optimization    staging, steering
     robust          the best design where everything scatters (imported by name)
     estimation      parameters and states from data (imported by name)

@@ -1,19 +1,19 @@
-"""Optimal rockets and transfers: staging, steering, direct shooting, rendezvous, and a constrained
-minimiser by gradients."""
+"""Optimal rockets and transfers: staging, steering, direct shooting, rendezvous. The searches of
+`minimisation`, which they use, are given on."""
 
 from typing import TYPE_CHECKING
 
 from ..core.modules import modules_of as _modules_of
-from ._criterion import Criterion as Criterion
-from ._criterion import Minimum as Minimum
-from ._criterion import StopReason as StopReason
-from ._drive import Progress as Progress
+from ..minimisation import Criterion as Criterion
+from ..minimisation import Minimum as Minimum
+from ..minimisation import Progress as Progress
+from ..minimisation import StopReason as StopReason
+from ..minimisation import minimise as minimise
+from ..minimisation import minimise_from as minimise_from
 from ._insertion import Insertion as Insertion
 from ._insertion import InsertionOptimum as InsertionOptimum
 from ._insertion import InsertionState as InsertionState
 from ._insertion import optimise_insertion as optimise_insertion
-from ._minimise import minimise as minimise
-from ._minimise import minimise_from as minimise_from
 from ._propellant_use import PropellantUse as PropellantUse
 from ._propellant_use import propellant_use as propellant_use
 from ._rendezvous import Rendezvous as Rendezvous

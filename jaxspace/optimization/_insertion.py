@@ -30,10 +30,9 @@ from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quant
 from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import SingleNumberField, as_float
+from ..minimisation import Criterion, Minimum, minimise
+from ..minimisation.optimiser import SQP, Optimiser
 from ..simulation import Mission, Phase, simulate_compact
-from ._criterion import Criterion, Minimum
-from ._minimise import minimise
-from ._optimiser import SQP, Optimiser
 from .ascent import AbstractThrustAcceleration
 from .laws import Law, corners, free_numbers
 

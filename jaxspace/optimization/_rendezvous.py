@@ -21,11 +21,10 @@ from jaxtyping import Array, Bool, Float
 from ..core import Scalar
 from ..core.printing import printed
 from ..core.vectors import norm
+from ..minimisation import Criterion, minimise
 from ..orbits import Interception
 from ..orbits.burnout import circular_speed
 from ..orbits.interception import OrbitState, interception
-from ._criterion import Criterion
-from ._minimise import minimise
 
 
 @printed(departure="s", arrival="s", total="m/s")

@@ -26,10 +26,9 @@ from ..core import AbstractSystem, InputError, Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.types import as_float
+from ..minimisation import Criterion, minimise
+from ..minimisation.optimiser import Optimiser
 from ..simulation import Accuracy, simulate
-from ._criterion import Criterion
-from ._minimise import minimise
-from ._optimiser import Optimiser
 from .ascent import (
     AbstractThrustAcceleration,
     Ascent,

@@ -38,10 +38,9 @@ from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.tracing import is_traced
 from ..core.types import as_float
+from ..minimisation import Criterion, Minimum, minimise
+from ..minimisation.optimiser import SQP, Optimiser
 from ..rockets import GravityTurnState
-from ._criterion import Criterion, Minimum
-from ._minimise import minimise
-from ._optimiser import SQP, Optimiser
 from .staged_flight import FIRST_SPEED, Goal, StageDesign, run_stages
 from .staging import optimal_staging
 

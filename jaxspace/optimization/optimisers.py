@@ -14,7 +14,7 @@ __all__ = ["NAMES", "lbfgs", "named_optimiser"]
 import functools
 
 from ..core import InputError
-from ._optimiser import SQP, Optimiser
+from ..minimisation.optimiser import SQP, Optimiser
 
 RATES = {"adam": 0.02, "adamw": 0.02, "nadam": 0.02, "rmsprop": 0.01, "sgd": 0.05}
 """The rates by default: those with which the problems of the tests converge."""

@@ -44,8 +44,7 @@ from ..core.shapes import with_rank
 from ..core.tracing import is_traced
 from ..core.types import as_float
 from ..integration.compiling import QUICK
-from ._criterion import Criterion
-from ._minimise import minimise
+from ..minimisation import Criterion, minimise
 from .fixed_masses import all_choices, choose_stages
 from .optimisers import lbfgs
 

@@ -9,8 +9,8 @@ from jax.tree_util import keystr, tree_leaves_with_path
 
 from ..core.listed import Listed
 from ..core.text import aligned
-from ..optimization import Criterion, Minimum
-from ..optimization.batch_descent import BatchMinimum
+from ..minimisation import Criterion, Minimum
+from ..minimisation.batch_descent import BatchMinimum
 from ._runs import Design, Problem, RunsOfDesign, failures
 
 

@@ -14,8 +14,8 @@ from ..core.checks import is_concrete
 from ..dispersion import Campaign
 from ..dispersion.evaluate import evaluate_allowed, fixed_normals, inputs_at
 from ..integration.accuracy import Accuracy
-from ..optimization import Criterion
-from ..optimization.batch_descent import FORWARD_RATIO
+from ..minimisation import Criterion
+from ..minimisation.batch_descent import FORWARD_RATIO
 from ..simulation import Status
 from ..simulation.blocks import Blocks
 from ._few_runs import by_few_runs

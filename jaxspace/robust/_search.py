@@ -23,10 +23,10 @@ from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
-from ..optimization import Progress
-from ..optimization import minimise as search_minimum
-from ..optimization.batch_descent import FORWARD_RATIO
-from ..optimization.search_store import SearchStore, as_store
+from ..minimisation import Progress
+from ..minimisation import minimise as search_minimum
+from ..minimisation.batch_descent import FORWARD_RATIO
+from ..minimisation.search_store import SearchStore, as_store
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
 from .statistics import AbstractStatistic, Constraint

@@ -10,8 +10,8 @@ from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
-from ..optimization import Criterion, Progress
-from ..optimization.batch_descent import descend_by_batches
+from ..minimisation import Criterion, Progress
+from ..minimisation.batch_descent import descend_by_batches
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
 from ._search import RUNS, store_of

@@ -30,7 +30,7 @@ from jaxspace.orbits.two_masses import reduced_mass
 # The packages of physics. Those of `core` are the parts of formulas, and take what they are given.
 PACKAGES = (
     *("rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics", "vehicles"),
-    "optimization",
+    *("minimisation", "optimization"),
 )
 WRONG = {"text": "1 km", "complex": 1.0 + 2.0j, "thing": object(), "bytes": b"1", "set": {1.0}}
 WRONG |= {"complex array": np.array([1.0j, 2.0, 3.0]), "texts": np.array(["a", "b", "c"])}

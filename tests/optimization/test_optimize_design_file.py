@@ -17,7 +17,7 @@ from jaxspace.cli import main
 from jaxspace.cli._optimize_design import search_progress
 from jaxspace.core import InputError
 from jaxspace.io import SceneError
-from jaxspace.optimization.search_store import SearchStore
+from jaxspace.minimisation.search_store import SearchStore
 
 UP, DEVIATION = 1e3, 50.0
 # The least speed along the horizontal with which 99 % of all runs reach 8000 km, though their speed
@@ -175,7 +175,7 @@ def test_the_command(path, capsys):
 KILLED = """
 import os, signal, sys
 from jaxspace.cli import main
-from jaxspace.optimization.search_store import SearchStore
+from jaxspace.minimisation.search_store import SearchStore
 
 save = SearchStore.save
 def save_and_die(store, state, last=False):

@@ -11,7 +11,7 @@ from jaxtyping import Array
 
 from jaxspace import simulate
 from jaxspace.core import AbstractSystem, InputError, Table
-from jaxspace.optimization import Criterion, StopReason, minimise
+from jaxspace.minimisation import Criterion, StopReason, minimise
 from jaxspace.simulation import Accuracy
 from jaxspace.solvers import Tsit5
 

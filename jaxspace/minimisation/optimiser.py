@@ -33,14 +33,14 @@ class Stepper(NamedTuple):
 
     - `optimiser`: with extra arguments; `unravel`: a flat array as a tree like the unknowns, which
       is what optax sees, so that it can treat its parts differently.
-    - `anew`: whether it holds values or curvature of one function, which are wrong for the next
+    - `restarts`: whether it holds values or curvature of one function, which are wrong for the next
       Lagrangian; moments and counts of steps go on.
     - `plateau`: whether it compares with a least value, which is that of one Lagrangian too.
     - `averages`: whether its optimum is at other parameters than those of the gradients."""
 
     optimiser: Any
     unravel: Any
-    anew: bool
+    restarts: bool
     plateau: bool
     averages: bool
 
@@ -50,16 +50,16 @@ class Stepper(NamedTuple):
         with jax.numpy_dtype_promotion("standard"):
             return jax.tree.map(_strong, self.optimiser.init(self.unravel(q)))
 
-    def restarted(self, state: PyTree, q: Float[Array, " n"], anew: Bool[Array, ""]) -> PyTree:
-        """The state for another function, where `anew`."""
-        if self.anew:
-            return jax.tree.map(lambda a, b: jnp.where(anew, a, b), self.begin(q), state)
+    def restarted(self, state: PyTree, q: Float[Array, " n"], restart: Bool[Array, ""]) -> PyTree:
+        """The state for another function, where `restart`."""
+        if self.restarts:
+            return jax.tree.map(lambda a, b: jnp.where(restart, a, b), self.begin(q), state)
         if not self.plateau:
             return state
 
         def forgotten(path: jax.tree_util.KeyPath, x: Array) -> Array:
             named = path and getattr(path[-1], "name", "") == "best_value"
-            return jnp.where(anew, jnp.inf, x).astype(x.dtype) if named else x
+            return jnp.where(restart, jnp.inf, x).astype(x.dtype) if named else x
 
         return jax.tree_util.tree_map_with_path(forgotten, state)
 
@@ -110,7 +110,7 @@ def as_stepper(
         if isinstance(key, GetAttrKey)
     }
     return made._replace(
-        anew=bool(held & OF_THE_FUNCTION),
+        restarts=bool(held & OF_THE_FUNCTION),
         plateau="best_value" in held,
         averages=bool(_averages(state)),
     )

@@ -8,11 +8,11 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES
 from ._lagrangian import FIRST_WEIGHT, Multipliers
-from ._optimiser import Stepper
 from ._result import End
 from ._sqp_state import Limits, Values, probes_of
+from .optimiser import Stepper
 
-# Steps that change nothing, after which a search ends: an optimiser with a line search begins anew
+# Steps that change nothing, after which a search ends: an optimiser with a line search begins again
 # after each of them, one with a schedule may begin with small steps.
 STILL_LINES, STILL_STEPS = 3, 25
 # A rate this part of the greatest one has decayed to nothing. Schedules of optax end there, and not

@@ -19,9 +19,9 @@ from . import _sqp_state as sqp_state
 from ._criterion import Criterion, Minimum, farthest
 from ._drive import Progress, at_once, drive
 from ._free_numbers import free_numbers
-from ._optimiser import SQP, as_stepper
 from ._result import End, minimum_of
 from ._scaling import ScaledProblem
+from .optimiser import SQP, as_stepper
 from .search_store import SearchStore
 
 # In sizes of the unknowns: a line search of optax goes on by its largest step, 1e6 at most, where
@@ -145,9 +145,32 @@ def _by_optax(
     check: bool,
     ratio: float,
 ) -> Method:
+    q0, z0, inside = scaled.start, scaled.start, None
+    if scaled.bounded:
+        free = free_numbers(scaled.start, scaled.low, scaled.high)
+        q0, z0, inside = free.first(), free.start, free.inside
+    stepper = as_stepper(optimiser, q0, scaled.unravel)
+    counts = (scaled.me, scaled.mi)
     derivatives = _derivatives(scaled, ratio)
+    values, constrained = _values(scaled, derivatives), counts != (0, 0)
+    setting = descent_state.Setting(
+        derivatives, values, inside, stepper, limits, scaled.me, constrained, check
+    )
+    begin = (q0, z0, scaled.size, counts, scaled.blank, max_steps, check, stepper, limits)
+    return Method(
+        at_once(descent_state.begin, *begin),
+        *_steps(setting),
+        lambda s: descent_state.unfinished(s, limits),
+        lambda s: descent_state.end(s, limits),
+    )
 
-    # A line search differentiates the values once more: by the same mode as the search.
+
+def _values(
+    scaled: ScaledProblem, derivatives: Callable[[Array], PyTree]
+) -> Callable[[Array], Array]:
+    """The stacked numbers in z, whose derivative is by the mode of `derivatives`: a line search
+    differentiates them once more."""
+
     @jax.custom_jvp
     def values(z: Array) -> Array:
         return scaled.numbers(z)[0]
@@ -157,15 +180,16 @@ def _by_optax(
         jacobian, (stacked, _) = derivatives(*primals)
         return stacked, jacobian @ tangents[0]
 
-    q0, z0, point = scaled.start, scaled.start, None
-    if scaled.bounded:
-        free = free_numbers(scaled.start, scaled.low, scaled.high)
-        q0, z0, point = free.first(), free.start, free.inside
-    stepper = as_stepper(optimiser, q0, scaled.unravel)
-    counts = (scaled.me, scaled.mi)
-    setting = descent_state.Setting(
-        derivatives, values, point, stepper, limits, scaled.me, counts != (0, 0), check
-    )
+    return values
+
+
+def _steps(
+    setting: descent_state.Setting,
+) -> tuple[
+    Callable[[descent_state.DescentState], PyTree],
+    Callable[[PyTree, PyTree], descent_state.DescentState],
+]:
+    """`evaluate` and `advance` of a search by an optimiser of optax."""
 
     def evaluate(s: descent_state.DescentState) -> sqp_state.Evaluation:
         return descent.evaluate(s, setting)
@@ -173,27 +197,10 @@ def _by_optax(
     def advance(s: PyTree, found: sqp_state.Evaluation) -> descent_state.DescentState:
         return descent.advance(s, found, setting)
 
-    steps = (evaluate, advance)
-    if stepper.anew:
+    if setting.stepper.restarts:
         # A line search evaluates the problem within its step, which then is one program with it.
-        steps = (lambda s: advance(s, evaluate(s)), lambda s, after: after)
-    return Method(
-        at_once(
-            descent_state.begin,
-            q0,
-            z0,
-            scaled.size,
-            counts,
-            scaled.blank,
-            max_steps,
-            check,
-            stepper,
-            limits,
-        ),
-        *steps,
-        lambda s: descent_state.unfinished(s, limits),
-        lambda s: descent_state.end(s, limits),
-    )
+        return lambda s: advance(s, evaluate(s)), lambda s, after: after
+    return evaluate, advance
 
 
 def _resumed(before: Minimum, blank: PyTree) -> PyTree:

@@ -12,8 +12,8 @@ from jaxtyping import Array
 from scipy.optimize import minimize_scalar
 
 from jaxspace.core import AbstractSystem, InputError, Scalar
-from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
-from jaxspace.optimization._drive import drive
+from jaxspace.minimisation import Criterion, StopReason, minimise, minimise_from
+from jaxspace.minimisation._drive import drive
 from jaxspace.optimization.steering import minimum_time_steering
 from jaxspace.simulation import Accuracy, Event, simulate_batch
 from jaxspace.solvers import Tsit5

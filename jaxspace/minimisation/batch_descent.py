@@ -29,8 +29,8 @@ from ._criterion import Criterion, Point, StopReason, listed
 from ._drive import Progress
 from ._entry import as_point, check_scale, check_steps
 from ._lagrangian import FIRST_WEIGHT, Multipliers
-from ._optimiser import SQP, Optimiser, Stepper, as_stepper, check_optimiser
 from ._scaling import ScaledProblem, scaled_problem, weights
+from .optimiser import SQP, Optimiser, Stepper, as_stepper, check_optimiser
 from .search_store import SearchStore
 
 # Steps after which the multipliers follow the mean of the constraints.
@@ -113,8 +113,9 @@ class BatchState(NamedTuple):
     row: Float[Array, " 3"]
 
 
-class Kept(NamedTuple):
-    """What a search keeps: its `state`, and the `rows` of its history, NaN for batches to come."""
+class StoredSearch(NamedTuple):
+    """What a store holds of a search: its `state`, and the `rows` of its history, NaN for batches
+    to come."""
 
     state: BatchState
     rows: Float[np.ndarray, "max_steps 3"]
@@ -161,7 +162,7 @@ def descend_by_batches(
         lambda x: problem(x, key), x, as_bounds(bounds, x), scale, None, bounds is not None
     )
     stepper = as_stepper(optimiser, scaled.start, scaled.unravel)
-    if stepper.anew:
+    if stepper.restarts:
         raise InputError(
             "optimiser searches along lines or keeps curvature, which another batch makes wrong: "
             "take one such as optax.adam(1e-3)."
@@ -173,7 +174,7 @@ def descend_by_batches(
         own = scaled._replace(problem=lambda x: problem(x, batch_key))
         return _advance(state, own, stepper, average)
 
-    begun = Kept(_begin(scaled, stepper), np.full((max_steps, 3), np.nan))
+    begun = StoredSearch(_begin(scaled, stepper), np.full((max_steps, 3), np.nan))
     if store is not None:
         setting = (scaled.low, scaled.high, scaled.size, seed, patience, average)
         begun = store.begin(begun, (setting, begun))
@@ -276,7 +277,7 @@ def _violation(values: Float[Array, " all"], me: int) -> Float[Array, ""]:
 
 def _driven(
     step: Callable[[BatchState], BatchState],
-    begun: Kept,
+    begun: StoredSearch,
     patience: int,
     progress: Progress | None,
     store: SearchStore | None,
@@ -292,14 +293,14 @@ def _driven(
             rows[taken - 1] = np.asarray(state.row)
             reason = _reason(state, rows, patience)
             if store is not None:
-                store.save(Kept(state, rows), last=reason is not None)
+                store.save(StoredSearch(state, rows), last=reason is not None)
             if progress is not None:
                 progress(taken, *(float(x) for x in rows[taken - 1]))
     except KeyboardInterrupt:
         # The state of the last whole step.
         reason = StopReason.INTERRUPTED
         if store is not None:
-            store.save(Kept(state, rows), last=True)
+            store.save(StoredSearch(state, rows), last=True)
     return state, rows[:taken], StopReason(reason)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from jaxspace.core import InputError
-from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
+from jaxspace.minimisation import Criterion, StopReason, minimise, minimise_from
 
 
 def hole(x):

@@ -21,11 +21,12 @@ Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powel
 
 import functools
 from collections.abc import Callable
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array
+from jaxtyping import Array, Float, PyTree
 
 from ..core import Flag, Scalar
 from ._gradient_check import probed_error
@@ -33,7 +34,7 @@ from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
 from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
-from ._sqp_state import Evaluation, Limits, Pending, SqpState, probes_of
+from ._sqp_state import Evaluation, Limits, Pending, SqpState, Values, probes_of
 
 # The largest weight: a violation that no step reduces then is final.
 MOST_WEIGHT = 1e6
@@ -125,9 +126,26 @@ def _planned(s: SqpState, limits: Limits) -> SqpState:
     return s._replace(trial=jnp.clip(s.x + p, limits.lower, limits.upper), pending=pending)
 
 
-def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
-    """Accept the pending step, correct it, or reject it and reduce the trust radius."""
-    p, y, nu, solved = s.pending
+class Comparison(NamedTuple):
+    """The end of a pending step beside what its programme promised.
+
+    - `at`: values and derivatives at the end; `c`, `d`: constraints of the model there.
+    - `ratio`: the decrease of phi over that of the model; -1 where there is no finite step.
+    - `predicted`, `noise`: decrease of the model, and its rounding.
+    - `finite`: whether the end and the programme are."""
+
+    at: Values
+    c: Float[Array, " equal"]
+    d: Float[Array, " inequal"]
+    ratio: Scalar
+    predicted: Scalar
+    noise: Scalar
+    finite: Flag
+
+
+def _compared(s: SqpState, evaluation: Evaluation) -> Comparison:
+    """Decrease of the penalty function along the pending step, beside that of the model."""
+    p = s.pending.p
     trial = scaled(evaluation, s.weight, s.y.size)
     # The model of a corrected step has the corrected constraints.
     c, d = s.at.c + s.shift[0] + s.at.J @ p, s.at.d + s.shift[1] + s.at.K @ p
@@ -139,67 +157,92 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     # success.
     rounded = jnp.abs(before) + jnp.abs(s.at.f) + 1e-3 + 10.0 * s.rho
     noise = 10.0 * jnp.finfo(p.dtype).eps * rounded
-    gain = before - after
-    finite = trial.sound() & jnp.isfinite(after) & solved
-    ratio = jnp.where(finite, (gain + noise) / (jnp.maximum(predicted, 0.0) + noise), -1.0)
+    finite = trial.sound() & jnp.isfinite(after) & s.pending.solved
+    gained = (before - after + noise) / (jnp.maximum(predicted, 0.0) + noise)
+    return Comparison(trial, c, d, jnp.where(finite, gained, -1.0), predicted, noise, finite)
+
+
+def _is_taken(s: SqpState, end: Comparison, limits: Limits) -> Flag:
+    """Whether the pending step is accepted."""
     # A step whose predicted gain is rounding is accepted only if it reduces the gradient.
     # With the multipliers of the step, with which its gradient has to vanish.
-    ahead = s._replace(x=s.trial, at=trial, y=y, nu=nu)
-    take = (ratio > 1e-4) & ((predicted > noise) | (gradient(ahead, limits) < s.gradient))
+    ahead = s._replace(x=s.trial, at=end.at, y=s.pending.y, nu=s.pending.nu)
+    falls = (end.predicted > end.noise) | (gradient(ahead, limits) < s.gradient)
+    return (end.ratio > 1e-4) & falls
+
+
+def _next_radius(s: SqpState, ratio: Scalar, take: Flag, curved: Flag) -> Scalar:
+    """The radius of trust after the pending step; `curved`: whether it is tried again, corrected.
+
+    The ratios 0.25 and 0.75 and the doubling are those of Fletcher, 5.1."""
+    p, _, _, solved = s.pending
     # Where the programme was not solved there is no step, and only the radius shrinks.
     length = jnp.where(solved, jnp.max(jnp.abs(p)), s.radius)
     grow = (ratio > 0.75) & (length > 0.8 * s.radius)
-    # A correction is tried once where the constraints, and not the objective, reject the step.
-    raised = penalty(trial.c, trial.d) > penalty(c, d) + noise
-    curved = finite & ~take & ~s.corrected & raised
     # No more than a fraction of the step's length: with a larger radius the same step would be
     # computed again.
     small = jnp.where(curved, s.radius, 0.35 * jnp.minimum(s.radius, length))
     radius = jnp.where(take, jnp.where(grow, 2.0 * s.radius, s.radius), small)
-    radius = jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
-    rho, hopeless = _weighted(s, penalty(c, d), take)
-    # A refused step tells nothing of the curvature at the point that stays.
-    B = jnp.where(take, damped_bfgs(s, trial, p, y, nu), s.B)
+    return jnp.where(take & (ratio < 0.25), 0.5 * s.radius, radius)
+
+
+def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
+    """Accept the pending step, correct it, or reject it and reduce the trust radius."""
+    p, y, nu, _ = s.pending
+    end = _compared(s, evaluation)
+    take = _is_taken(s, end, limits)
+    modelled = penalty(end.c, end.d)
+    # A correction is tried once where the constraints, and not the objective, reject the step.
+    raised = penalty(end.at.c, end.at.d) > modelled + end.noise
+    curved = end.finite & ~take & ~s.corrected & raised
+    rho, hopeless = _weighted(s, modelled, take)
     keep = lambda new, old: jnp.where(take, new, old)  # noqa: E731
-    shift = (trial.c - c, trial.d - d)
+    shift = (end.at.c - end.c, end.at.d - end.d)
     moved = s._replace(
         x=keep(s.trial, s.x),
-        at=jax.tree.map(keep, trial, s.at),
-        B=B,
+        at=jax.tree.map(keep, end.at, s.at),
+        # A refused step tells nothing of the curvature at the point that stays.
+        B=keep(damped_bfgs(s, end.at, p, y, nu), s.B),
         y=keep(y, s.y),
         nu=keep(nu, s.nu),
         rho=rho,
-        radius=radius,
+        radius=_next_radius(s, end.ratio, take, curved),
         shift=jax.tree.map(lambda x: jnp.where(curved, x, 0.0), shift),
         corrected=curved,
         hopeless=hopeless,
-        taken=s.taken + 1,
-        steps=s.steps + 1,
-        left_out=s.left_out + jnp.where(trial.sound(), 0, 1),
-        refused=jax.tree.map(
-            functools.partial(jnp.where, trial.sound()), s.refused, evaluation.report
-        ),
     )
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
-    row = jnp.stack([moved.at.f / s.weight[0], moved.violation, moved.gradient])
-    return moved._replace(rows=s.rows.at[s.taken].set(row))
+    return _counted(moved, end.at.sound(), evaluation.report)
 
 
-def _weighted(s: SqpState, reached: Scalar, take: Flag) -> tuple[Scalar, Flag]:
-    """The weight of the violation after the pending step, whose model leaves the penalty `reached`;
-    and whether no larger weight helps. `take`: whether the step is accepted."""
+def _counted(s: SqpState, sound: Flag, report: PyTree) -> SqpState:
+    """The state with the step in its counts and its history; `sound`: whether the numbers at the
+    end of the step, which the problem reports as `report`, are finite."""
+    row = jnp.stack([s.at.f / s.weight[0], s.violation, s.gradient])
+    return s._replace(
+        taken=s.taken + 1,
+        steps=s.steps + 1,
+        left_out=s.left_out + jnp.where(sound, 0, 1),
+        refused=jax.tree.map(functools.partial(jnp.where, sound), s.refused, report),
+        rows=s.rows.at[s.taken].set(row),
+    )
+
+
+def _weighted(s: SqpState, modelled: Scalar, take: Flag) -> tuple[Scalar, Flag]:
+    """The weight of the violation after the pending step, whose model leaves the penalty
+    `modelled`; and whether no larger weight helps. `take`: whether the step is accepted."""
     p, y, nu, solved = s.pending
     far = penalty(s.at.c, s.at.d)
     # A corrected model has other constraints than those at x.
     present = (far > ROUNDINGS * jnp.finfo(p.dtype).eps) & ~s.corrected & solved
     # Where even the model leaves half of the violation, the objective still outweighs it.
-    stuck = (reached > 0.5 * far) & present
+    stuck = (modelled > 0.5 * far) & present
     # A short step reduces little where a long one would reduce much.
     least = 1e-6 * far * jnp.minimum(s.radius, 1.0)
-    hopeless = (far - reached < least) & present & (s.rho >= MOST_WEIGHT)
+    hopeless = (far - modelled < least) & present & (s.rho >= MOST_WEIGHT)
     rho = jnp.where(stuck, jnp.minimum(4.0 * s.rho, MOST_WEIGHT), s.rho)
     # A weight far above the multipliers follows a curved constraint in tiny steps.
     largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=0.0)
     eased = jnp.minimum(s.rho, jnp.maximum(0.25 * s.rho, 2.0 * largest))
-    rho = jnp.where(take & (reached <= 0.01 * far), eased, rho)
+    rho = jnp.where(take & (modelled <= 0.01 * far), eased, rho)
     return rho, hopeless

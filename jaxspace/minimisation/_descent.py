@@ -5,11 +5,11 @@
 A round is a descent of one augmented Lagrangian (`_lagrangian.py`); it ends where the gradient is
 small beside the violation, or where neither falls. The optimiser goes on through all rounds, with
 its moments and schedules; what it holds of a single function (curvature, the end of a line search)
-begins anew with each. A step to a place whose numbers are not finite is left out, counted, and
+begins again with each. A step to a place whose numbers are not finite is left out, counted, and
 tried again with a quarter of its length. The result is the place of the least exact penalty, for an
 optimiser of fixed steps does not fall at each of them.
 
-Files: `_optimiser.py` (what optax is given), `_descent_state.py`, `_free_numbers.py` (bounds). The
+Files: `optimiser.py` (what optax is given), `_descent_state.py`, `_free_numbers.py` (bounds). The
 loop is that of `_drive.py`.
 """
 
@@ -167,11 +167,11 @@ def _no_worse(place: Place, best: Place) -> Bool[Array, ""]:
 def _stepped(s: DescentState, setting: Setting) -> DescentState:
     """The next step of the optimiser, in this round or at the start of the next one."""
     # After a step that changed nothing, memory of the function is of no use.
-    anew = s.still > 0
+    restart = s.still > 0
     if setting.constrained:
-        s, ended = _rounds(s, anew & setting.stepper.anew, setting)
-        anew = anew | ended
-    state = setting.stepper.restarted(s.optimiser, s.q, anew)
+        s, ended = _rounds(s, restart & setting.stepper.restarts, setting)
+        restart = restart | ended
+    state = setting.stepper.restarted(s.optimiser, s.q, restart)
 
     def function(q: Float[Array, " n"]) -> Array:
         f, c, d = _numbers(s.weight * setting.values(setting.point(q)), setting.me)
@@ -189,14 +189,14 @@ def _stepped(s: DescentState, setting: Setting) -> DescentState:
     step, after = setting.stepper.step(s.q, g, value, function, state)
     sound = jnp.all(jnp.isfinite(step))
     step = jnp.where(sound, step, 0.0)
-    if not setting.stepper.anew:
-        # Others begin anew after a step that changed nothing.
+    if not setting.stepper.restarts:
+        # Others begin again after a step that changed nothing.
         fresh = setting.stepper.begin(s.q)
         after = jax.tree.map(functools.partial(jnp.where, sound), after, fresh)
     change = jnp.max(jnp.abs(step) / jnp.maximum(jnp.abs(s.q), 1.0))
     unchanged = change <= 10.0 * jnp.finfo(s.q.dtype).eps
     fastest, most = s.fastest, STILL_LINES
-    if not setting.stepper.anew:
+    if not setting.stepper.restarts:
         rate = safe_divide(jnp.max(jnp.abs(step)), jnp.max(jnp.abs(g)))
         fastest, most = jnp.maximum(fastest, rate), STILL_STEPS
         unchanged = unchanged | (rate <= LEAST_RATE * fastest)

@@ -25,9 +25,9 @@ from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress
 from ._entry import as_point, check_scale, check_steps
 from ._gradient_check import refuse
-from ._optimiser import SQP, Optimiser, check_optimiser
 from ._scaling import scaled_problem
 from ._search import FORWARD_RATIO, search
+from .optimiser import SQP, Optimiser, check_optimiser
 from .search_store import SearchStore, as_store
 
 

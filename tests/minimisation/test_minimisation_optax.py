@@ -10,7 +10,7 @@ import optax
 import pytest
 
 from jaxspace.core import InputError
-from jaxspace.optimization import Criterion, StopReason, minimise, minimise_from
+from jaxspace.minimisation import Criterion, StopReason, minimise, minimise_from
 from jaxspace.optimization.optimisers import NAMES, lbfgs, named_optimiser
 
 HALVING = optax.scale_by_backtracking_linesearch(25, decrease_factor=0.5)

@@ -12,7 +12,7 @@ from test_robust_design import algebraic, linear_quadratic
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Normal
-from jaxspace.optimization import Criterion, StopReason, minimise
+from jaxspace.minimisation import Criterion, StopReason, minimise
 from jaxspace.robust import optimise_design, train_design
 from jaxspace.robust.statistics import MeanPlus
 
