@@ -49,7 +49,7 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
     """kappa, 1/s^2: the square of the frequency of small oscillations, negative where they grow."""
     A, C, mRR, _ = disk
 
-    def along(tilt: Scalar) -> Scalar:
+    def acceleration(tilt: Scalar) -> Scalar:
         """theta'' at a tilt near the circle, for the momenta that the motion conserves."""
         # The rates about the two axes in the plane of Z, to first order about this place.
         rate = (C * spin - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))
@@ -57,7 +57,7 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
         step = tilt - theta
         return tilt_acceleration(disk, tilt, precession + rate * step, spin + slow * step)
 
-    return -jax.jvp(along, (theta,), (jnp.ones_like(theta),))[1]
+    return -jax.jvp(acceleration, (theta,), (jnp.ones_like(theta),))[1]
 
 
 def growth_rate(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:

@@ -113,7 +113,7 @@ def _turned_tangent(
     still = [isinstance(x, SymbolicZero) for x in tangents]
     moving = [k for k in range(3) if not still[k]]
 
-    def along(*moved: Array) -> tuple[Quaternion, Vector]:
+    def frame(*moved: Array) -> tuple[Quaternion, Vector]:
         given = list(primals)
         for k, x in zip(moving, moved, strict=True):
             given[k] = x
@@ -122,7 +122,7 @@ def _turned_tangent(
             axes, *_near_principal(given[0], local, matvec(_transposed(axes), given[2]))
         )
 
-    return jax.jvp(along, tuple(primals[k] for k in moving), tuple(tangents[k] for k in moving))
+    return jax.jvp(frame, tuple(primals[k] for k in moving), tuple(tangents[k] for k in moving))
 
 
 _turned.defjvp(_turned_tangent, symbolic_zeros=True)

@@ -86,10 +86,10 @@ def _end_sqrt_tangent(radicand, args, tangents):
     total = jnp.zeros_like(root)
     for i, tangent in enumerate(tangents):
         # One argument at a time, because each slope has its own sign.
-        def along(a, i=i):
+        def radicand_of(a, i=i):
             return radicand(*args[:i], a, *args[i + 1 :])
 
-        _, partial_i = jax.jvp(along, (args[i],), (jnp.ones_like(args[i]),))
+        _, partial_i = jax.jvp(radicand_of, (args[i],), (jnp.ones_like(args[i]),))
         endless = jnp.where(partial_i == 0.0, 0.0, jnp.copysign(jnp.inf, partial_i))
         total = total + times_slope(jnp.where(end, endless, 0.5 * partial_i / root), tangent)
     return jnp.where(end, 0.0, sqrt(x)), total

@@ -230,7 +230,9 @@ def _derivatives(
 
     # One program for each column of the second derivatives and for the slopes beside the point: a
     # second direction in the same program would take several times as long to compile.
-    def along(row: tuple[Array, Array]) -> tuple[dict[str, Array], dict[str, Array], PyTree]:
+    def columns_at(
+        row: tuple[Array, Array],
+    ) -> tuple[dict[str, Array], dict[str, Array], PyTree]:
         point, direction = row
         return jax.jvp(slopes, (point,), (direction,), has_aux=True)
 
@@ -238,7 +240,7 @@ def _derivatives(
     aside = NEARBY * jnp.ones_like(centre)
     points = jnp.concatenate([jnp.zeros((n, n)), aside[None], -aside[None]])
     directions = jnp.concatenate([jnp.eye(n), jnp.zeros((2, n))])
-    first, columns, aux = jax.lax.map(along, (points, directions))
+    first, columns, aux = jax.lax.map(columns_at, (points, directions))
     values, status = jax.tree.map(lambda x: x[0], aux)
     return _Series(
         values,

@@ -7,9 +7,15 @@ from typing import Any, final
 
 from ..core import InputError
 from ..core.extras import extra
-from ..core.processors import cores
 from ..stores import StoreError
-from ._interface import RETRIES, AbstractEngine, AbstractRunner, Computed, Extent
+from ._interface import (
+    RETRIES,
+    AbstractEngine,
+    AbstractRunner,
+    Computed,
+    Extent,
+    workers_or_cores,
+)
 from ._transfer import compute_chunk, payload_of, without_main
 
 # The kinds of connection that Dask knows.
@@ -31,7 +37,7 @@ class DaskCluster(AbstractEngine):
     - `workers`: of the cluster that is started.
     - `retries`: how often a chunk may fail or be lost with its worker.
 
-    **Raises** `InputError` for an address that is none."""
+    **Raises** `InputError` for an address that is none, and for less than one worker."""
 
     def __init__(
         self, address: str | None = None, *, workers: int | None = None, retries: int = RETRIES
@@ -39,7 +45,7 @@ class DaskCluster(AbstractEngine):
         if address is not None:
             _check_address(address)
         self.address = address
-        self._workers = cores() if workers is None else workers
+        self._workers = workers_or_cores("DaskCluster", workers)
         self.retries = retries
 
     @property

@@ -9,6 +9,8 @@ from typing import NamedTuple, TypeAlias
 import jax
 from jaxtyping import PyTree
 
+from ..core import InputError
+from ..core.processors import cores
 from ..stores.results import RunResults
 
 RETRIES = 3
@@ -60,6 +62,16 @@ class Done(NamedTuple):
 
 
 Computed: TypeAlias = Generator[Done, None, None]
+
+
+def workers_or_cores(engine: str, workers: int | None) -> int:
+    """The number of workers of an engine of this name: by default one for each core.
+
+    Raises `InputError` for less than one."""
+    count = cores() if workers is None else workers
+    if count < 1:
+        raise InputError(f"{engine}.workers is {count}: it must be at least 1.")
+    return count
 
 
 class AbstractEngine(ABC):

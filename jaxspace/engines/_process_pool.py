@@ -7,10 +7,16 @@ from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wai
 from concurrent.futures.process import BrokenProcessPool
 from typing import final
 
-from ..core import InputError
-from ..core.processors import cores
 from ..stores import StoreError
-from ._interface import RETRIES, AbstractEngine, AbstractRunner, Computed, Done, Extent
+from ._interface import (
+    RETRIES,
+    AbstractEngine,
+    AbstractRunner,
+    Computed,
+    Done,
+    Extent,
+    workers_or_cores,
+)
 from ._transfer import compute_chunk, payload_of, without_main
 
 
@@ -25,14 +31,14 @@ class ProcessPool(AbstractEngine):
     - `workers`: how many; as many as cores by default.
     - `limit`: after how many seconds a chunk that has not returned counts as lost; never by
       default. It includes the start of a process, which compiles or loads the program.
-    - `retries`: how often a chunk may be lost."""
+    - `retries`: how often a chunk may be lost.
+
+    **Raises** `InputError` for less than one worker."""
 
     def __init__(
         self, workers: int | None = None, *, limit: float | None = None, retries: int = RETRIES
     ):
-        self._workers = cores() if workers is None else workers
-        if self._workers < 1:
-            raise InputError(f"ProcessPool.workers is {workers}: it must be at least 1.")
+        self._workers = workers_or_cores("ProcessPool", workers)
         self.limit = limit
         self.retries = retries
 

@@ -1,5 +1,5 @@
 """One step of each run, which the loop accepts or rejects: of its own length, as its part of a step
-of the method from 0 to 1 (`OwnStep`)."""
+of the method from 0 to 1 (`StepTimes`)."""
 
 from typing import Any, NamedTuple
 
@@ -16,7 +16,7 @@ from ..solvers.vector_field import TERM, ScaledField
 from ._buffers import place_in_step
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
-from .normalised_time import OwnStep, field_of_part
+from .normalised_time import StepTimes, field_of_part
 
 
 class Beginning(NamedTuple):
@@ -58,7 +58,7 @@ class Attempt(NamedTuple):
     error: Float[Array, "*runs"]
     polynomial: diffrax.AbstractLocalInterpolation
     carried: PyTree
-    segment: OwnStep | None
+    segment: StepTimes | None
 
 
 def attempted(settings: LoopSettings, field: ScaledField, loop: LoopState) -> Attempt:

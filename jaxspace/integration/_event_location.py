@@ -25,11 +25,11 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
 from ..solvers.tolerances import Tolerance
-from ._step_zero import PARTS, AlongFlow, AlongStep, Ends, Part
+from ._step_zero import PARTS, Ends, FlowCondition, Part, StepCondition
 from .event_zero import rounding_change
 from .events import Event
 from .layout import runs_of
-from .normalised_time import OwnStep, Segments
+from .normalised_time import Segments, StepTimes
 from .status import Status
 
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
@@ -101,12 +101,12 @@ class Location(NamedTuple):
         """The normalised time at which each run waits, or infinity."""
         return jnp.where(self.waiting, self.start + self.length, jnp.inf)
 
-    def found(self, segments: Segments | OwnStep, t0: Scalar, t1: Scalar) -> "FoundEvents":
+    def located(self, segments: Segments | StepTimes, t0: Scalar, t1: Scalar) -> "LocatedEvents":
         """The events in the time of runs from `t0` to `t1`, s."""
         time = segments.time(self.start + self.length)
         failed = self.waiting & (self.status > Status.EVENT)
         hits = jnp.ones(self.sizes.shape, bool)
-        return FoundEvents(
+        return LocatedEvents(
             jnp.where(self.waiting, time, t1),
             self.which,
             jnp.where(failed, self.status, Status.COMPLETED).astype(jnp.int32),
@@ -144,7 +144,7 @@ class Location(NamedTuple):
         )
 
 
-class FoundEvents(NamedTuple):
+class LocatedEvents(NamedTuple):
     """The first event of each run.
 
     - `time`, `which`: its time, s, and its number; the end of the run and -1 where none happens.
@@ -186,7 +186,7 @@ class SearchedStep(NamedTuple):
     starts, and its length, in normalised time; the state where it starts and that where it ends,
     and the part of the run that it passes."""
 
-    along: Callable[[Event], AlongStep | AlongFlow]
+    along: Callable[[Event], StepCondition | FlowCondition]
     start: Float[Array, "*runs"]
     length: Float[Array, "*runs"]
     y0: State

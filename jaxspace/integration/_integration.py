@@ -17,11 +17,11 @@ from ..core.structure import shape_of
 from ..core.tracing import count_operations
 from ..solvers.protocol import small_program, solver_traits
 from ..solvers.step_control import FIRST_STEP
+from ._individual_replay import IndividualReplay
+from ._individual_state import IndividualState, record_of_pass
+from ._individual_steps import integrate_individual_steps
 from ._loop import integrate_loop
 from ._loop_settings import LoopSettings
-from ._own_replay import OwnReplay
-from ._own_state import OwnState, record_of_pass
-from ._own_steps import integrate_own_steps
 from ._packed import Packing, packed
 from ._record import Record, Recording
 from ._replay import Replay
@@ -29,7 +29,7 @@ from ._tangents import Probes
 from .field_trace import field_trace
 from .normalised_time import ScaledVectorField
 from .programs import Runs, is_small
-from .result import Outcome, outcome_of, own_outcome_of
+from .result import Outcome, outcome_of, outcome_of_individual_steps
 
 # For the field and the initial state, a tree like each: whether an array is differentiated.
 Moving: TypeAlias = tuple[PyTree[bool], PyTree[bool]]
@@ -57,10 +57,10 @@ class Integration(eqx.Module):
             "states on the way to an event are differentiated along a second run"
         )
         # The type of the state decides which loop it belongs to.
-        if isinstance(y0, OwnState):
-            own = integrate_own_steps(settings, field, y0, recorded=recorded)
-            record = self._record(own.buffers.recording, own.count, None)
-            return own_outcome_of(own, settings), record
+        if isinstance(y0, IndividualState):
+            loop = integrate_individual_steps(settings, field, y0, recorded=recorded)
+            record = self._record(loop.buffers.recording, loop.count, None)
+            return outcome_of_individual_steps(loop, settings), record
         small = self._is_alone if small else recorded and self._is_single
         # Many runs that are recorded are part of a derivative.
         if small or self._is_small(derivative=recorded and not self._is_alone):
@@ -90,7 +90,7 @@ class Integration(eqx.Module):
         if recording is None:
             return None
         y0 = self.y0
-        own = isinstance(y0, OwnState)
+        own = isinstance(y0, IndividualState)
         step = record_of_pass(y0.z[0], y0.z[0] > 0.0) if own else self.settings.clock(y0)
         layout = self.settings.layout(y0, step)
         ends = jnp.asarray(math.inf) if ends is None else ends
@@ -99,8 +99,8 @@ class Integration(eqx.Module):
     def replay(self, record: Record, moving: PyTree[bool]) -> tuple[Replay, PyTree]:
         """The replay of a recorded run, and the differentiated part of its field."""
         part, fixed = eqx.partition(self.field, moving)
-        if isinstance(self.y0, OwnState):
-            return OwnReplay(self.settings, fixed, record, False, False), part
+        if isinstance(self.y0, IndividualState):
+            return IndividualReplay(self.settings, fixed, record, False, False), part
         small = self._is_small(derivative=True)
         # The program of reverse mode then holds a step once.
         once = self._is_single or is_small(Runs.DERIVATIVES, self.field_operations)

@@ -1,7 +1,7 @@
 """The loop of an integration: every run goes on by its own steps to its own end.
 
 In a pass each run takes one step, accepted or rejected, of its own length: the method steps from 0
-to 1, of which every run takes its own part (`OwnStep`). What a run does thus does not depend on
+to 1, of which every run takes its own part (`StepTimes`). What a run does thus does not depend on
 its neighbours. Runs that take planned steps share their times.
 
 diffrax's own loop does the same work for one run. This one is traced once where diffrax's is traced

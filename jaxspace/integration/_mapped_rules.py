@@ -18,14 +18,14 @@ from ._primitives import (
     Arguments,
     Program,
     Traced,
-    along,
-    along_p,
-    back,
-    back_p,
     bind,
+    cotangent,
+    cotangent_p,
     derivative_p,
     record_p,
     solve_p,
+    tangent,
+    tangent_p,
     traced,
 )
 from .mapping import add_run_axis, over_blocks
@@ -88,7 +88,7 @@ def _record_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
 
 
 def _linear_batch(primitive: Primitive, program: Program) -> Program:
-    """The batching rule of `along` or of `back`."""
+    """The batching rule of `tangent` or of `cotangent`."""
 
     @eqxi.filter_primitive_batching
     def rule(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
@@ -100,7 +100,7 @@ def _linear_batch(primitive: Primitive, program: Program) -> Program:
             columns, *rest = rest
             return _on(0, bind(primitive, run, record, last, columns + 1, *rest))
         # Every run has its own derivative with respect to the arrays that move.
-        moving = moving_in((run.field, run.y0), last) if primitive is along_p else rest[1]
+        moving = moving_in((run.field, run.y0), last) if primitive is tangent_p else rest[1]
         mapped = add_run_axis(run, dims[0], size, moving)
         if mapped is None:
 
@@ -127,6 +127,6 @@ def _derivative_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]
 
 batching.primitive_batchers[solve_p] = _solve_batch
 batching.primitive_batchers[record_p] = _record_batch
-batching.primitive_batchers[along_p] = _linear_batch(along_p, along)
-batching.primitive_batchers[back_p] = _linear_batch(back_p, back)
+batching.primitive_batchers[tangent_p] = _linear_batch(tangent_p, tangent)
+batching.primitive_batchers[cotangent_p] = _linear_batch(cotangent_p, cotangent)
 batching.primitive_batchers[derivative_p] = _derivative_batch

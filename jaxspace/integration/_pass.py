@@ -18,7 +18,7 @@ from ._buffers import Buffers
 from ._event_location import Location, SearchedStep, located
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
-from ._step_zero import AlongStep
+from ._step_zero import StepCondition
 from ._tangents import ProbeState, StepTaken, TangentControl
 from .events import Event
 from .normalised_time import ScaledVectorField, Segments
@@ -159,8 +159,8 @@ def _located(
         width = width * of_segment(settings.lengths, begin.s)
     moving = accept & settings.tolerance.alive(step.y1)
 
-    def along(event: Event) -> AlongStep:
-        return AlongStep(event, segment, polynomial, moving.shape)
+    def along(event: Event) -> StepCondition:
+        return StepCondition(event, segment, polynomial, moving.shape)
 
     searched = SearchedStep(along, begin.s, begin.length, begin.y0, step.y1, width)
     first = loop.t == settings.start

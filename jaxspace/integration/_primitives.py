@@ -68,26 +68,26 @@ def map_columns(function: Program, columns: int) -> Program:
     return function
 
 
-def along(run: Integration, record: Record, given: Tangents, columns: int) -> State:
+def tangent(run: Integration, record: Record, given: Tangents, columns: int) -> State:
     """The tangents of the saved states, for tangents with `columns` as their leading axes."""
     return map_columns(lambda given: run.forward(record, given)[0], columns)(given)
 
 
-def back(
+def cotangent(
     run: Integration, record: Record, cotangents: State, columns: int, moving: Moving
 ) -> Tangents:
     """The cotangents of the arrays that move, for cotangents with leading axes."""
     return map_columns(lambda c: run.backward(record, moving, c), columns)(cotangents)
 
 
-def _along_shapes(run: Integration, record: Record, given: PyTree, columns: int) -> PyTree:
+def _tangent_shapes(run: Integration, record: Record, given: PyTree, columns: int) -> PyTree:
     save_ts = run.settings.save_ts
     rows = 1 if save_ts is None else save_ts.shape[0]
     lead = jax.tree.leaves(given)[0].shape[:columns]
     return jax.tree.map(lambda x: ShapedArray((*lead, rows, *x.shape), x.dtype), run.y0)
 
 
-def _back_shapes(
+def _cotangent_shapes(
     run: Integration, record: Record, cotangents: PyTree, columns: int, moving: Moving
 ) -> PyTree:
     lead = jax.tree.leaves(cotangents)[0].shape[:columns]
@@ -117,8 +117,8 @@ solve_p = _primitive("integrate", _solved, lambda _, program: _shaped(program.ou
 record_p = _primitive(
     "integrate_recorded", _recorded, lambda run, moving, program: _shaped(program.out_struct)
 )
-along_p = _primitive("tangent_along_steps", along, _along_shapes)
-back_p = _primitive("cotangent_along_steps", back, _back_shapes)
+tangent_p = _primitive("tangent_along_steps", tangent, _tangent_shapes)
+cotangent_p = _primitive("cotangent_along_steps", cotangent, _cotangent_shapes)
 # A separate primitive only so that its transpose can be refused with a helpful sentence.
 derivative_p = _primitive("derivative_along_steps", _derivative, lambda f, v, g, like: like)
 
@@ -134,7 +134,7 @@ def _jvp_of(function: Program, values: PyTree, given: PyTree) -> tuple[PyTree, P
     return jax.jvp(lambda moving: function(eqx.combine(moving, fixed)), (moving,), (given,))
 
 
-def _given(run: Integration, tangents: PyTree) -> tuple[Tangents, Moving]:
+def _tangents_of(run: Integration, tangents: PyTree) -> tuple[Tangents, Moving]:
     """The tangents of field and initial state, and which arrays have one."""
     # Those of the settings are zero, and counters have none.
     given = eqx.filter((tangents.field, tangents.y0), eqx.is_inexact_array)
@@ -144,9 +144,9 @@ def _given(run: Integration, tangents: PyTree) -> tuple[Tangents, Moving]:
 @eqxi.filter_primitive_jvp
 def _solve_jvp(primals: Arguments, tangents: Arguments) -> tuple[Outcome, Outcome]:
     run, _ = primals
-    given, moving = _given(run, tangents[0])
+    given, moving = _tangents_of(run, tangents[0])
     outcome, record = bind(record_p, run, moving, traced(run, moving))
-    states = bind(along_p, run, record, given, 0)
+    states = bind(tangent_p, run, record, given, 0)
     return outcome, _none(outcome)._replace(states=states)
 
 
@@ -156,7 +156,7 @@ def _record_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree
     # written out most of the program.
     run, moving, _ = primals
     outcome, record = run.run(moving, small=True)
-    given, _ = _given(run, tangents[0])
+    given, _ = _tangents_of(run, tangents[0])
     states, numbers = run.forward(record, given, recorded=True)
     d_record = eqx.tree_at(lambda r: r.numbers, _none(record), numbers, is_leaf=lambda x: x is None)
     return (outcome, record), (_none(outcome)._replace(states=states), d_record)
@@ -199,15 +199,16 @@ def _derivative_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, Py
     return _jvp_of(lambda x: function(*x), (values, given), moves)
 
 
-def _along_transpose(inputs: Arguments, cotangents: State) -> PyTree:
+def _tangent_transpose(inputs: Arguments, cotangents: State) -> PyTree:
     run, record, given, columns = inputs
     moving = moving_in((run.field, run.y0), given)
-    return _none(run), _none(record), bind(back_p, run, record, cotangents, columns, moving), None
+    pulled = bind(cotangent_p, run, record, cotangents, columns, moving)
+    return _none(run), _none(record), pulled, None
 
 
-def _back_transpose(inputs: Arguments, cotangents: Tangents) -> PyTree:
+def _cotangent_transpose(inputs: Arguments, cotangents: Tangents) -> PyTree:
     run, record, _, columns, moving = inputs
-    given = bind(along_p, run, record, cotangents, columns)
+    given = bind(tangent_p, run, record, cotangents, columns)
     return _none(run), _none(record), given, None, _none(moving)
 
 
@@ -217,12 +218,12 @@ def _refuse_transpose(inputs: Arguments, cotangents: PyTree) -> PyTree:
 
 ad.primitive_jvps[solve_p] = _solve_jvp
 ad.primitive_jvps[record_p] = _record_jvp
-ad.primitive_jvps[along_p] = _linear_jvp(along_p, along)
-ad.primitive_jvps[back_p] = _linear_jvp(back_p, back)
+ad.primitive_jvps[tangent_p] = _linear_jvp(tangent_p, tangent)
+ad.primitive_jvps[cotangent_p] = _linear_jvp(cotangent_p, cotangent)
 ad.primitive_jvps[derivative_p] = _derivative_jvp
 for primitive, transpose in (
-    (along_p, _along_transpose),
-    (back_p, _back_transpose),
+    (tangent_p, _tangent_transpose),
+    (cotangent_p, _cotangent_transpose),
     (derivative_p, _refuse_transpose),
 ):
     ad.primitive_transposes[primitive] = eqxi.filter_primitive_transpose(

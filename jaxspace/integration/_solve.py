@@ -1,16 +1,17 @@
 """One integration as a primitive of JAX: both modes of differentiation, and mapped runs.
 
 The number of steps depends on the input, so that JAX cannot transpose the loop over them. Instead,
-the rule for derivatives records the steps, and the tangent is a separate primitive, `along`: it is
-linear in the tangents, computed forwards along the record, and backwards when transposed (`back`).
+the rule for derivatives records the steps, and the tangent is a separate primitive, `tangent`: it
+is linear in the tangents, computed forwards along the record, and backwards when transposed
+(`cotangent`).
 
-    solve    (field, y0)                  -> outcome
-    record   (field, y0)                  -> outcome, record
-    along    (field, y0), record, (dp)    -> dy             linear in dp
-    back     (field, y0), record, (y*)    -> p*             the transpose of along
+    solve      (field, y0)                  -> outcome
+    record     (field, y0)                  -> outcome, record
+    tangent    (field, y0), record, (dp)    -> dy             linear in dp
+    cotangent  (field, y0), record, (y*)    -> p*             the transpose of tangent
 
 All further derivatives except for reverse mode over these two are JAX's: it differentiates the
-loops of `along` and `back` forwards.
+loops of `tangent` and `cotangent` forwards.
 
 A mapped integration (`jax.vmap`) does not use JAX's batching of the loop, in which every run would
 take the steps of the slowest and the components would be innermost. Its batching rule adds an axis
@@ -31,9 +32,9 @@ from ..solvers.regularised_step import regularised_start
 
 # Imported to register its rules.
 from . import _mapped_rules as _mapped_rules
+from ._individual_state import IndividualState
 from ._integration import Integration
 from ._loop_settings import LoopSettings
-from ._own_state import OwnState
 from ._primitives import bind, solve_p, traced
 from .result import Outcome
 
@@ -59,7 +60,7 @@ def solve(field: PyTree, y0: State, settings: LoopSettings) -> Outcome:
     return bind(solve_p, run, traced(run))
 
 
-def solve_own_steps(
+def solve_individual_steps(
     field: PyTree, y0: State, settings: LoopSettings
 ) -> tuple[Outcome, AbstractRegularised]:
     """`solve` with steps that every run chooses for itself, in regularised variables.
@@ -68,9 +69,9 @@ def solve_own_steps(
     form, z0 = regularised_start(field, y0)
     # A zero that depends on the run, because the rules for derivatives expect a traced number.
     number = jnp.floor(0.5 * jnp.isfinite(z0[0]).astype(z0.dtype))
-    outcome = solve(field, OwnState(z0, number), settings)
+    outcome = solve(field, IndividualState(z0, number), settings)
 
-    def states(own: OwnState | None) -> State | None:
+    def states(own: IndividualState | None) -> State | None:
         return None if own is None else jax.vmap(form.from_regularised)(own.z)
 
     outcome = outcome._replace(

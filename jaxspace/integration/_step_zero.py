@@ -22,7 +22,7 @@ from ._event_bracket import NARROW, zero_share
 from ._in_turn import in_turn
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, pick
 from .events import Event
-from .normalised_time import OwnStep
+from .normalised_time import StepTimes
 from .status import Status
 
 # Number of parts of a step that are sampled at once.
@@ -35,11 +35,11 @@ NEAR = np.append(1.0 - 16.0 ** -np.arange(PARTS // 2), 1.0)
 EVEN = np.linspace(0.0, 1.0, PARTS // 2 + 1)
 
 
-class AlongStep(NamedTuple):
+class StepCondition(NamedTuple):
     """The condition of an event within a step, by its polynomial."""
 
     event: Event
-    segment: OwnStep
+    segment: StepTimes
     step: AbstractDenseOutput
     runs: tuple[int, ...]
 
@@ -70,11 +70,11 @@ class AlongStep(NamedTuple):
         return barrier(jax.vmap(each)(nodes))
 
 
-class AlongFlow(NamedTuple):
+class FlowCondition(NamedTuple):
     """The condition of an event along a run in closed form, of which the `segment` is one step."""
 
     event: Event
-    segment: OwnStep
+    segment: StepTimes
     system: AbstractSystem
     y0: State
     runs: tuple[int, ...]
@@ -91,7 +91,7 @@ class AlongFlow(NamedTuple):
         return self.event.condition(*self._at(t))
 
     def at(self, nodes: Scalar) -> tuple[Scalar, Scalar]:
-        """As of `AlongStep`."""
+        """As of `StepCondition`."""
 
         def each(t: Scalar) -> tuple[Scalar, Scalar]:
             value, slope = self.event.slope(self.system, *barrier(self._at(t)))
@@ -153,7 +153,7 @@ class Part(NamedTuple):
     `at_start`: whether the run starts with it; `rounding`: of the condition, as in `SoughtEvents`;
     `start`, `duration`: of the run, s."""
 
-    along: AlongStep | AlongFlow
+    along: StepCondition | FlowCondition
     begin: Float[Array, "*runs"]
     end: Float[Array, "*runs"]
     at_start: Bool[Array, "*runs"]

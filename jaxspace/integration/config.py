@@ -139,11 +139,11 @@ def resolve(
     if method == "auto":
         # The rules have checked the needs of the method already.
         method = select_method(system, y0, known_rtol, starts=starts)
-        if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
+        if accuracy.adjoint is not None and solver_traits_of(method).individual_steps:
             method = select_method(system, y0, known_rtol)
     else:
         _check_needs(system, method)
-        if accuracy.adjoint is not None and solver_traits_of(method).own_steps:
+        if accuracy.adjoint is not None and solver_traits_of(method).individual_steps:
             name = type(method).__name__
             raise InputError(
                 f"Accuracy.adjoint is given with {name}, whose steps diffrax cannot take: leave it "

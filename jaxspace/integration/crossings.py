@@ -112,11 +112,11 @@ def crossings_between(
     start = times[0], jax.tree.map(lambda x: x[0], states)
     # A rule for derivatives sees leaves alone.
     hidden = field_trace(system, *start).closes_over_tracers
-    find = _integrated_to if hidden else _found_with_rule
+    find = _integrated_to if hidden else _zeros_with_rule
     return find(system, event, times, states, _for_short_ways(config), run_axes)
 
 
-def _found(
+def _zeros(
     system: AbstractSystem,
     event: Event,
     times: Float[Array, "samples *#runs"],
@@ -155,9 +155,9 @@ def _integrated_to(
     config: IntegrationConfig,
     run_axes: int,
 ) -> Crossings:
-    """`_found`, with derivatives: by an integration from the sample before each zero to it."""
+    """`_zeros`, with derivatives: by an integration from the sample before each zero to it."""
     parts = jax.tree.map(_fixed, (system, event, times, states))
-    found = _found(parts[0], parts[1], parts[2], parts[3], config, run_axes)
+    found = _zeros(parts[0], parts[1], parts[2], parts[3], config, run_axes)
     moments = parts[2]
 
     # Zeros one after the other: those of all runs with the same number share an integration.
@@ -180,11 +180,11 @@ def _integrated_to(
     )
 
 
-_found_with_rule = eqx.filter_custom_jvp(_found)
+_zeros_with_rule = eqx.filter_custom_jvp(_zeros)
 
 
-@_found_with_rule.def_jvp
-def _found_jvp(primals: tuple, tangents: tuple) -> tuple[Crossings, Crossings]:
+@_zeros_with_rule.def_jvp
+def _zeros_jvp(primals: tuple, tangents: tuple) -> tuple[Crossings, Crossings]:
     return eqx.filter_jvp(_integrated_to, primals, tangents)
 
 

@@ -19,13 +19,13 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..solvers.tolerances import Tolerance
-from ._event_location import FoundEvents, Location, SearchedStep, SoughtEvents, located
+from ._event_location import LocatedEvents, Location, SearchedStep, SoughtEvents, located
 from ._event_runs import ConditionOnRun, first_zero
-from ._step_zero import AlongFlow
+from ._step_zero import FlowCondition
 from .config import IntegrationConfig
 from .events import Event
 from .integrate import integrate, locates_events
-from .normalised_time import OwnStep
+from .normalised_time import StepTimes
 from .status import Status
 
 
@@ -38,7 +38,7 @@ def first_event(
     config: IntegrationConfig,
     run_axes: int,
     start_known: Float[Array, "events *#runs"] | None = None,
-) -> FoundEvents:
+) -> LocatedEvents:
     """The first event of each run between `t0` and `t1`, s. Not differentiable.
 
     `start_known`, for a run that goes on after events: what is known of each condition at `t0`.
@@ -54,8 +54,8 @@ def first_event(
         result = integrate(
             system, y0, t0, t1, None, config, run_axes, until=events, start_known=start_known
         )
-        assert result.found is not None
-        return result.found
+        assert result.events is not None
+        return result.events
     along = [ConditionOnRun(system, event, config, run_axes) for event in events]
     starts = [None] * len(events) if start_known is None else list(start_known)
     zeros = [first_zero(each, y0, t0, t1, start) for each, start in zip(along, starts, strict=True)]
@@ -75,7 +75,7 @@ def first_event(
         earliest = jnp.where(sooner, zero.failed, earliest)
         failed = jnp.where(sooner, zero.failed, failed)
         status = jnp.where(sooner, zero.status, status)
-    return FoundEvents(
+    return LocatedEvents(
         when,
         which,
         status,
@@ -95,7 +95,7 @@ def _first_on_flow(
     events: tuple[Event, ...],
     run_axes: int,
     start_known: Array | None,
-) -> FoundEvents:
+) -> LocatedEvents:
     """`first_event` of a system in closed form, which is searched as a single step is."""
     finite = Tolerance(0.0, 0.0, run_axes)
     alive = finite.alive(y0)
@@ -103,18 +103,18 @@ def _first_on_flow(
     t0, t1 = (jnp.broadcast_to(jnp.asarray(t, dtype), alive.shape) for t in (t0, t1))
     begin, end = jnp.zeros((), dtype), jnp.ones((), dtype)
     # The whole run is one step of a method, whose dense output is the flow itself.
-    segment = OwnStep(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
+    segment = StepTimes(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
     start, length = jnp.zeros_like(t0), jnp.ones_like(t0)
 
-    def along(event: Event) -> AlongFlow:
-        return AlongFlow(event, segment, system, y0, alive.shape)
+    def along(event: Event) -> FlowCondition:
+        return FlowCondition(event, segment, system, y0, alive.shape)
 
     sought = SoughtEvents.of(events, system, t0, y0, run_axes, start_known)
     none = Location.none_yet(sought, start, y0, finite)
     step = SearchedStep(along, start, length, y0, y0, length)
     yes = jnp.ones(t0.shape, bool)
     location = located(none, sought, step, yes, alive, yes, (t0, t1 - t0))
-    return location.found(segment, t0, t1)._replace(state=None)
+    return location.located(segment, t0, t1)._replace(state=None)
 
 
 # A system may hold functions among its leaves.

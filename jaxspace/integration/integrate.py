@@ -28,7 +28,7 @@ from ._exact import at_once, by_closed_form, joined
 from ._in_turn import in_turn
 from ._loop_settings import LoopSettings
 from ._save_times import at_save_times
-from ._solve import solve, solve_own_steps
+from ._solve import solve, solve_individual_steps
 from .config import IntegrationConfig
 from .events import Event
 from .field_trace import field_trace
@@ -137,8 +137,8 @@ def _by_steps(
     outcome, form = _outcome(field, y0, config, settings, request, landing)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
     if outcome.location is not None:
-        found = outcome.location.found(segments, t0, t1)
-        result = result._replace(found=barrier(found))
+        events = outcome.location.located(segments, t0, t1)
+        result = result._replace(events=barrier(events))
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
@@ -156,8 +156,8 @@ def _outcome(
     """The outcome of the loop that suits the method, and the variables in which runs choose their
     own steps."""
     traits = solver_traits(config.solver)
-    if traits.own_steps:
-        return solve_own_steps(hoist(field, y0, traits.needs), y0, settings)
+    if traits.individual_steps:
+        return solve_individual_steps(hoist(field, y0, traits.needs), y0, settings)
     if config.adjoint is not None or not traits.replayable:
         # Adjoints of diffrax, and methods that carry more than a state, need its loop.
         hoisted = hoist(field, y0, traits.needs)
@@ -187,7 +187,7 @@ def searches_steps(config: IntegrationConfig) -> bool:
     if config.method == "closed_form" or config.adjoint is not None or config.decoupled:
         return False
     traits = solver_traits(config.solver)
-    if not traits.replayable or traits.own_steps or traits.fixed_step:
+    if not traits.replayable or traits.individual_steps or traits.fixed_step:
         return False
     # Some solvers of diffrax make theirs by a partial function.
     interpolation = config.solver.interpolation_cls
@@ -223,7 +223,9 @@ def _settings(
         run_axes=run_axes,
         searched=sought is not None,
     )
-    reach, first_step = _reach_and_first_step(segments, request, sought, plan, traits.own_steps)
+    reach, first_step = _reach_and_first_step(
+        segments, request, sought, plan, traits.individual_steps
+    )
     return LoopSettings(
         method,
         tolerance,
@@ -246,11 +248,11 @@ def _reach_and_first_step(
     request: _Request,
     sought: SoughtEvents | None,
     plan: Array | None,
-    own_steps: bool,
+    individual_steps: bool,
 ) -> tuple[tuple[Array, Array] | None, float | None]:
     """Where the steps begin and end, by default with the run, and the first of them, by default
     an estimated one."""
-    if request.trimmed and plan is None and not own_steps:
+    if request.trimmed and plan is None and not individual_steps:
         # A short run, for which a single step is mostly short enough.
         return segments.reach(), 1.0
     # The estimate would be another copy of the vector field beside that of the search.

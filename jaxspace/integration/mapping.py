@@ -19,10 +19,10 @@ from ..core.layout import component_axes_of
 from ..solvers.protocol import bind
 from ..solvers.tolerances import Tolerance
 from ._event_location import SoughtEvents
+from ._individual_state import IndividualState
 from ._integration import Integration, Moving
 from ._layout_check import follows_layout
 from ._loop_settings import LoopSettings
-from ._own_state import OwnState
 from .normalised_time import ScaledVectorField, Segments
 
 BLOCK = 64
@@ -130,7 +130,7 @@ def _can_batch(run: Integration) -> bool:
     if not isinstance(run.field, ScaledVectorField):
         return False
     system, y = run.field.system, run.y0
-    if isinstance(y, OwnState):
+    if isinstance(y, IndividualState):
         y = eqx.filter_eval_shape(lambda s, z: s.regularised().from_regularised(z), system, y.z)
     return follows_layout(system, y)
 

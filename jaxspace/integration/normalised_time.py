@@ -91,13 +91,15 @@ class Segments(eqx.Module):
         """The duration, s, of a normalised time `ds` from `s` on, within one segment."""
         return ds * (self.total if len(self) == 1 else self.total * self._segment(s)[2])
 
-    def step(self, s: Scalar, length: Scalar, begin: Scalar, end: Scalar) -> "OwnStep":
+    def step(self, s: Scalar, length: Scalar, begin: Scalar, end: Scalar) -> "StepTimes":
         """The times of a step of all runs from `begin` to `end`; in each run it starts at `s` and
         has its `length`."""
         duration = self.duration(s, length)
         edge = jnp.zeros_like(duration) + (self._edge() if self.jumps else 0.0)
         # Every stage and every number of the search reads them.
-        return OwnStep(*barrier((begin, end - begin, self.time(s), duration / (end - begin), edge)))
+        return StepTimes(
+            *barrier((begin, end - begin, self.time(s), duration / (end - begin), edge))
+        )
 
     def _edge(self) -> Scalar:
         """Some roundings of a time, s, in the direction of the run."""
@@ -130,7 +132,7 @@ class Segments(eqx.Module):
 
 
 @final
-class OwnStep(eqx.Module):
+class StepTimes(eqx.Module):
     """The times of a step of which every run takes its own part; used as `Segments` are.
 
     No segment ends within a step, so that time is linear in it: from `start` on, `rate` seconds to
@@ -185,7 +187,7 @@ def segments_of(
     return Segments(jnp.sort(u, axis=0) if inner else u, t0, total, breaks is not None)
 
 
-Clock = TypeVar("Clock", Segments, OwnStep)
+Clock = TypeVar("Clock", Segments, StepTimes)
 
 
 @final
@@ -270,7 +272,7 @@ class PartOfField(eqx.Module):
 
 def field_of_part(
     field: ScaledField, s: Scalar, length: Scalar
-) -> tuple[ScaledField, OwnStep | None]:
+) -> tuple[ScaledField, StepTimes | None]:
     """The vector field of a step from 0 to 1, of which each run takes its own part: from `s` on,
     `length` long in normalised time; and its times, if the field is not hoisted."""
     if not isinstance(field, ScaledVectorField):

@@ -11,10 +11,10 @@ from ..core import Flag, State
 from ..core.barrier import barrier
 from ..core.groups import project
 from ..solvers.protocol import solver_traits
-from ._event_location import FoundEvents, Location
+from ._event_location import LocatedEvents, Location
+from ._individual_state import IndividualLoop
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
-from ._own_state import OwnLoop
 from ._packed import Packing
 from .config import IntegrationConfig
 from .layout import times_behind_components
@@ -79,7 +79,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
     )
 
 
-def own_outcome_of(loop: OwnLoop, settings: LoopSettings) -> Outcome:
+def outcome_of_individual_steps(loop: IndividualLoop, settings: LoopSettings) -> Outcome:
     """The outcome of runs that each take their own steps, in regularised variables."""
     finished = loop.y.segment >= settings.end
     if loop.buffers.saved is None:
@@ -117,13 +117,13 @@ class IntegrationResult(NamedTuple):
     - `stats`: steps, rejected steps, evaluations of the vector field, and the largest local error
       of each run in units of the tolerance.
     - `dense`: the steps, if requested.
-    - `found`: the events that ended the runs, if events are sought."""
+    - `events`: those that ended the runs, if events are sought."""
 
     states: State
     status: Int[Array, "*runs"]
     stats: dict[str, Array]
     dense: DenseOutput | None
-    found: FoundEvents | None = None
+    events: LocatedEvents | None = None
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:

@@ -23,7 +23,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
-from .event_search import FoundEvents, fixed
+from .event_search import LocatedEvents, fixed
 from .event_zero import APART, ROUNDINGS, rounding_change
 from .events import Event
 
@@ -51,7 +51,7 @@ class Simultaneous(NamedTuple):
 def simultaneous_events(
     system: AbstractSystem,
     events: tuple[Event, ...],
-    found: FoundEvents,
+    found: LocatedEvents,
     start: tuple[Scalar, State],
     at: tuple[Scalar, State],
     run_axes: int,
@@ -87,7 +87,7 @@ def simultaneous_events(
 def _just_passed(
     event: Event,
     system: AbstractSystem,
-    found: FoundEvents,
+    found: LocatedEvents,
     number: int,
     at: tuple[Scalar, State],
     ends: tuple[Scalar, Scalar],

@@ -113,13 +113,13 @@ class QLaw(AbstractEffect):
     def direction(self, y: BodyState) -> Vector:
         """The thrust over the full thrust, d, in inertial axes, (3, *runs), in the state `y`: a
         unit vector but close to a target orbit, where it falls to zero."""
-        return self._along(self._slope(y))
+        return self._thrust_direction(self._slope(y))
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del t, body
         assert y.position is not None
         D = self._slope(y)
-        force = scale(self.thrust, self._along(D))
+        force = scale(self.thrust, self._thrust_direction(D))
         if self.exhaust_velocity is None:
             return Load(force_N=force)
         # Not the length of d, whose slope would be what is left of those of two long vectors.
@@ -129,7 +129,7 @@ class QLaw(AbstractEffect):
         throttle = jnp.where(still, 0.0, inverse_sqrt(1.0 + rest))
         return Load(force_N=force, mass_rate=-self.thrust * throttle / self.exhaust_velocity)
 
-    def _along(self, D: Vector) -> Vector:
+    def _thrust_direction(self, D: Vector) -> Vector:
         return scale(-inverse_sqrt(dot(D, D) + self.softening * self.softening), D)
 
     def _slope(self, y: BodyState) -> Vector:

@@ -194,7 +194,7 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     # It differs from i2 along i1 only, which changes neither the cross product nor the component
     # along t1.
     toward = jnp.where(c < r2, chord * per_r2, i2)
-    t1, t2, way = _along(i1, i2, toward, normal)
+    t1, t2, way = _directions_of_motion(i1, i2, toward, normal)
     s = 0.5 * (r1 + r2 + c)
     root = jnp.sqrt(r1 * r2)
     # The angle enters by its half, from the sum and the difference of the unit vectors: nothing
@@ -209,7 +209,7 @@ def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:
     return _Chord(r1, r2, c, s, rise, root, sine, i1, i2, t1, t2, lam, kappa=c / s)
 
 
-def _along(
+def _directions_of_motion(
     i1: Vector, i2: Vector, toward: Vector, normal: Vector | None
 ) -> tuple[Vector, Vector, Scalar]:
     """Directions along the motion at both places, and 1 for the short way, -1 for the long one.

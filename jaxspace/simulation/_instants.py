@@ -18,7 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
-from ..integration.event_search import FoundEvents
+from ..integration.event_search import LocatedEvents
 from ..integration.events import Event
 from ..integration.simultaneous import Simultaneous, simultaneous_events
 
@@ -51,7 +51,7 @@ class Instant(NamedTuple):
         self,
         system: AbstractSystem,
         events: tuple[Event, ...],
-        found: FoundEvents,
+        found: LocatedEvents,
         start: tuple[Scalar, State],
         at: tuple[Scalar, State],
         run_axes: int,

@@ -12,7 +12,7 @@ from ..core import AbstractSystem, State
 from ..core.jit import quick_jit
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import crossings_between
-from ..integration.event_search import FoundEvents
+from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, runs_of
@@ -99,7 +99,7 @@ def _to_event(
     numbers = [number for number, event in enumerate(events) if event.terminal]
     ending = tuple(events[number] for number in numbers)
 
-    def through(times: Array, found: FoundEvents) -> Trajectory:
+    def through(times: Array, found: LocatedEvents) -> Trajectory:
         run = _through(integrator, y0, times, passed, dense)
         # Where the search failed, the run might have ended there.
         crossings = tuple(

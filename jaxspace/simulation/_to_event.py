@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool
 from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
-from ..integration.event_search import FoundEvents
+from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, newton_correct
 from ..integration.layout import replace_state, runs_of, state_at, with_start
 from ..integration.simultaneous import simultaneous_events
@@ -48,7 +48,7 @@ def search_to_event(
     t0: Scalar,
     t1: Scalar,
     events: tuple[Event, ...],
-    run_until: Callable[[FoundEvents], Trajectory],
+    run_until: Callable[[LocatedEvents], Trajectory],
 ) -> Trajectory:
     """A run to the first of its events, by a search from `t0` to `t1`, s, (*runs,), and the run up
     to what was found, `run_until(found)`."""
@@ -66,7 +66,7 @@ def ended(
     y0: State,
     run: Trajectory,
     events: tuple[Event, ...],
-    found: FoundEvents,
+    found: LocatedEvents,
     end: tuple[Scalar, State],
 ) -> Trajectory:
     """The run with its end at the event that was `found`: from then on its times and states are
@@ -125,7 +125,7 @@ def _integrate_to_event(
     ends_alone = ts.shape[0] == 2
     fractions = None if ends_alone else safe_divide(ts - ts[0], ts[-1] - ts[0])
     result = integrator.run(y0, ts[0], ts[-1], fractions, until=events)
-    found = result.found
+    found = result.events
     assert found is not None
     if differentiated:
         at = found.which, found.time, state_at(result.states, -1, run_axes)
@@ -148,7 +148,7 @@ def _integrate_to_event_jvp(primals: tuple, tangents: tuple) -> tuple[Trajectory
         if ts.shape[0] == 2:
             return _integrate_to_event(integrator, y0, ts, events, differentiated=True)
 
-        def through(times: Array, found: FoundEvents) -> Trajectory:
+        def through(times: Array, found: LocatedEvents) -> Trajectory:
             del found
             return without_events(times, integrator.at_times(y0, times), integrator.run_axes)
 
@@ -162,7 +162,7 @@ def through_times_to_event(
     y0: State,
     ts: Array,
     events: tuple[Event, ...],
-    through: Callable[[Array, FoundEvents], Trajectory],
+    through: Callable[[Array, LocatedEvents], Trajectory],
 ) -> Trajectory:
     """`search_to_event` for save times `ts`, s, (times,) or (times, *runs).
 
@@ -172,7 +172,7 @@ def through_times_to_event(
     asked = of_each_run(ts, runs_of(y0, integrator.run_axes))
     sign = jnp.where(asked[-1] < asked[0], -1.0, 1.0).astype(asked.dtype)
 
-    def run_until(found: FoundEvents) -> Trajectory:
+    def run_until(found: LocatedEvents) -> Trajectory:
         return through(sign * jnp.minimum(sign * asked, sign * found.time), found)
 
     return search_to_event(integrator, y0, asked[0], asked[-1], events, run_until)

@@ -11,7 +11,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import Scalar, State
 from ..core.safe import safe_divide
-from ..integration.event_search import FoundEvents
+from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import (
@@ -159,7 +159,7 @@ def _search_and_run(
 ) -> Trajectory:
     """A phase up to an event, whose search is one integration, and whose states are another."""
 
-    def run_until(found: FoundEvents) -> Trajectory:
+    def run_until(found: LocatedEvents) -> Trajectory:
         run = _saved(integrator, y0, t0, found.time, num_saved)
         # To the last bit, by which it is the one of the event.
         return dataclasses.replace(run, ts=run.ts.at[-1].set(found.time))
@@ -181,11 +181,11 @@ def _sampled_to_event(
         condition = SoughtCondition(event.condition, sought, t0)
         until = (eqx.tree_at(lambda e: e.condition, event, condition),)
         result = integrator.run(y0, t0, end, fractions, until=until)
-        assert result.found is not None
-        return result.found.time, result
+        assert result.events is not None
+        return result.events.time, result
 
     _, both = jax.lax.scan(once, t1, jnp.array([True, False]))
-    found = jax.tree.map(lambda x: x[0], both.found)
+    found = jax.tree.map(lambda x: x[0], both.events)
     result = jax.tree.map(lambda x: x[1], both)
     states = replace_state(result.states, 0, y0, 0)
     ts = (t0 + fractions * (found.time - t0)).at[-1].set(found.time)

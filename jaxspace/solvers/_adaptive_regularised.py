@@ -48,7 +48,7 @@ class AdaptiveRegularised(AbstractFieldSolver):
     @property
     def traits(self) -> SolverTraits:
         return SolverTraits(
-            lands_on_save_times=True, needs="regularised", evaluations=17, own_steps=True
+            lands_on_save_times=True, needs="regularised", evaluations=17, individual_steps=True
         )
 
     def order(self, terms: diffrax.AbstractTerm | None) -> int:

@@ -52,7 +52,7 @@ class FixedSteps(AbstractFixedStep):
         check_steps("FixedSteps.steps", self.steps, 1, "at least 1")
         if isinstance(self.solver, diffrax.AbstractSolver):
             traits = solver_traits(self.solver)
-            if traits.fixed_step or traits.own_steps:
+            if traits.fixed_step or traits.individual_steps:
                 name = type(self.solver).__name__
                 raise InputError(
                     f"FixedSteps.solver is {name}: it must take one step at a time, as Tsit5."

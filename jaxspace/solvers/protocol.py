@@ -48,7 +48,7 @@ class SolverTraits(NamedTuple):
     - `needs`: the capability of the system by which it integrates, if any.
     - `evaluations`: evaluations of the vector field per step of the loop, which for a fixed-step
       method is a whole segment.
-    - `own_steps`: every run of a batch takes its own steps, in variables of the method.
+    - `individual_steps`: every run of a batch takes its own steps, in variables of the method.
     - `steps`: number of steps counted per step of the loop: 1, or the fixed steps of a segment.
     - `linear`: its steps are linear combinations of derivatives, so that all blocks of a state can
       be packed into one vector.
@@ -60,7 +60,7 @@ class SolverTraits(NamedTuple):
     needs: Literal["", "split", "regularised"] = ""
     evaluations: int = 1
     steps: int = 1
-    own_steps: bool = False
+    individual_steps: bool = False
     linear: bool = False
 
 

@@ -75,7 +75,7 @@ def _has_error_estimate(method: Method) -> bool:
         return False
     traits = solver_traits(method)
     # One that chooses its steps itself does so by the tolerance, without an estimate of diffrax.
-    known = traits.fixed_step or traits.own_steps
+    known = traits.fixed_step or traits.individual_steps
     return known or isinstance(method, diffrax.AbstractAdaptiveSolver)
 
 

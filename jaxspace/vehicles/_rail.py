@@ -38,7 +38,7 @@ class Rail(AbstractEffect):
 
     def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
         del t
-        d = self._along(y.position)
+        d = self._axis(y.position)
         along = dot(d, rate.velocity)
         # Until the thrust exceeds the weight, the vehicle rests on its stop and does not slide
         # down.
@@ -54,7 +54,7 @@ class Rail(AbstractEffect):
         """Travel beyond the end of the rail, m."""
         del t
         moved = y.position - with_rank(self.origin, y.position.ndim - 1)
-        return dot(self._along(y.position), moved) - self.length
+        return dot(self._axis(y.position), moved) - self.length
 
-    def _along(self, like: Vector) -> Vector:
+    def _axis(self, like: Vector) -> Vector:
         return unit(with_rank(self.direction, like.ndim - 1)) + 0.0 * like

@@ -8,7 +8,9 @@ import jax
 import numpy as np
 import pytest
 
-from jaxspace.engines import AbstractEngine, AbstractRunner, MultiHost
+from jaxspace.core import InputError
+from jaxspace.core.processors import cores
+from jaxspace.engines import AbstractEngine, AbstractRunner, DaskCluster, MultiHost, ProcessPool
 from jaxspace.engines._interface import Done, Extent, timed
 from jaxspace.engines._transfer import compute_chunk, payload_of
 from jaxspace.engines.chunks import in_memory
@@ -125,3 +127,12 @@ def test_a_worker_makes_the_runner_again():
 def test_one_host_alone_has_all_chunks():
     extents = [Extent(k, 10 * k, 10) for k in range(4)]
     assert MultiHost().share(extents) == extents and MultiHost().leads and MultiHost().host == 0
+
+
+@pytest.mark.parametrize("engine", [ProcessPool, DaskCluster])
+def test_an_engine_has_a_worker_for_each_core_and_at_least_one(engine):
+    assert engine().workers == cores() and engine(workers=3).workers == 3
+    with pytest.raises(
+        InputError, match=rf"{engine.__name__}\.workers is 0: it must be at least 1"
+    ):
+        engine(workers=0)

@@ -15,20 +15,20 @@ from jaxtyping import Array, PyTree
 from ..core import State
 from ..core.barrier import barrier
 from ..solvers.regularised_step import attempt, form_of
+from ._individual_state import IndividualState, Segment, landing_state
 from ._needed import needed_only
-from ._own_state import OwnState, Segment, landing_state
 from ._replay import Replay
 from ._rows import get_rows, put_rows
 
 
 @final
-class OwnReplay(Replay):
+class IndividualReplay(Replay):
     """The recorded steps of runs with their own steps; fields as of `Replay`."""
 
     def _landed(self, n: Array) -> Array:
         return self.record.step(n)[1] > 0.5
 
-    def step(self, moving: PyTree, n: Array, y: OwnState) -> tuple[OwnState, None]:
+    def step(self, moving: PyTree, n: Array, y: IndividualState) -> tuple[IndividualState, None]:
         """The state after step number `n` of every run, from `y`."""
         field = eqx.combine(moving, self.fixed)
         form = form_of(field, y.z)
@@ -38,23 +38,23 @@ class OwnReplay(Replay):
         # Written out, the stages of many runs take three times as long to compile, and save 0.3 of
         # the time of a gradient. Those of a single run compile as soon.
         z = attempt(form, *segment, y.z, h, in_loop=h.ndim > 0).z
-        y = OwnState(jnp.where(h != 0.0, z, y.z), y.segment)
+        y = IndividualState(jnp.where(h != 0.0, z, y.z), y.segment)
         return jax.lax.cond(
             jnp.any(done), lambda y: landing_state(form, segment, y, done), lambda y: y, y
         ), None
 
-    def _saved_at_start(self, rows: int, d_y0: OwnState) -> OwnState:
+    def _saved_at_start(self, rows: int, d_y0: IndividualState) -> IndividualState:
         # The first saved state is the initial one.
         return jax.tree.map(lambda x: jnp.zeros((rows, *x.shape), x.dtype).at[0].set(x), d_y0)
 
     def _save_tangents(
         self,
         n: Array,
-        result: tuple[OwnState, PyTree],
-        tangent: tuple[OwnState, PyTree],
-        saved: OwnState,
+        result: tuple[IndividualState, PyTree],
+        tangent: tuple[IndividualState, PyTree],
+        saved: IndividualState,
         k: Array,
-    ) -> tuple[OwnState, Array]:
+    ) -> tuple[IndividualState, Array]:
         landed = self._landed(n)
         # Beyond the last row nothing is written: between its save times a run alone has none.
         row = jnp.where(landed, result[0].segment, saved.segment.shape[0])
@@ -67,7 +67,12 @@ class OwnReplay(Replay):
         return of_moving, of_y
 
     def _step_vjp(
-        self, moving: PyTree, n: Array, y: OwnState, cotangent: State, total: tuple[PyTree, ...]
+        self,
+        moving: PyTree,
+        n: Array,
+        y: IndividualState,
+        cotangent: State,
+        total: tuple[PyTree, ...],
     ) -> tuple[PyTree, ...]:
         of_moving, of_y, k = total
         if self.settings.save_ts is not None:

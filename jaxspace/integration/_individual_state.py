@@ -11,12 +11,12 @@ from ..core import AbstractRegularised, Scalar
 from ..solvers.regularised_step import Regular, landed
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers
+from ._individual_control import Trend
 from ._loop_settings import LoopSettings
-from ._own_control import Trend
 
 
 @final
-class OwnState(eqx.Module):
+class IndividualState(eqx.Module):
     """Regularised variables of each run, and the number of segments that it has completed.
 
     The last variable is the time, s, since the current segment began."""
@@ -25,7 +25,7 @@ class OwnState(eqx.Module):
     segment: Float[Array, "*runs"]
 
 
-class OwnLoop(NamedTuple):
+class IndividualLoop(NamedTuple):
     """Carry of the loop. Buffers, `count` and `passes` are shared; all else is of each run.
 
     - `h`: the next step; `free`: the length that the error allows; `trend`: the prediction of the
@@ -37,7 +37,7 @@ class OwnLoop(NamedTuple):
     - `buffers`: with a row for each of these passes, but the states at the save times by
       segment."""
 
-    y: OwnState
+    y: IndividualState
     h: Float[Array, "*runs"]
     free: Float[Array, "*runs"]
     trend: Trend
@@ -78,12 +78,12 @@ def unit(form: AbstractRegularised, z: Regular, rate: Regular) -> Scalar:
 
 
 def landing_state(
-    form: AbstractRegularised, segment: Segment, y: OwnState, done: Bool[Array, "*runs"]
-) -> OwnState:
+    form: AbstractRegularised, segment: Segment, y: IndividualState, done: Bool[Array, "*runs"]
+) -> IndividualState:
     """Move the runs that are `done` to the start of their next segment."""
     z = landed(form, *segment, y.z)
     z = jnp.concatenate([z[:-1], jnp.zeros_like(z[-1:])])
-    return OwnState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
+    return IndividualState(jnp.where(done, z, y.z), y.segment + done.astype(y.segment.dtype))
 
 
 def record_of_pass(h: Array, done: Bool[Array, "*runs"]) -> Array:

@@ -25,17 +25,17 @@ from ..solvers.regularised_step import (
 from ..solvers.step_control import SMALLEST_STEP
 from ..solvers.vector_field import ScaledField
 from ._buffers import Buffers
-from ._loop_settings import LoopSettings
-from ._own_control import Trend, bounded, following, ideal_length
-from ._own_state import (
-    OwnLoop,
-    OwnState,
+from ._individual_control import Trend, bounded, following, ideal_length
+from ._individual_state import (
+    IndividualLoop,
+    IndividualState,
     Segment,
     alive,
     landing_state,
     record_of_pass,
     unit,
 )
+from ._loop_settings import LoopSettings
 from ._rows import put_row, put_rows
 
 # Of so many passes the last ones let runs that wait at the end of a segment land without the
@@ -43,13 +43,13 @@ from ._rows import put_row, put_rows
 PATIENCE, LANDING = 32, 6
 
 
-def integrate_own_steps(
-    settings: LoopSettings, field: ScaledField, y0: OwnState, *, recorded: bool = False
-) -> OwnLoop:
+def integrate_individual_steps(
+    settings: LoopSettings, field: ScaledField, y0: IndividualState, *, recorded: bool = False
+) -> IndividualLoop:
     """Integrate every run to the end of its last segment; arguments as of `integrate_loop`."""
     form = form_of(field, y0.z)
 
-    def unfinished(loop: OwnLoop) -> Bool[Array, ""]:
+    def unfinished(loop: IndividualLoop) -> Bool[Array, ""]:
         left = (loop.y.segment < settings.end) & alive(loop.y.z)
         return jnp.any(left) & (loop.passes < settings.max_steps)
 
@@ -61,9 +61,9 @@ def _start(
     settings: LoopSettings,
     form: AbstractRegularised,
     field: ScaledField,
-    y0: OwnState,
+    y0: IndividualState,
     recorded: bool,
-) -> OwnLoop:
+) -> IndividualLoop:
     segment = Segment.of(field, settings, y0.segment)
     rate = derivative_in(form, *segment, y0.z)
     free = FIRST_STEP * unit(form, y0.z, rate)
@@ -79,7 +79,7 @@ def _start(
         # The first saved state is the initial one.
         first = put_row(buffers.saved.states, zero, y0)
         buffers = buffers._replace(saved=buffers.saved._replace(states=first))
-    return OwnLoop(
+    return IndividualLoop(
         y=y0,
         h=jnp.where(landing, to_end, jnp.sign(segment.duration) * free),
         free=free,
@@ -96,8 +96,8 @@ def _start(
 
 
 def _advance(
-    settings: LoopSettings, form: AbstractRegularised, field: ScaledField, loop: OwnLoop
-) -> OwnLoop:
+    settings: LoopSettings, form: AbstractRegularised, field: ScaledField, loop: IndividualLoop
+) -> IndividualLoop:
     """The loop after one more pass."""
     y, free = loop.y, loop.free
     active = (y.segment < settings.end) & alive(y.z)
@@ -113,7 +113,11 @@ def _advance(
     proposal = jnp.where(accept & loop.landing, jnp.maximum(free, proposal), proposal)
     free = jnp.where(moving & ~step.past, proposal, free)
     pending = active & (loop.pending | step.past | (accept & loop.landing))
-    y, h, none = OwnState(z, y.segment), jnp.sign(segment.duration) * free, jnp.zeros_like(accept)
+    y, h, none = (
+        IndividualState(z, y.segment),
+        jnp.sign(segment.duration) * free,
+        jnp.zeros_like(accept),
+    )
     # All runs at once, when none is still on its way, because a landing costs as much as some
     # steps; but a slow run does not keep the others waiting until the steps run out.
     waited = loop.passes % PATIENCE >= PATIENCE - LANDING
@@ -160,7 +164,7 @@ def _attempted(
     settings: LoopSettings,
     form: AbstractRegularised,
     segment: Segment,
-    loop: OwnLoop,
+    loop: IndividualLoop,
     moving: Bool[Array, "*runs"],
 ) -> _Step:
     """The next step of the runs that are `moving`, and one of no length of the others."""
@@ -185,8 +189,8 @@ def _attempted(
 def _filled(
     settings: LoopSettings,
     field: ScaledField,
-    loop: OwnLoop,
-    y: OwnState,
+    loop: IndividualLoop,
+    y: IndividualState,
     accept: Bool[Array, "*runs"],
     done: Bool[Array, "*runs"],
 ) -> Buffers:
@@ -203,7 +207,7 @@ def _filled(
     return buffers.add(loop.count, loop.count, ends, y, step, moved, layout)
 
 
-def _with_landed(buffers: Buffers, y: OwnState, done: Bool[Array, "*runs"]) -> Buffers:
+def _with_landed(buffers: Buffers, y: IndividualState, done: Bool[Array, "*runs"]) -> Buffers:
     """The buffers with the states of the runs that have landed on the end of a segment."""
     if buffers.saved is None:
         return buffers
@@ -221,10 +225,10 @@ def _enter_segments(
     form: AbstractRegularised,
     field: ScaledField,
     segment: Segment,
-    y: OwnState,
+    y: IndividualState,
     pending: Bool[Array, "*runs"],
     free: Array,
-) -> tuple[OwnState, Array, Array, Array, Array]:
+) -> tuple[IndividualState, Array, Array, Array, Array]:
     """Advance the `pending` runs, which are close to the end of their segment; those at its end
     enter the next one.
 
@@ -244,7 +248,11 @@ def _enter_segments(
 
 
 def _too_long(
-    settings: LoopSettings, form: AbstractRegularised, segment: Segment, y: OwnState, z1: Regular
+    settings: LoopSettings,
+    form: AbstractRegularised,
+    segment: Segment,
+    y: IndividualState,
+    z1: Regular,
 ) -> Array:
     """The length of the step relative to the longest one allowed, as an error that makes the
     control shorten it."""
