@@ -13,7 +13,7 @@ import jax
 jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_num_cpu_devices", os.cpu_count() or 1)
 
-from . import kept, page  # noqa: E402
+from . import page, result_files  # noqa: E402
 
 NAMES = (
     *("kepler", "lambert", "low_orbits", "eccentric_orbit", "free_body", "torqued_body", "top"),
@@ -35,15 +35,15 @@ def machine() -> dict:
         "diffrax": diffrax.__version__,
         "cores": os.cpu_count(),
         "device": jax.devices()[0].device_kind,
-        "instructions": kept.described(),
+        "instructions": result_files.described(),
     }
 
 
 def keep(name: str, what: str, rows: dict) -> None:
     """Store the rows of one benchmark, and print them."""
     seen = {"what": what.split("\n\n")[0], "machine": machine(), "rows": rows}
-    kind = "gpu" if name == "accelerator_gpu" else kept.instructions()
-    kept.keep(name, kind, seen)
+    kind = "gpu" if name == "accelerator_gpu" else result_files.instructions()
+    result_files.write(name, kind, seen)
     print(json.dumps({name: seen}, indent=1), flush=True)
 
 

@@ -239,7 +239,7 @@ def measure(
     return rows
 
 
-def given_of(whole: Any, width: int, precision: str, place: Any) -> tuple[Any, Any]:
+def inputs_of(whole: Any, width: int, precision: str, place: Any) -> tuple[Any, Any]:
     """What as many runs of a work start from: its arrays, on the device `place`, and the rest."""
     arrays, rest = eqx.partition(in_precision(cut(whole, width), precision), eqx.is_array)
     return jax.device_put(arrays, place), rest
@@ -247,7 +247,7 @@ def given_of(whole: Any, width: int, precision: str, place: Any) -> tuple[Any, A
 
 def compiled(work: Work, whole: Any, width: int, precision: str, place: Any) -> Any:
     """The program of one width and precision for the device `place`."""
-    arrays, rest = given_of(whole, width, precision, place)
+    arrays, rest = inputs_of(whole, width, precision, place)
     return jax.jit(lambda arrays: work.run(*eqx.combine(arrays, rest))).lower(arrays).compile()
 
 
@@ -256,7 +256,7 @@ def row(
 ) -> dict[str, float]:
     """The row of one width and precision."""
     run = program.result()
-    arrays, _ = given_of(whole, width, precision, place)
+    arrays, _ = inputs_of(whole, width, precision, place)
     seen = in_turn({"": lambda: run(arrays)}, width, REPEATS)[""]
     found = np.asarray(run(arrays)[:, :CHECKED], float)
     with jax.default_device(jax.devices("cpu")[0]):

@@ -29,17 +29,17 @@ def measure() -> dict:
     ts = jnp.array([0.0, 2.0 * np.pi * 1.1**1.5 * ORBITS])
     sun = jnp.array([0.9, 0.3, 0.3])
 
-    def found(system, y0, samples=1000, rtol=1e-9):
+    def crossings_of(system, y0, samples=1000, rtol=1e-9):
         edge = Event(shadow_event(sun, 1.0), terminal=False, capacity=CAPACITY, samples=samples)
         how = Accuracy(rtol)
         return simulate_batch(system, y0, ts, events=(edge,), accuracy=how).crossings[0]
 
-    calls = {name: lambda s=s: found(s, y0).ts for name, s in SYSTEMS.items()}
+    calls = {name: lambda s=s: crossings_of(s, y0).ts for name, s in SYSTEMS.items()}
     rows = in_turn(calls, RUNS, repeats=3)
     some = BodyState(y0.position[:, :COMPARED], y0.velocity[:, :COMPARED])
     for name, system in SYSTEMS.items():
-        all_of_them, few = found(system, y0), found(system, some)
-        finer = found(system, some, 4000, 1e-12)
+        all_of_them, few = crossings_of(system, y0), crossings_of(system, some)
+        finer = crossings_of(system, some, 4000, 1e-12)
         rows[name]["crossings"] = int(jnp.sum(all_of_them.count))
         rows[name]["overflows"] = int(jnp.sum(all_of_them.overflow))
         rows[name]["missed"] = int(jnp.sum(jnp.abs(few.count - finer.count)))

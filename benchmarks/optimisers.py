@@ -369,7 +369,7 @@ def known(name: str) -> Problem:
     )
 
 
-class Found(NamedTuple):
+class SearchEnd(NamedTuple):
     """Where a method ended, its steps, and how often it evaluated the problem."""
 
     x: Any
@@ -387,7 +387,7 @@ def sides(problem: Problem) -> tuple[np.ndarray, np.ndarray]:
     return low, high
 
 
-def ours(problem: Problem, method: str) -> Found:
+def ours(problem: Problem, method: str) -> SearchEnd:
     """By `minimise`, with the optimiser of this name."""
     calls = []
 
@@ -409,7 +409,7 @@ def ours(problem: Problem, method: str) -> Found:
         scale=jnp.ones(len(problem.start)) if problem.scaled else None,
     )
     jax.effects_barrier()
-    return Found(found.x, found.steps, len(calls))
+    return SearchEnd(found.x, found.steps, len(calls))
 
 
 def compiled(problem: Problem) -> tuple[Callable, Callable, list[dict[str, Any]]]:
@@ -423,7 +423,7 @@ def compiled(problem: Problem) -> tuple[Callable, Callable, list[dict[str, Any]]
     return jax.jit(problem.f), jax.jit(jax.grad(problem.f)), constraints
 
 
-def scipys(problem: Problem, method: str) -> Found:
+def scipys(problem: Problem, method: str) -> SearchEnd:
     """By SciPy, or by Ipopt, which is called like it."""
     f, slope, constraints = compiled(problem)
     options: dict[str, Any] = {"maxiter": MOST}
@@ -447,10 +447,10 @@ def scipys(problem: Problem, method: str) -> Found:
         found = cyipopt.minimize_ipopt(f, start, options=options, **arguments)
     else:
         found = scipy.optimize.minimize(f, start, method=method, options=options, **arguments)
-    return Found(found.x, found.nit, found.nfev)
+    return SearchEnd(found.x, found.nit, found.nfev)
 
 
-def slsqp_jax(problem: Problem, method: str) -> Found:
+def slsqp_jax(problem: Problem, method: str) -> SearchEnd:
     """By slsqp-jax, called like SciPy; in a compiled program by its solver alone, for that call
     scales a problem by the numbers of its start."""
     import slsqp_jax as library
@@ -467,10 +467,10 @@ def slsqp_jax(problem: Problem, method: str) -> Found:
         options={"max_steps": MOST, "rtol": problem.tolerance, "atol": problem.tolerance},
     )
     # It counts no evaluations.
-    return Found(found.value, found.stats["num_steps"], -1)
+    return SearchEnd(found.value, found.stats["num_steps"], -1)
 
 
-def _compiled_slsqp(problem: Problem, library: Any) -> Found:
+def _compiled_slsqp(problem: Problem, library: Any) -> SearchEnd:
     def stacked(function: Callable | None) -> Callable | None:
         return None if function is None else lambda x, args: jnp.stack(function(x))
 
@@ -491,10 +491,10 @@ def _compiled_slsqp(problem: Problem, library: Any) -> Found:
     found = optimistix.minimise(
         lambda x, args: problem.f(x), solver, problem.start, max_steps=MOST, throw=False
     )
-    return Found(found.value, found.stats["num_steps"], -1)
+    return SearchEnd(found.value, found.stats["num_steps"], -1)
 
 
-METHODS: dict[str, tuple[Callable[[Problem, str], Found], str]] = {
+METHODS: dict[str, tuple[Callable[[Problem, str], SearchEnd], str]] = {
     "ours": (ours, "sqp"),
     "ours, optax.lbfgs": (ours, "lbfgs"),
     "SciPy, SLSQP": (scipys, "SLSQP"),
@@ -505,7 +505,7 @@ METHODS: dict[str, tuple[Callable[[Problem, str], Found], str]] = {
 NEEDED = {"slsqp-jax": "slsqp_jax", "Ipopt, limited memory": "cyipopt"}
 
 
-def is_found(problem: Problem, x: np.ndarray) -> bool:
+def is_optimum(problem: Problem, x: np.ndarray) -> bool:
     """Whether this is the optimum, to `CLOSE` in the objective and in every constraint."""
     violations = [0.0]
     if problem.equal is not None:
@@ -540,7 +540,7 @@ def is_transformed(name: str) -> bool:
     except Exception as error:
         print(name, "under jit and vmap", type(error).__name__)
         return False
-    return all(is_found(problem, np.asarray(x)) for x in ends)
+    return all(is_optimum(problem, np.asarray(x)) for x in ends)
 
 
 COLLECTIONS: dict[str, Callable[[], tuple[Problem, ...]]] = {
@@ -565,7 +565,7 @@ def row_of(name: str, problems: tuple[Problem, ...]) -> dict:
         seconds += time.process_time() - started
         steps.append(int(found.steps))
         evaluations.append(int(found.evaluations))
-        if not is_found(problem, np.asarray(found.x)):
+        if not is_optimum(problem, np.asarray(found.x)):
             missed.append(problem.number)
     counted = bool(evaluations) and min(evaluations) >= 0
     return {

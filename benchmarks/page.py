@@ -6,7 +6,7 @@ from pathlib import Path
 
 from jaxspace.plots._style import COLOURS, dress
 
-from . import kept
+from . import result_files
 
 PAGE = Path(__file__).parents[1] / "docs" / "benchmarks.md"
 SPEED = "runs_per_second"
@@ -42,7 +42,9 @@ def _cell(value: object) -> str:
 def _table(rows: dict) -> str:
     columns = list(dict.fromkeys(key for row in rows.values() for key in row))
     # Those of other instructions stand last.
-    columns.sort(key=lambda column: column.endswith(tuple(f", {x}" for x in kept.SETS.values())))
+    columns.sort(
+        key=lambda column: column.endswith(tuple(f", {x}" for x in result_files.SETS.values()))
+    )
     lines = [
         "| | " + " | ".join(c.replace("_", " ") for c in columns) + " |",
         "|---" * (len(columns) + 1) + "|",
@@ -170,7 +172,7 @@ def _beside(rows: dict, others: dict[str, dict]) -> dict:
         for label, row in other["rows"].items():
             for of in (SPEED, "seconds"):
                 if of in row and label in found:
-                    column = f"{of.replace('_', ' ')}, {kept.SETS[kind]}"
+                    column = f"{of.replace('_', ' ')}, {result_files.SETS[kind]}"
                     found[label][column] = row[of]
                     break
     return found
@@ -180,12 +182,12 @@ def write(names: tuple[str, ...]) -> None:
     """Write the page from the results that there are."""
     parts = [HEAD]
     for name in names:
-        by_set = kept.read(name)
+        by_set = result_files.read(name)
         if not by_set:
             continue
         (_, seen), *others = by_set.items()
         where = "; ".join(
-            f"{kept.SETS[k]}: " + ", ".join(f"{key} {v}" for key, v in s["machine"].items())
+            f"{result_files.SETS[k]}: " + ", ".join(f"{key} {v}" for key, v in s["machine"].items())
             for k, s in by_set.items()
         )
         title = name.replace("_", " ").capitalize()

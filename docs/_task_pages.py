@@ -2,7 +2,7 @@
 one line and a link, and one page that leads to all groups."""
 
 from _tasks import TASKS
-from _uses import anchor, first_line, given, packages
+from _uses import anchor, first_line, packages, public_names
 from mkdocs.structure.files import File
 
 BY_TASK = """\
@@ -41,7 +41,7 @@ def on_page_markdown(markdown, page, **kwargs):
 
 def groups(package: str) -> dict[str, list[str]]:
     """The lines of each task of a package."""
-    modules = given(package)
+    modules = public_names(package)
     left = {name: [(name, x)] for name, x in modules[""].items()}
     for module, names in modules.items():
         # A module may share its name with what it computes.

@@ -36,7 +36,7 @@ def packages() -> list[str]:
 
 
 @functools.cache
-def given(package: str) -> dict[str, dict[str, object]]:
+def public_names(package: str) -> dict[str, dict[str, object]]:
     """The public names of a package: those of its root at "", and those of each module."""
     root = importlib.import_module(f"jaxspace.{package}")
     files = [file.name for file in pkgutil.iter_modules(root.__path__)]
@@ -63,7 +63,7 @@ def homes() -> dict[int, str]:
     """The public path of each object, such as `orbits.lambert.lambert`, by its identity."""
     found = {}
     for package in packages():
-        for module, names in given(package).items():
+        for module, names in public_names(package).items():
             for name, thing in names.items():
                 path = ".".join(filter(None, (package, module, name)))
                 # A name that another package gives on is at home where it is defined.

@@ -50,7 +50,7 @@ class Place(NamedTuple):
     leaves: list[Any]
 
 
-class Found(NamedTuple):
+class Slope(NamedTuple):
     """The derivative `by` one array at a place where others are `zero`.
 
     - `error`: of forward mode, of the block of the final state where it is largest, relative to the
@@ -210,7 +210,7 @@ def _allowed(part) -> bool:
     return isinstance(part, jax.Array) or all(map(_allowed, inside))
 
 
-def found_at(subject: Subject, place: Place) -> list[Found]:
+def derivatives_at(subject: Subject, place: Place) -> list[Slope]:
     """The derivatives at one place by every array that they are known by."""
     arrays = subject.tree(place.leaves)
     every = [subject.direction(k, place.leaves) for k in range(len(place.leaves))]
@@ -247,7 +247,7 @@ def found_at(subject: Subject, place: Place) -> list[Found]:
         terms = [x[k] / size for x, size in zip(forward, usual, strict=True)]
         total, size = sum(map(np.sum, terms)), sum(np.sum(np.abs(x)) for x in terms)
         found.append(
-            Found(place.zero, name, np.max(errors), abs(reverse[k] - total) / max(size, LEAST))
+            Slope(place.zero, name, np.max(errors), abs(reverse[k] - total) / max(size, LEAST))
         )
     return found
 
@@ -257,10 +257,10 @@ def _rows(x, axes: int = 1) -> np.ndarray:
     return np.asarray(x).reshape(*x.shape[:axes], -1)
 
 
-def look(sample) -> list[Found]:
+def look(sample) -> list[Slope]:
     """All derivatives of a system at all places."""
     subject = Subject(sample)
-    return [found for place in subject.places() for found in found_at(subject, place)]
+    return [found for place in subject.places() for found in derivatives_at(subject, place)]
 
 
 def main() -> int:

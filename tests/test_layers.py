@@ -389,7 +389,7 @@ def listed(file: Path) -> list[str]:
     return []
 
 
-def given(package: str) -> list[str]:
+def root_names(package: str) -> list[str]:
     """The names that the root of a package gives, without its modules."""
     file = PACKAGE / ("__init__.py" if package == "__init__" else f"{package}/__init__.py")
     return [
@@ -407,27 +407,27 @@ PACKAGES = [package for package in MODULES if (PACKAGE / package).is_dir()]
 
 @pytest.mark.parametrize("package", ["__init__", *PACKAGES])
 def test_the_root_of_a_package_gives_few_names(package):
-    assert len(given(package)) <= MOST_NAMES
+    assert len(root_names(package)) <= MOST_NAMES
 
 
 def test_the_whole_library_gives_few_names_first():
     # A name that the package itself, or another one of its packages, gives on is none to learn.
-    packages = {name for package in PACKAGES for name in given(package)}
-    further = set(given("__init__")) - packages - set(PACKAGES)
+    packages = {name for package in PACKAGES for name in root_names(package)}
+    further = set(root_names("__init__")) - packages - set(PACKAGES)
     assert len(packages) + len(further) <= MOST_OF_ALL
 
 
 @pytest.mark.parametrize("package", PACKAGES)
 def test_a_name_has_one_home(package):
     """The root, or one public module, which the root gives when it is asked for it."""
-    names, modules = given(package), []
+    names, modules = root_names(package), []
     for file in sorted((PACKAGE / package).glob("[a-z]*.py")):
         if listed(file):
             names += listed(file)
             modules.append(file.stem)
     assert not {name for name in names if names.count(name) > 1}
     # A module of the name of a root's function would hide it.
-    assert not set(given(package)) & set(modules)
+    assert not set(root_names(package)) & set(modules)
     root = importlib.import_module(f"jaxspace.{package}")
     for module in modules:
         assert getattr(root, module).__name__ == f"jaxspace.{package}.{module}"
@@ -455,7 +455,7 @@ def test_every_public_name_stands_in_the_reference_a_page_or_an_example(package)
         # The reference names the members that it shows.
         texts = [*ROOT.glob("docs/**/*.md"), *ROOT.glob("examples/**/*.py"), ROOT / "README.md"]
         words = set(re.findall(r"\w+", " ".join(text.read_text() for text in texts)))
-        assert not set(given(package)) - words
+        assert not set(root_names(package)) - words
 
 
 # What a value is made of that is read off an object, and not made from it.
@@ -537,8 +537,8 @@ def test_plain_numbers_are_taken_wherever_arrays_are():
             one = field.type.__args__[0] if isinstance(field.type, types.UnionType) else field.type
             if field.name in taken and str(one).startswith("<class 'jaxtyping.Float[Array"):
                 for plain in (0.5, [0.5, 1.0]):
-                    given = field.metadata["converter"](plain)
-                    assert isinstance(given, jax.Array), f"{cls.__name__}.{field.name}"
+                    root_names = field.metadata["converter"](plain)
+                    assert isinstance(root_names, jax.Array), f"{cls.__name__}.{field.name}"
 
 
 def run(code: str) -> str:

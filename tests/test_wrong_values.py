@@ -98,7 +98,7 @@ COAST = Phase(Integrated(TwoBody(1.0)), 1.0)
 FREE = TorqueFreeBody([3.0, 2.0, 1.0])
 
 
-class Own(AbstractParameters):
+class UserClass(AbstractParameters):
     """A user's class, with annotations as users write them."""
 
     rate: float
@@ -146,7 +146,7 @@ class Own(AbstractParameters):
             "MeasuredWind.east is 'east': it must be an array of numbers in m/s",
         ),
         (lambda: TorqueFreeBody("heavy"), "inertia is 'heavy': it must be three principal"),
-        (lambda: Own("fast", [1.0]), "Own.rate is 'fast': it must be a number"),
+        (lambda: UserClass("fast", [1.0]), "UserClass.rate is 'fast': it must be a number"),
     ],
 )
 def test_wrong_values_get_a_sentence(call, sentence):
@@ -181,6 +181,6 @@ def test_a_module_that_is_called_says_what_to_write():
 
 def test_users_classes_take_what_their_annotations_mean():
     """Arrays of runs for a `float`, plain numbers for an array, whatever is traced."""
-    own = Own(np.array([1.0, 2.0]), 3)
+    own = UserClass(np.array([1.0, 2.0]), 3)
     assert dataclasses.replace(own, rate=jnp.ones(4), name="other").name == "other"
-    assert Own(1, np.float32(2.0)).rate == 1
+    assert UserClass(1, np.float32(2.0)).rate == 1

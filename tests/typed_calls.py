@@ -56,7 +56,7 @@ def missions(mission: Mission, y0: BodyState, event: Event) -> None:
     simulate_mission(mission, y0, events=[event])  # pyright: ignore[reportCallIssue]
 
 
-def either(scene: Scene, mission: Mission, y0: BodyState) -> None:
+def sensitivities(scene: Scene, mission: Mission, y0: BodyState) -> None:
     """Derivatives of a run: what comes back follows from what is given."""
     ts = jnp.zeros(2)
     assert_type(sensitivity(scene, y0, ts, dense=True), tuple[Trajectory, Sensitivity])

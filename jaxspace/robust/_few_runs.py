@@ -59,19 +59,19 @@ def by_few_runs(
     runs, which count as constant.
 
     - `forward`: whether by forward mode."""
-    return _found(x, problem, forward=forward)
+    return _numbers(x, problem, forward=forward)
 
 
 @eqx.filter_custom_jvp
-def _found(
+def _numbers(
     x: PyTree, problem: Differentiated, *, forward: bool
 ) -> tuple[Float[Array, " rows"], PyTree]:
     del forward
     return problem.numbers(x)
 
 
-@_found.def_jvp
-def _found_with_slopes(
+@_numbers.def_jvp
+def _numbers_jvp(
     primals: tuple[PyTree, Differentiated], tangents: tuple[PyTree, PyTree], *, forward: bool
 ) -> tuple[PyTree, PyTree]:
     x, problem = primals

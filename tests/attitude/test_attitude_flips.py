@@ -47,7 +47,7 @@ def exact(x, periods=0):
     return np.array([*turn, *omega])
 
 
-def alike(state, found):
+def same_sign(state, found):
     """The quaternion of the same turn nearest to the one that was found."""
     sign = 1 if np.dot(state[:4], found[:4]) > 0 else -1
     return np.concatenate([sign * state[:4], state[4:]])
@@ -74,7 +74,7 @@ def test_one_flip(moments, tilt):
             x = start(moments, tilt, axis, flips)
             with mpmath.workdps(digits(tilt)):
                 found = np.asarray(flow(x))
-                truth = alike(exact(x), found).astype(float)
+                truth = same_sign(exact(x), found).astype(float)
             # Rounding of the angle about the momentum, which is that of the duration.
             assert_allclose(found, truth, atol=1e-14 + 4.0 * EPS * x[6])
 
@@ -89,7 +89,7 @@ def test_ten_thousand_flips(moments, tilt):
         x = start(moments, tilt, 0, flips + 1e4)
         with mpmath.workdps(digits(tilt)):
             found, forward, _ = (np.asarray(z) for z in SLOPES(x))
-            truth = alike(exact(x, 5000), found).astype(float)
+            truth = same_sign(exact(x, 5000), found).astype(float)
         loss = EPS * np.abs(forward * x).sum(axis=1).max()
         assert loss < 1e-7
         assert_allclose(found, truth, atol=loss)
@@ -111,7 +111,7 @@ def test_derivatives_through_a_flip(flips, tilt):
             ends = []
             for s in (1, -1):
                 moved = [mpmath.mpf(float(v)) + s * step * (i == j) for j, v in enumerate(x)]
-                ends.append(alike(exact(moved), found))
+                ends.append(same_sign(exact(moved), found))
             columns.append(((ends[0] - ends[1]) / (2 * step)).astype(float))
     truth = np.stack(columns, axis=1)
     for slope in derivatives:

@@ -49,17 +49,17 @@ LONG = Campaign(swings, INPUTS, highest, start=0.25, along=9)
 
 
 @pytest.fixture(scope="module")
-def kept(tmp_path_factory):
+def stored(tmp_path_factory):
     """The runs of a mission of three phases, with states at chosen times."""
     path = tmp_path_factory.mktemp("times") / "s.zarr"
     flown = disperse(LONG, 600, seed=SEED, chunk=CHUNK, store=path, times=TIMES)
     return path, flown
 
 
-def test_states_are_those_of_a_run_saved_at_these_times(kept):
+def test_states_are_those_of_a_run_saved_at_these_times(stored):
     """Each time lies in the phase that covers it: of x at all of them, run by run, and at a border
     (1.25 s, 2.75 s) before the jump."""
-    path, flown = kept
+    path, flown = stored
     with xarray.open_zarr(path) as data:
         times = {name: data[f"{name}.time"].values for name in ("first", "second", "third")}
         states = {name: data[f"{name}.x"].values for name in times}
@@ -79,22 +79,22 @@ def test_states_are_those_of_a_run_saved_at_these_times(kept):
         y, t = halve(t, {k: x[-1] for k, x in run.states.items()}), t + duration
 
 
-def test_outputs_do_not_see_what_is_kept(kept):
-    flown, alone = kept[1], disperse(LONG, 600, seed=SEED, chunk=CHUNK)
+def test_outputs_do_not_see_what_is_kept(stored):
+    flown, alone = stored[1], disperse(LONG, 600, seed=SEED, chunk=CHUNK)
     for name in ("x", "top", "when"):
         # By other save times the compiled operations round otherwise.
         np.testing.assert_allclose(flown.outputs[name], alone.outputs[name], rtol=0.0, atol=1e-12)
 
 
-def test_a_store_of_other_times_is_refused_and_of_the_same_completed(kept, tmp_path):
+def test_a_store_of_other_times_is_refused_and_of_the_same_completed(stored, tmp_path):
     path = tmp_path / "copy.zarr"
-    subprocess.run(["cp", "-r", kept[0], path], check=True)
+    subprocess.run(["cp", "-r", stored[0], path], check=True)
     (path / ".manifest" / "1.json").unlink()
     how = {"seed": SEED, "chunk": CHUNK, "store": path, "resume": True}
     with pytest.raises(StoreError, match="the times of the states kept: "):
         disperse(LONG, 600, times=[0.3], **how)
     disperse(LONG, 600, times=TIMES, engine=ProcessPool(1), **how)
-    assert files_of(path) == files_of(kept[0])
+    assert files_of(path) == files_of(stored[0])
 
 
 def test_borders_belong_to_the_phase_that_ends(tmp_path):
@@ -128,7 +128,7 @@ def exact(t, start, x, v, w):
     return x * np.cos(w * (t - start)) + v / w * np.sin(w * (t - start))
 
 
-def of_own_phases(store):
+def times_by_phase(store):
     """Times and positions of the store by phase, (runs, times)."""
     with xarray.open_zarr(store) as data:
         names = [name.removesuffix(".time") for name in data if name.endswith(".time")]
@@ -148,8 +148,8 @@ def test_runs_that_end_at_times_of_their_own_keep_what_their_phases_cover(tmp_pa
     assert flown.good.all()
     with pytest.warns(UserWarning, match="times has 9 s"):
         disperse(campaign, 600, seed=SEED, chunk=2 * CHUNK, store=tmp_path / "b", times=ts)
-    kept, again = of_own_phases(tmp_path / "a"), of_own_phases(tmp_path / "b")
-    jax.tree.map(np.testing.assert_array_equal, kept, again)
+    stored, again = times_by_phase(tmp_path / "a"), times_by_phase(tmp_path / "b")
+    jax.tree.map(np.testing.assert_array_equal, stored, again)
     w, x0, left = flown.inputs["w"][:, None], flown.inputs["x0"][:, None], np.array([ts[2:]])
     x1, v1 = x0 * np.cos(w), -0.5 * w * x0 * np.sin(w)
     turn = 1.0 + np.mod(np.arctan2(v1, w * x1), np.pi) / w
@@ -163,9 +163,9 @@ def test_runs_that_end_at_times_of_their_own_keep_what_their_phases_cover(tmp_pa
             exact(left, turn, exact(turn, 1.0, x1, v1, w), 0.0, w),
         ),
     }
-    np.testing.assert_array_equal(kept["first"][0], np.broadcast_to([0.5, 1.0], (600, 2)))
+    np.testing.assert_array_equal(stored["first"][0], np.broadcast_to([0.5, 1.0], (600, 2)))
     for name, (covered, x) in expected.items():
-        times, found = kept[name]
+        times, found = stored[name]
         np.testing.assert_array_equal(times, np.where(covered, left, np.nan))
         # To 1e-9 a step, in some ten steps.
         np.testing.assert_allclose(found, np.where(covered, x, np.nan), rtol=0.0, atol=1e-8)
@@ -180,14 +180,14 @@ def test_durations_that_scatter(tmp_path):
     ts = [0.0, 0.5, 1.0, 1.5, 3.0]
     with pytest.warns(UserWarning, match="times has 3 s, at which none"):
         flown = disperse(campaign, 600, store=tmp_path / "s.zarr", times=ts)
-    kept, x0 = of_own_phases(tmp_path / "s.zarr"), flown.inputs["x0"][:, None]
+    stored, x0 = times_by_phase(tmp_path / "s.zarr"), flown.inputs["x0"][:, None]
     covered = ts <= x0
     assert 0 < np.sum(covered[:, 2]) < 600
-    np.testing.assert_array_equal(kept["swing"][0], np.where(covered, ts, np.nan))
+    np.testing.assert_array_equal(stored["swing"][0], np.where(covered, ts, np.nan))
     np.testing.assert_array_equal(
-        kept["more"][0], np.where(~covered & (ts <= x0 + 1.0), ts, np.nan)
+        stored["more"][0], np.where(~covered & (ts <= x0 + 1.0), ts, np.nan)
     )
-    for _, x in kept.values():
+    for _, x in stored.values():
         exactly = np.where(np.isfinite(x), x0 * np.cos(flown.inputs["w"][:, None] * ts), np.nan)
         # As above.
         np.testing.assert_allclose(x, exactly, rtol=0.0, atol=1e-8)
@@ -293,9 +293,9 @@ def test_states_of_runs_with_breaks_of_their_own(tmp_path):
     (tmp_path / "kick.toml").write_text(text)
     file, burn = jaxspace.load(tmp_path / "kick.toml"), "effects.thrust.burn_time"
     campaign = file.campaign(inputs={burn: Normal(84.1, 0.5)}, warn=False)
-    for k, kept in enumerate(({"samples": 5}, {"times": [50.0, 150.0]})):
+    for k, stored in enumerate(({"samples": 5}, {"times": [50.0, 150.0]})):
         store = tmp_path / str(k)
-        flown = disperse(campaign, 64, accuracy=file.accuracy, store=store, **kept)
+        flown = disperse(campaign, 64, accuracy=file.accuracy, store=store, **stored)
         with xarray.open_zarr(store) as data:
             mass = data["burn.mass"].values
         assert flown.good.all() and np.all(mass[:, 0] > mass[:, -1] - 1e-9)

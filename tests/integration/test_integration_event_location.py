@@ -410,7 +410,7 @@ class Drift(AbstractSystem):
         return {}
 
 
-class Straight(AbstractClosedForm):
+class UniformMotion(AbstractClosedForm):
     """Of the body without forces, as far as `y` is a number: for 4.5 s from where it starts."""
 
     def flow(self, duration, y):
@@ -422,7 +422,7 @@ class ExactDrift(Drift):
     """The same body in closed form."""
 
     def closed_form(self):
-        return Straight()
+        return UniformMotion()
 
 
 DRIFTS = [(Drift(), DOP853()), (ExactDrift(), "closed_form")]

@@ -25,7 +25,7 @@ from three_stages import BURNS, GROUND, JET, LEFT, LIFT_OFF, PUSH, TARGET
 pytestmark = pytest.mark.sweep
 
 
-def found_by(problem):
+def converged_search(problem):
     """The minimum and its optimum, of a search that converged."""
     found = problem.search()
     assert found.converged, found.sentence()
@@ -35,7 +35,7 @@ def found_by(problem):
 def test_linear_tangent_steering():
     """0.5545709 (Betts), to its digits and 1e-7 of the closed form: a free angle, whose polynomial
     of eight is that near to the arctangent of a line."""
-    found, duration = found_by(linear_tangent)
+    found, duration = converged_search(linear_tangent)
     np.testing.assert_allclose(duration, linear_tangent.PUBLISHED, atol=5e-8)
     given = (linear_tangent.ACCELERATION, linear_tangent.HEIGHT, linear_tangent.SPEED)
     np.testing.assert_allclose(duration, minimum_time_steering(*given).duration, rtol=1e-7)
@@ -45,7 +45,7 @@ def test_linear_tangent_steering():
 def test_goddards_rocket():
     """Final altitude 1.01283 (Bryson and Ho; Betts), relative error 1e-5. Between both thrusts lies
     an arc that no switching function decides, here a polynomial of five."""
-    found, altitude = found_by(goddard)
+    found, altitude = converged_search(goddard)
     np.testing.assert_allclose(altitude, goddard.PUBLISHED, rtol=1e-5)
     assert found.criterion.report < 1e-6
 
@@ -53,14 +53,14 @@ def test_goddards_rocket():
 def test_a_transfer_from_a_poor_start():
     """Burns 15 and 32 % too long, half a radian off the horizontal, a coast 18 % short. With
     twenty times the weight as thrust, the losses over Hohmann's impulses are below 1e-5."""
-    _, velocity = found_by(transfer)
+    _, velocity = converged_search(transfer)
     assert 0.0 < velocity / transfer.HOHMANN - 1.0 < 1e-5
 
 
 def test_the_ascent_of_a_delta_iii():
     """37 unknowns in four phases, from a rough guess of upwards and then eastwards: the published
     final mass, 7529.71 kg at 924.139 s, to 1e-6."""
-    found, mass = found_by(delta_iii)
+    found, mass = converged_search(delta_iii)
     _, end, error = found.criterion.report
     np.testing.assert_allclose(mass, delta_iii.PUBLISHED, rtol=1e-6)
     np.testing.assert_allclose(end, delta_iii.PUBLISHED_TIME, atol=2e-3)
@@ -104,7 +104,7 @@ def conditions(x):
 def test_a_three_stage_launch_with_a_coast():
     """To a circle at 185 km: the mass that arrives, by gradients from a guess of upwards and then
     eastwards, against Pontryagin's conditions solved by SciPy; 1e-5 is wanted."""
-    found, reached = found_by(three_stages)
+    found, reached = converged_search(three_stages)
     first = np.array([np.polyval(c, -1.0) for c in np.moveaxis(found.x["vectors"][0], 1, 0)])
     bend = np.array(
         [np.polyval(np.polyder(c), -1.0) for c in np.moveaxis(found.x["vectors"][0], 1, 0)]

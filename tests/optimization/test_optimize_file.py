@@ -54,7 +54,7 @@ at_least = "8000 km"
 
 
 @pytest.fixture(scope="module")
-def found(tmp_path_factory):
+def searched(tmp_path_factory):
     path = tmp_path_factory.mktemp("optimize") / "transfer.toml"
     path.write_text(TRANSFER)
     steps = []
@@ -70,10 +70,10 @@ def energy(radial, r1, r2, mu):
     return 0.5 * (across(radial, r1, r2, mu) ** 2 + radial**2) - mu / r1
 
 
-def test_the_optimum_and_its_multipliers(found):
+def test_the_optimum_and_its_multipliers(searched):
     """The closed form, with one number at its bound; its derivatives are what the multipliers
     say."""
-    best, steps = found
+    best, steps = searched
     assert best.minimum.converged
     rows = best.minimum.history
     np.testing.assert_array_equal([row[1:] for row in steps], rows[~jnp.isnan(rows[:, 0])])
@@ -124,8 +124,8 @@ def test_an_optimiser_of_optax_finds_it_too(tmp_path, search):
     np.testing.assert_allclose(best.values["initial.velocity.0"], RADIAL, atol=0.1)
 
 
-def test_sensitivities_are_those_of_the_optimum(found):
-    best, _ = found
+def test_sensitivities_are_those_of_the_optimum(searched):
+    best, _ = searched
     slopes = best.sensitivities()
     _, by_place, _, by_mu = jax.grad(energy, argnums=(0, 1, 2, 3))(RADIAL, R1, R2, MU)
     np.testing.assert_allclose(slopes["planet.mu"], by_mu, rtol=1e-6)
@@ -133,9 +133,9 @@ def test_sensitivities_are_those_of_the_optimum(found):
     assert "planet.mu" in sensitivity_report(best)
 
 
-def test_the_file_of_the_optimum(found, tmp_path):
+def test_the_file_of_the_optimum(searched, tmp_path):
     """It keeps comments and units, and its own optimum is where it starts."""
-    best, _ = found
+    best, _ = searched
     path = tmp_path / "best.toml"
     path.write_text(best.text())
     assert "# the comment stays" in best.text() and " km/s" in best.text()
@@ -223,8 +223,8 @@ def test_compact_flight():
         fall = Fall(jnp.asarray(3.0), begins)
         bounce = lambda t, y: y * jnp.array([1.0, -1.0])  # noqa: E731
         mission = Mission([Phase(fall, ground, bounce), Phase(fall, 0.5, name="rise")])
-        found = simulate_compact(mission, jnp.stack([h, 0.0 * h]), steps=20)
-        return jnp.stack([found.final[0], found.end]), found
+        searched = simulate_compact(mission, jnp.stack([h, 0.0 * h]), steps=20)
+        return jnp.stack([searched.final[0], searched.end]), searched
 
     def exact(h):
         fall, speed = jnp.sqrt(2.0 * h / 9.8), jnp.sqrt(2.0 * h * 9.8)
@@ -232,14 +232,14 @@ def test_compact_flight():
         return jnp.stack([height, fall + 0.5])
 
     h = jnp.asarray(7.0)
-    slope, found = jax.jit(jax.jacfwd(flight, has_aux=True))(h)
-    values = jnp.stack([found.final[0], found.end])
+    slope, searched = jax.jit(jax.jacfwd(flight, has_aux=True))(h)
+    values = jnp.stack([searched.final[0], searched.end])
     np.testing.assert_allclose(values, exact(h), rtol=1e-12)
     np.testing.assert_allclose(slope, jax.jacfwd(exact)(h), rtol=1e-10)
     back = jax.jit(jax.jacrev(lambda h: flight(h)[0]))(h)
     np.testing.assert_allclose(back, slope, rtol=1e-12)
-    assert bool(found.phases[0].happened) and found.error < 1e-12
-    np.testing.assert_allclose(found.phases[0].before[0], 0.0, atol=1e-12)
+    assert bool(searched.phases[0].happened) and searched.error < 1e-12
+    np.testing.assert_allclose(searched.phases[0].before[0], 0.0, atol=1e-12)
     with pytest.raises(InputError, match="steps = 0"):
         simulate_compact(Mission([Phase(Fall(h, h), 1.0)]), jnp.zeros(2), steps=0)
 

@@ -39,7 +39,7 @@ def state(q, e, f):
     return BodyState(*orbit_from_radius(q, MU, e, 0.5, true_anomaly=f))
 
 
-def along(n, T, q, e, f):
+def closed_form_track(n, T, q, e, f):
     """Times and states of runs in closed form, (3, times, runs)."""
     ts = np.linspace(0.0, 1.0, n)[:, None] * T
     y = jax.jit(state)(q, e, f)
@@ -56,8 +56,8 @@ def test_the_lowest_place_between_two_states():
     q, e = RADIUS * g.uniform(0.9, 1.1, n), g.uniform(0.0, 1.6, n)
     f = g.uniform(-1.0, 1.0, n) * np.where(e < 1.0, np.pi, 0.9 * np.arccos(-1.0 / np.maximum(e, 1)))
     T = g.uniform(0.0, 8e3, n) * g.choice([-1.0, 1.0], n)
-    ts, ends = along(2, T, q, e, f)
-    _, dense = along(1000, T, q, e, f)
+    ts, ends = closed_form_track(2, T, q, e, f)
+    _, dense = closed_form_track(1000, T, q, e, f)
     r = np.sqrt(np.sum(np.asarray(dense.position) ** 2, axis=0))
     lowest, end = r.min(axis=0), np.minimum(r[0], r[-1])
     depth = lowest_below_ground(ts, ends, RADIUS, MU)
@@ -129,7 +129,7 @@ def test_a_time_that_does_not_resolve_the_run_is_a_status(dtype):
 
 def test_what_moves_the_state_besides_leaves_the_saved_states_alone():
     """Between two states a jump or a command may have raised the orbit."""
-    ts, ends = along(2, 6000.0, 6.2e6, 0.1, 3.0)
+    ts, ends = closed_form_track(2, 6000.0, 6.2e6, 0.1, 3.0)
     assert SCENE.warning(ts[:, 0], jax.tree.map(lambda x: x[..., 0], ends), True)
     assert not SCENE.warning(ts[:, 0], jax.tree.map(lambda x: x[..., 0], ends), False)
     # Inside of a sphere without a hard surface nothing is wrong.

@@ -25,7 +25,7 @@ def rest(gyro):
     return RateGyroState(jnp.zeros(()), jnp.zeros(()))
 
 
-def along(make, x):
+def eigenvalues_and_slopes(make, x):
     """Eigenvalues, their slopes in both modes, and the greatest difference to central ones."""
     values = jax.jit(lambda x: eigenvalues(make(x)))
     forward = jax.jit(jax.jacfwd(lambda x: eigenvalues(make(x))))(x)
@@ -39,7 +39,7 @@ def test_slopes_of_single_roots():
             [[0.1, 0.0, 0.4], [-1.0, 0.2, 0.0], [0.3, 0.0, 0.7]]
         )
 
-    _, forward, reverse = along(make, 0.3)
+    _, forward, reverse = eigenvalues_and_slopes(make, 0.3)
     h = 1e-5
     ahead, behind = eigenvalues(make(0.3 + h)), eigenvalues(make(0.3 - h))
     assert_allclose(forward, (ahead - behind) / (2 * h), atol=1e-8)
@@ -48,7 +48,7 @@ def test_slopes_of_single_roots():
 
 def test_equal_roots_have_the_mean_slope_and_joined_shapes_none():
     # 1 + x and 1 - 3 x cross at zero, and 2 stands by.
-    _, forward, reverse = along(
+    _, forward, reverse = eigenvalues_and_slopes(
         lambda x: jnp.diag(jnp.stack([1.0 + x, 1.0 - 3.0 * x, 2.0 + 5.0 * x])), 0.0
     )
     assert_allclose(forward, [-1.0, -1.0, 5.0], atol=1e-12)
@@ -65,7 +65,7 @@ def test_equal_roots_have_the_mean_slope_and_joined_shapes_none():
             ]
         )
 
-    _, forward, reverse = along(joined, 0.0)
+    _, forward, reverse = eigenvalues_and_slopes(joined, 0.0)
     assert not np.any(np.isfinite(forward[:2]))
     assert_allclose(forward[2], 1.0)
     assert_allclose(reverse[2], 1.0)

@@ -1,5 +1,5 @@
-"""The results that are kept beside this file: a folder for each set of instructions, because what a
-processor can do in one step decides most figures."""
+"""The results that are stored beside this file: a folder for each set of instructions, because
+what a processor can do in one step decides most figures."""
 
 import json
 import os
@@ -54,7 +54,7 @@ def read(name: str) -> dict[str, dict]:
     return {kind: json.loads(file.read_text()) for kind, file in files.items() if file.exists()}
 
 
-def keep(name: str, kind: str, seen: dict) -> None:
+def write(name: str, kind: str, seen: dict) -> None:
     """Store what was seen of one benchmark."""
     file = RESULTS / kind / f"{name}.json"
     file.parent.mkdir(parents=True, exist_ok=True)

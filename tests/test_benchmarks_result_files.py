@@ -7,7 +7,7 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from benchmarks import kept, page  # noqa: E402
+from benchmarks import page, result_files  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -21,26 +21,28 @@ from benchmarks import kept, page  # noqa: E402
     ],
 )
 def test_the_instructions_are_those_of_processor_and_compiler(monkeypatch, flags, limit, found):
-    monkeypatch.setattr(kept, "_flags", lambda: flags)
-    monkeypatch.setattr(kept.platform, "machine", lambda: "x86_64")
+    monkeypatch.setattr(result_files, "_flags", lambda: flags)
+    monkeypatch.setattr(result_files.platform, "machine", lambda: "x86_64")
     monkeypatch.setenv("XLA_FLAGS", f"--xla_cpu_max_isa={limit}" if limit else "")
-    assert kept.described() == found
-    assert kept.instructions() == found.partition(" ")[0]
+    assert result_files.described() == found
+    assert result_files.instructions() == found.partition(" ")[0]
 
 
 def test_an_unknown_processor_has_the_name_of_its_kind(monkeypatch):
-    monkeypatch.setattr(kept, "_flags", set)
-    monkeypatch.setattr(kept.platform, "machine", lambda: "riscv64")
+    monkeypatch.setattr(result_files, "_flags", set)
+    monkeypatch.setattr(result_files.platform, "machine", lambda: "riscv64")
     monkeypatch.setenv("XLA_FLAGS", "--xla_cpu_max_isa=AVX2")
-    assert kept.instructions() == "riscv64"
+    assert result_files.instructions() == "riscv64"
 
 
 def test_both_sets_stand_in_one_table(monkeypatch, tmp_path):
-    monkeypatch.setattr(kept, "RESULTS", tmp_path / "results")
+    monkeypatch.setattr(result_files, "RESULTS", tmp_path / "results")
     monkeypatch.setattr(page, "PAGE", tmp_path / "benchmarks.md")
     for kind, rate in (("avx2", 2e6), ("avx512", 5e6)):
         rows = {"ours": {"runs_per_second": rate, "cores": 1.0}, f"only {kind}": {"cores": 2.0}}
-        kept.keep("kepler", kind, {"what": "Orbits.", "machine": {"cores": 2}, "rows": rows})
+        result_files.write(
+            "kepler", kind, {"what": "Orbits.", "machine": {"cores": 2}, "rows": rows}
+        )
     page.write(("kepler", "lambert"))
     text = (tmp_path / "benchmarks.md").read_text()
     assert "| | runs per second | cores | runs per second, AVX2 |" in text
