@@ -35,6 +35,7 @@ from ._runs import CampaignOf, Design, Problem, enough_runs
 from .assessment import AssessedDesign, AssessedLimit, DesignAssessment, Estimate
 from .statistics import AbstractStatistic, Constraint, Measured
 
+# Four times as many as a search has, so that their error is half of that of the search.
 RUNS = 4096
 """How many fresh runs there are at least by default."""
 
@@ -97,6 +98,7 @@ def assess_designs(
     problem = optimum.problem
     if problem.normals is None:
         raise InputError("optimum is that of the nominal run: assess one of optimise_design.")
+    # The next one, and not one at random, so that an assessment can be repeated.
     seed = optimum.seed + 1 if seed is None else seed
     if seed == optimum.seed:
         raise InputError(f"seed is {seed}, that of the search: fresh runs must have another.")
@@ -107,6 +109,7 @@ def assess_designs(
     designs = {**(others or {}), "robust": optimum.x}
     assessed = {}
     for name, x in designs.items():
+        # With the same inputs for every design: in their differences the common scatter cancels.
         fresh = disperse(
             campaign_at(problem.campaign, x),
             runs,
@@ -121,6 +124,7 @@ def assess_designs(
 def _assess_design(problem: Problem, x: Design, fresh: Dispersion) -> AssessedDesign:
     """A design by its fresh runs."""
     measured = _measured(problem.objective, fresh)
+    # Exact for any number of failures: for few, a normal interval would reach below zero.
     failed = clopper_pearson(int(np.count_nonzero(~fresh.good)), fresh.runs)
     limits = tuple(_assess_limit(c, fresh) for c in problem.constraints)
     return AssessedDesign(x, fresh, measured, limits, failed)
@@ -151,6 +155,7 @@ def _assess_limit(constraint: Constraint, fresh: Dispersion) -> AssessedLimit:
 
 def _on_search(optimum: DesignOptimum) -> Measured:
     """The statistic that was minimised, on the runs of the search."""
+    # The report of the search holds these runs: none is computed again.
     objective, runs = optimum.problem.objective, optimum.runs
     good = np.asarray(runs.good(objective.output))
     return objective.measured(np.asarray(runs.outputs[objective.output]), good)

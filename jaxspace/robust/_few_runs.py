@@ -59,6 +59,7 @@ def by_few_runs(
     runs, which count as constant.
 
     - `forward`: whether by forward mode."""
+    # By name: what is passed so has no derivative.
     return _numbers(x, problem, forward=forward)
 
 
@@ -102,6 +103,7 @@ def _forwards(
 
     def add(k: Array, jacobian: Array) -> Array:
         places, weight = chosen.block(k, size)
+        # A run gives the slopes of all its outputs at once, whichever rows they count in.
         slopes = jax.jacfwd(outputs)(x, places)
         return jacobian + jnp.einsum("ri,rin->rn", weight, slopes[rows])
 

@@ -71,6 +71,7 @@ class DesignOptimum(eqx.Module):
         """Runs that failed, steps that were left out, and unknowns without influence, a sentence
         each."""
         sentences = [failures(self.runs)]
+        # The objective is infinite there, which a search takes for a step too far.
         if int(self.minimum.left_out):
             sentences.append(
                 f"{int(self.minimum.left_out)} steps were left out: at their designs more than a "
@@ -87,6 +88,7 @@ class DesignOptimum(eqx.Module):
 
     def _at_the_last_of_them(self) -> str:
         """Why runs failed at the last step that was left out; empty where it is not known."""
+        # A search by batches has no such report: each of its steps has other runs.
         refused = getattr(self.minimum, "refused", None)
         failed = "" if refused is None else failures(refused.report)
         return f"At the last of them {failed}" if failed else ""
@@ -95,6 +97,7 @@ class DesignOptimum(eqx.Module):
         """Why the search ended, in words."""
         margins = self._margins
         minimum = self.minimum
+        # A search by batches has no tolerance: whatever is beyond its limit is missed.
         missed = minimum.unmet[1] if isinstance(minimum, Minimum) else margins < 0.0
         unmet = [
             f"the {constraint.text()} is missed by {-margin:.3g}"
@@ -114,12 +117,14 @@ class DesignOptimum(eqx.Module):
         problem = self.problem
         rows = [(problem.objective.text(), f"{self.value:.6g}")]
         for constraint, margin in zip(problem.constraints, self._margins, strict=True):
+            # A margin is the distance from the limit, on the side that is allowed.
             sign = -1.0 if constraint.upper else 1.0
             rows.append((constraint.label(), f"{constraint.limit + sign * float(margin):.6g}"))
         for path, leaf in tree_leaves_with_path(self.x):
             name = name_of(path, ())
             rows.append((name, " ".join(f"{number:.6g}" for number in np.ravel(leaf))))
         count = self.runs.status.size
+        # The nominal problem has a single run.
         title = f"Design on {count} runs of seed {self.seed}" if count > 1 else "Nominal design"
         lines = [f"  {line}" for line in aligned(rows).splitlines()]
         return "\n".join([title, *lines, *(f"  {x}" for x in (self.sentence(), *self.warnings))])
@@ -127,5 +132,6 @@ class DesignOptimum(eqx.Module):
 
 def name_of(path: Any, index: tuple[int, ...]) -> str:
     """The name of a number of a design."""
+    # A design that is a single number has no path.
     name = keystr(path, simple=True, separator=".") or "x"
     return name + "".join(f"[{place}]" for place in index)

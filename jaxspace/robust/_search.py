@@ -31,6 +31,7 @@ from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, Problem, enough_runs, failures, problem_of
 from .statistics import AbstractStatistic, Constraint
 
+# A power of two, in which Sobol points fill the unit cube evenly.
 RUNS = 1024
 """How many runs there are at least by default."""
 
@@ -85,6 +86,7 @@ def optimise_design(
     search, and as `minimise` does.
     """
     every = [minimise, *(getattr(c, "statistic", None) for c in subject_to)]
+    # Anything else is refused by `problem_of`, with its name.
     known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
     runs = enough_runs(known, RUNS) if runs is None else runs
     problem = problem_of(campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail)
@@ -129,6 +131,7 @@ def optimise_nominal(
 
     **Returns** and **raises** as `optimise_design`.
     """
+    # No runs but the nominal one, which may not fail.
     problem = problem_of(campaign, start, minimise, subject_to, None, 0, accuracy, 0.0)
     return _searched(problem, start, 0, bounds, scale, optimiser, tolerance, max_steps, progress)
 

@@ -71,6 +71,7 @@ def train_design(
     dimensions = problem.normals.shape[1]
 
     def of_batch(x: Design, key: Array) -> Criterion:
+        # Independent, and not on Sobol points: over the steps independent errors average out.
         normals = jax.random.normal(key, (batch, dimensions), jnp.result_type(float))
         # Without the runs, which no step needs.
         found = problem._replace(normals=normals)(x)
@@ -89,11 +90,14 @@ def train_design(
         progress=progress,
         store=store_of(store, resume, problem, batch, seed),
     )
+    # A sample of its own, larger than a batch, because one batch says little of the design.
     whole = problem_of(
         *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
         *(seed, accuracy, may_fail),
     )
+    # A function, because `jit` cannot hash what holds arrays.
     criterion = jax.jit(lambda x: whole(x))(found.x)
+    # No batch was used, and the result is the start: only the author can choose another.
     if int(found.steps) == int(found.left_out):
         failed = failures(criterion.report)
         if failed:

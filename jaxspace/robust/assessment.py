@@ -55,6 +55,8 @@ class AssessedLimit(NamedTuple):
         """Whether the runs show that the limit is not kept: by the verdict, or by two errors."""
         if self.verdict is not None:
             return self.verdict.word == "fail"
+        # At an optimum the limit is just met: half of all estimates lie beyond it, one in forty by
+        # more than two errors.
         over = self.value.value - self.constraint.limit
         return (over if self.constraint.upper else -over) > 2.0 * self.value.error
 
@@ -105,6 +107,7 @@ class DesignAssessment(eqx.Module):
         """By how much the statistic that was minimised is larger for another design than for the
         optimum. The error is smaller than that of either, because they have the same inputs."""
         own, other = self.designs["robust"].measured, self.designs[name].measured
+        # Run by run, because the inputs are the same: what both designs have in common cancels.
         change = other.influence - own.influence
         return _difference(other.value, own.value, float(np.sqrt(np.sum(change**2))))
 
@@ -128,6 +131,7 @@ class DesignAssessment(eqx.Module):
         )
         for statistic in self.optimum.problem.statistics:
             if statistic.tail is not None:
+                # As many as its error rests on, however many runs there are.
                 beyond = f"{statistic.tail * fresh.runs:.0f} of {fresh.runs} fresh runs"
                 result.append(f"{beyond} are the tail of the {statistic.text()}.")
         return Listed([*result, *self.optimum.warnings])
@@ -146,9 +150,11 @@ class DesignAssessment(eqx.Module):
         rows.append((self.optimum.problem.objective.text(), *self._each(lambda d: str(d.value))))
         for k, constraint in enumerate(self.optimum.problem.constraints):
             rows.append((constraint.label(), *self._each(lambda d, k=k: str(d.limits[k].value))))
+            # A limit of a mean has no share of violations.
             if self.designs["robust"].limits[k].verdict is not None:
                 rows.append(("  violated in", *self._each(lambda d, k=k: _shares(d.limits[k]))))
         rows.append(("failed", *self._each(lambda d: _percent(d.failed))))
+        # All designs have the structure of the optimum.
         for number, (path, leaf) in enumerate(tree_leaves_with_path(self.optimum.x)):
             for index in np.ndindex(np.shape(leaf)):
                 values = [

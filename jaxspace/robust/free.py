@@ -17,6 +17,7 @@ from ..dispersion import Campaign
 from ..dispersion.evaluate import fixed_normals, inputs_at
 from ..simulation import Mission
 
+# In the order in which `build` returns them.
 ROOTS = ("mission", "state")
 
 
@@ -41,7 +42,8 @@ class FreeDesign(NamedTuple):
 
 @final
 class _BuildWith(eqx.Module):
-    """The `build` of a campaign, with the values `x` at their paths."""
+    """The `build` of a campaign, with the values `x` at their paths: a module and no closure, so
+    that the campaigns of several designs share their compiled programs."""
 
     build: Callable[[dict[str, Array]], tuple[Mission, State]]
     x: dict[str, PyTree]
@@ -75,6 +77,7 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     wider = campaign.build(inputs_at(campaign, jnp.concatenate([normals, normals])))
     start = {path: _start(path, built, wider) for path in free}
     for path, one in free.items():
+        # In this form, so that NaN is refused, too.
         if not one.low < one.high:
             raise InputError(
                 f"free {path!r} has low = {one.low:g} and high = {one.high:g}: the lower one must "
@@ -89,6 +92,7 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
 
     scale = None
     if any(one.scale is not None for one in free.values()):
+        # `minimise` takes a scale for all unknowns or for none.
         scale = {
             path: jax.tree.map(lambda x, one=free[path]: jnp.full_like(x, _size(x, one)), x)
             for path, x in start.items()
@@ -146,8 +150,11 @@ def _start(path: str, built: tuple[Mission, State], wider: tuple[Mission, State]
         )
 
     def alone(x: Array, y: Array) -> Array:
+        # As long for two runs as for four: it carries no runs.
         if x.shape == y.shape:
             return x
+        # The last axis is that of the runs. Two of them tell a scatter: that numbers drawn at
+        # random are equal has no probability.
         if np.any(np.asarray(x[..., 0]) != np.asarray(x[..., 1])):
             raise InputError(
                 f"free {path!r} differs from run to run: a number cannot be free and random."
@@ -173,6 +180,7 @@ def _size(x: Array, one: Free) -> Scalar:
     """The scale that is given, or what `minimise` takes."""
     if one.scale is not None:
         return one.scale
+    # The defaults of `minimise`, because a tree of scales has no gaps.
     if np.isfinite(one.low) and np.isfinite(one.high):
         return one.high - one.low
     return jnp.maximum(jnp.abs(x), 1.0)

@@ -211,6 +211,8 @@ class MeanPlus(AbstractStatistic):
         mean, off, n = _known_moments(x, good)
         variance = float(np.sum(off**2)) / n
         deviation = np.sqrt(variance)
+        # The influence of a run on a standard deviation s: ((x - m)^2 - s^2)/(2 s). Where all runs
+        # are equal both are zero.
         widening = np.where(good, off**2 - variance, 0.0) / (2.0 * deviation or 1.0)
         return Measured(mean + self.k * deviation, (off + self.k * widening) / n)
 
@@ -248,6 +250,7 @@ class Quantile(AbstractStatistic):
 
     @property
     def tail(self) -> float | None:
+        # The error follows from the rarer side.
         return min(self.share, 1.0 - self.share)
 
     @property
@@ -275,12 +278,14 @@ class CVaR(AbstractStatistic):
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
         c, half, n = smoothed_quantile(x, good, self.share)
+        # The sum is stationary in c, so that a derivative by it would add roundings alone.
         c = lax.stop_gradient(c)
         z = (jnp.where(good, x, c) - c) / half
         beyond = jnp.where(good, half * hinge(z), 0.0)
         return c + jnp.sum(beyond) / (n * (1.0 - self.share))
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        # Of the sharp quantile, which counts as constant, as in `value`.
         value, n = quantile(x[good], self.share), np.count_nonzero(good)
         beyond = np.where(good, np.maximum(x - value, 0.0), 0.0) / (1.0 - self.share)
         mean = float(np.sum(beyond)) / n
@@ -326,11 +331,13 @@ class Violation(AbstractStatistic):
         limit, sign = self._limit
         width, n = width_of_all(x, good)
         beyond = sign * (jnp.where(good, x, limit) - limit) / width
+        # A count has no derivative: each run is smoothed by a normal distribution of this width.
         bad = jnp.sum(jnp.where(good, ndtr(beyond), 1.0))
         return jnp.where(n > 0.0, bad / x.size, jnp.nan)
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
         limit, sign = self._limit
+        # In this form, so that NaN counts as a violation, too.
         bad = ~(good & (sign * (x - limit) <= 0.0))
         share = float(np.mean(bad))
         return Measured(share, (bad - share) / x.size)
@@ -357,6 +364,7 @@ class Worst(AbstractStatistic):
     output: str = eqx.field(static=True)
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        # A failed run must not be the greatest, whatever its number is.
         greatest = jnp.max(jnp.where(good, x, -jnp.inf))
         return jnp.where(jnp.any(good), greatest, jnp.nan)
 

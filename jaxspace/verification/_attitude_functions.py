@@ -20,6 +20,7 @@ from ..rotations import Quaternion
 def free_flight(x: Array) -> Array:
     """The matrix of the turn and the later rate from moments, rate and duration."""
     turn, omega = free_turn(x[6], PrincipalInertia(x[:3]), x[3:6])
+    # The matrix, because a quaternion may have either sign.
     return jnp.concatenate([turn.matrix().reshape(-1), omega])
 
 
@@ -36,6 +37,7 @@ def cones(x: Array) -> Array:
 def nutation(x: Array) -> Array:
     """Turning points, period and precession of a top, from A, C, W l, the nutation angle, its rate,
     psi' and n."""
+    # The azimuth and the spin angle do not enter.
     y = Top.state(jnp.stack([0.0 * x[3], x[3], 0.0 * x[3]]), jnp.stack([x[5], x[4], x[6]]))
     motion = Top(x[0], x[1], x[2]).nutation(y)
     return jnp.stack([*motion.turning_points, motion.period, motion.precession])
@@ -56,6 +58,7 @@ def steady_rates(x: Array) -> Array:
 
 def least_spin(x: Array) -> Array:
     """The least spin, from A, C, W l and the angle."""
+    # Zero where the top hangs, at whose horizontal the root of the formula ends.
     return Top(x[0], x[1], x[2]).least_spin(x[3])[None]
 
 

@@ -19,6 +19,7 @@ def root(x: Array) -> Array:
 
 def end_root(x: Array) -> Array:
     """sqrt(a - b) from a and b, with its infinite slope at the end."""
+    # From both ends, because at the end the slopes by them are infinite with opposite signs.
     return end_sqrt(lambda a, b: a - b, x[0], x[1])[None]
 
 
@@ -44,11 +45,13 @@ def stumpff_functions(x: Array) -> Array:
 
 def elliptic_k(x: Array) -> Array:
     """The complete elliptic integral K from the complement of its parameter."""
+    # By its complement, which holds the digits beside modulus one, where K grows without bound.
     return complete_elliptic(x)
 
 
 def elliptic_third(x: Array) -> Array:
     """R_J(0, y, z, p) from sum and product of the roots of y and z, and p."""
+    # By sum and product, because the roots themselves may be complex.
     return complete_third(x[0], x[1], x[2])[None]
 
 
@@ -79,4 +82,6 @@ def euler_angles(x: Array) -> Array:
 
 def turned_there_and_back(x: Array) -> Array:
     """Euler's angles 3-1-3 by way of their quaternion, rad."""
+    # There and back, because a quaternion of a small theta holds psi and phi in numbers of its
+    # size, from which they must come whole.
     return to_euler_angles(from_euler_angles(x, "313"), "313")

@@ -35,6 +35,7 @@ Tree = TypeVar("Tree")
 RTOL = 1e-11
 # Central differences at this share of each block: truncation and rounding are both about 1e-9.
 STEP = 1e-4
+# Enough that the run that is compared has neighbours with other steps.
 RUNS = 3
 
 

@@ -39,6 +39,7 @@ def state(x: Array) -> Array:
 
 def radii(x: Array) -> Array:
     """Radius of periapsis from position, velocity and mu."""
+    # Apart from `sizes`: on a parabola it is a number, and they are infinite.
     return periapsis_radius(x[:3], x[3:6], x[6])[None]
 
 
@@ -50,12 +51,14 @@ def sizes(x: Array) -> Array:
 
 def tilt(x: Array) -> Array:
     """Inclination from position and velocity."""
+    # Apart from `elements`: beside zero it has its digits, where the node has lost its own.
     return inclination(x[:3], x[3:6])[None]
 
 
 def transfer(x: Array) -> Array:
     """Both velocities from both places, duration and mu; the short way."""
     normal = jnp.cross(x[:3], x[3:6])
+    # The normal of both places, so that every case is the short way, whichever plane it has.
     return jnp.concatenate(lambert(x[:3], x[3:6], x[6], x[7], normal=normal))
 
 

@@ -30,6 +30,8 @@ def ratio_for(x: Array) -> Array:
 
 def burnout_height(x: Array) -> Array:
     """Height at burnout of a vertical ascent from its five parameters."""
+    # Near a mass ratio of one it is a difference, which a series replaces: cases stand on both
+    # sides of where it begins.
     return vertical_burnout_height(*x)[None]
 
 
@@ -40,6 +42,7 @@ def coast(x: Array) -> Array:
 
 def spun_angle(x: Array) -> Array:
     """Angle turned through during a burn, rad."""
+    # By all parameters, because without burning it is a limit of their quotients.
     return spin_angle(*x)[None]
 
 

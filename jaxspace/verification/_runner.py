@@ -36,6 +36,7 @@ def run_cases(
     **Raises** `InputError` for a precision that is not enabled and for a device that is not there.
     """
     started = time.perf_counter()
+    # Before anything is compiled, which takes minutes.
     where = _device(device)
     _check_precision(precision)
     # By their functions, because each is one program, whose compilation takes most of the time.
@@ -80,6 +81,8 @@ def _run_group(
             results.append(_judge(case, value, forward, reverse, precision))
     for case in cases:
         if case not in with_slopes:
+            # Not compiled, because what has no derivative may read its numbers, as a distribution
+            # does.
             with jax.default_device(device):
                 value = np.asarray(function(jnp.asarray(case.inputs, precision)), float)
             results.append(_judge(case, value, None, None, precision))
@@ -161,6 +164,7 @@ def difference(computed: np.ndarray, truth: np.ndarray, size: float) -> float:
     the other is not the same."""
     computed, truth = np.asarray(computed, float), np.asarray(truth, float)
     finite = np.isfinite(truth)
+    # An infinite truth is met by the same infinity alone.
     same = np.array_equal(computed[~finite], truth[~finite], equal_nan=True)
     if not same or not np.all(np.isfinite(computed[finite])):
         return float("inf")

@@ -32,6 +32,7 @@ def usual(max_steps: int = 256) -> Accuracy:
 
 def on_circle(speed: Array) -> BodyState:
     """At the distance 1, at right angles to the radius."""
+    # From the speed, so that precision and runs are those of the case.
     zero = 0.0 * speed
     return BodyState(
         position=jnp.stack([zero + 1.0, zero, zero]), velocity=jnp.stack([zero, speed, zero])
@@ -49,6 +50,7 @@ def stepped(x: Array) -> Array:
 def time_of_apoapsis(x: Array) -> Array:
     """The time of the next apoapsis from the speed at periapsis, where the condition is zero, and
     the greatest time, of either sign."""
+    # Few samples, because the program of the search is compiled for this case alone.
     stop = Event(apoapsis, samples=16)
     ts = jnp.stack([0.0 * x[1], x[1]])
     run = simulate(
@@ -66,6 +68,7 @@ def burnt(x: Array) -> Array:
     """The speed after burnout, 1000 at ignition, from thrust, exhaust velocity, burn time, mass."""
     zero = jnp.zeros(3, x.dtype)
     ones = jnp.ones(3, x.dtype)
+    # Any moments, because nothing turns.
     body = BurningBody(ones[0], as_inertia(ones), 0.3 * ones, 0.0 * ones[0])
     scene = Scene((Thrust(x[0], x[1], x[2]),), body)
     attitude = Quaternion(jnp.asarray([1.0, 0.0, 0.0, 0.0], x.dtype))
@@ -115,6 +118,7 @@ def tails(x: Array) -> Array:
     """The shares of three distributions beyond the limit."""
     zero = 0.0 * x[0]
     one = jnp.ones_like(x[0])
+    # Far out, where one less a distribution function would have no digit left.
     limit = x[0]
     laws = (
         Normal(zero, one),

@@ -39,6 +39,7 @@ class CaseResult:
     @classmethod
     def left_out(cls, case: Case) -> "CaseResult":
         """The row of a case that float32 cannot hold."""
+        # The reason takes the place of that of the tolerances.
         return cls(case.name, None, None, None, None, None, "left out", case.single)
 
     @property
@@ -106,6 +107,7 @@ def _plain(x: object) -> object:
         return {key: _plain(value) for key, value in x.items()}
     if isinstance(x, list | tuple):
         return [_plain(value) for value in x]
+    # In this form, so that NaN is text, too.
     if isinstance(x, float) and not abs(x) < float("inf"):
         return str(x)
     return x
@@ -115,5 +117,6 @@ def _cells(row: CaseResult) -> tuple[str, ...]:
     numbers = (row.error, row.tolerance, row.slope_error, row.slope_tolerance)
     shown = ["-" if x is None else f"{x:.1e}" for x in numbers]
     if row.slope_error is None:
+        # Nothing is allowed or forbidden of a derivative that is not there.
         shown[3] = "-"
     return (row.name, *shown, row.verdict)
