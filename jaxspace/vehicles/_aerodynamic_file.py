@@ -76,6 +76,7 @@ CLIMB = "vertical velocity"
 HEIGHT = "altitude"
 THRUST = "thrust"
 # Mach numbers of a flight that lie closer than this become one point.
+# Time steps of a flight give thousands of points, which differ by noise alone.
 APART = 0.01
 
 
@@ -158,15 +159,19 @@ def _of_table(
     if np.any(result.pop("sideslip", np.zeros(1)) != 0.0):
         raise InputError(f"{path} has angles of sideslip: it must have alpha and phi alone.")
     if "centre_ahead" in result:
+        # RASAero gives a centre of small angles beside that by the angle: it goes with the slope of
+        # the normal force at zero.
         ahead = result.pop("centre_ahead")
         at_zero = result.get("angle", np.zeros(1)) == 0.0
         result["centre"] = np.where(at_zero, ahead, result.get("centre", ahead))
     per_radian = result.pop("per_radian", np.ones(1))
     if "lag_damping" in result:
+        # Where the path hardly bends, alpha turns as fast as the body: both act as one damping.
         lag = result.pop("lag_damping")
         result["pitch_damping"] = result.get("pitch_damping", 0.0) + lag
     for key in ("pitch_damping", "roll_damping"):
         if key in result:
+            # DATCOM says by a flag whether its derivatives are by radians or by degrees.
             result[key] = result[key] / np.where(per_radian == 0.0, DEGREE, 1.0)
     return result
 
@@ -197,9 +202,11 @@ def _of_flight(
         up = climb > 0.0
     else:
         assert height is not None  # one of the two is there
+        # The descent hangs on a parachute, whose drag is not that of the rocket.
         up = np.arange(mach.size) < np.argmax(height)
     # OpenRocket has no coefficient before it moves.
     up = up & np.isfinite(mach) & np.isfinite(coefficient)
+    # Two tables, because the jet fills the base.
     burning, coasting = up & (thrust > 0.0), up & (thrust <= 0.0)
     if not np.any(coasting):
         raise InputError(f"{path} has no ascent after the burnout: it must have one.")
@@ -208,6 +215,7 @@ def _of_flight(
     if np.any(burning):
         points, on = _thinned(mach[burning], coefficient[burning])
         both = np.unique(np.concatenate([nodes, points]))
+        # Points of both tables that nearly coincide would make slopes of noise.
         both = both[np.append(True, np.diff(both) > 0.5 * APART)]
         result = {
             "mach": both,

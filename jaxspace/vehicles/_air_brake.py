@@ -51,6 +51,7 @@ class AirBrake(AbstractEffect):
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         del body
+        # The zero carries the runs and the precision of the state.
         return {self.PART: jnp.clip(self.command, 0.0, 1.0) + 0.0 * y.velocity[0]}
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

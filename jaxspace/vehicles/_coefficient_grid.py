@@ -58,8 +58,10 @@ def _grid(
     for key in AXES:
         if key in given:
             axes[key], number = np.unique(columns[key], return_inverse=True)
+            # The number of the point in the grid, the last axis fastest.
             place = place * axes[key].size + number
         shape.append(axes[key].size)
+    # Every point once: a hole or a repetition would shift all that follows.
     count = np.bincount(place, minlength=int(np.prod(shape)))
     if np.any(count != 1):
         wrong = int(np.argmax(count != 1))
@@ -87,6 +89,7 @@ def _folded(columns: dict[str, np.ndarray], name: str) -> tuple[dict[str, np.nda
         # Negative angles are the other side of the plane of the flow, which the roll covers.
         ahead = columns["angle"] >= 0.0
         columns = {key: x[ahead] for key, x in columns.items()}
+        # Degrees that were rounded may lie past half a turn.
         columns["angle"] = np.minimum(columns["angle"], np.pi)
     given = [key for key in AXES if key in columns and np.unique(columns[key]).size > 1]
     if "mach" not in given:
@@ -130,6 +133,7 @@ def _in_body_axes(
         if "drag_burning" in grid:
             grid["axial_burning"] = grid["drag_burning"] * c - lift * s
         if "lift" in grid:
+            # Axes of the flow turned by alpha into those of the body.
             grid["normal"] = grid["drag"] * s + lift * c
     if "axial" not in grid and "axial_burning" not in grid:
         raise InputError(f"{name} has no axial force and no drag: it must have one of them.")
@@ -215,15 +219,18 @@ def _slopes(axes: dict[str, np.ndarray], key: str, values: np.ndarray, name: str
             x[-1],
             "a period behind the first one, with the same coefficients",
         )
+        # One point beyond each end, so that the slopes there are those of a periodic function.
         x = np.concatenate([[x[-2] - period], x, [x[1] + period]])
         y = np.concatenate([y[-2:-1], y, y[1:2]])
         low = 1
         high = 1
     if key == "angle" and x[0] == 0.0:
+        # Mirrored, because all that is stored is even about zero: its slope there vanishes.
         x = np.concatenate([[-x[1]], x])
         y = np.concatenate([y[1:2], y])
         low = 1
     if key == "angle" and x[-1] == np.pi:
+        # Even about half a turn, too.
         x = np.append(x, 2.0 * np.pi - x[-2])
         y = np.concatenate([y, y[-2:-1]])
         high = 1

@@ -88,6 +88,7 @@ class MovableFins(AbstractEffect):
     def mixed(self, command: Array) -> Array:
         """The angles of the fins, rad, (fins, *runs), for a command about the axes, (3, *runs)."""
         x, y = self._spans(command.ndim - 1)
+        # Held after the sum, because a fin that pitches and rolls at once has one limit.
         return jnp.clip(
             command[2] - command[0] * x - command[1] * y, -self.angle_limit, self.angle_limit
         )

@@ -58,6 +58,7 @@ def longitudinal(
 
     - `steps`: distances between the nodes over the correlation length.
     - `z`: a standard normal number for each node."""
+    # The variance stays one: what is kept and what is fresh have squares that sum to it.
     keep = jnp.exp(-steps)
     fresh = jnp.sqrt(-jnp.expm1(-2.0 * steps))
 
@@ -82,6 +83,7 @@ def transverse(steps: np.ndarray, z: Float[Array, "nodes 2 *runs"]) -> Float[Arr
     keep = np.exp(-steps)[:, None, None] * (np.eye(2) + steps[:, None, None] * [[0, 0], [1, 0]])
     # In double precision, because the covariance of a small step is a small difference.
     covariance = STATIONARY - keep @ STATIONARY @ np.swapaxes(keep, 1, 2)
+    # Of what two states lose together over a step.
     fresh = np.linalg.cholesky(covariance)
     start = np.linalg.cholesky(STATIONARY)
 

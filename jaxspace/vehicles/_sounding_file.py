@@ -30,6 +30,7 @@ from ..core.files import read_text
 from ._separated import separated
 from ._sounding_lists import read_list
 
+# A list with a longer gap has lost levels: between them no interpolation would tell the air.
 LARGEST_GAP = 6e3
 """m, between two levels: of the mandatory ones none are so far apart."""
 FASTEST = 150.0
@@ -134,6 +135,8 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
 def _csv(path: str, lines: list[str]) -> Levels:
     """The levels of a CSV file with a heading."""
     heads: list[str] = []
+    # The numbers of the lines, by which errors name a row, although notes and empty lines lie
+    # between.
     rows, numbers = [], []
     for number, fields in enumerate(separated(lines, "height", "altitude"), 1):
         if not heads:
@@ -170,6 +173,7 @@ def _levels(
     columns: dict[str, np.ndarray] = {}
     for k, head in enumerate(heads):
         key, name, unit = _meaning(head)
+        # The first column of a meaning counts: a file may repeat a quantity in other units.
         if not key or key in columns:
             continue
         units = QUANTITIES[key][1]
@@ -185,6 +189,7 @@ def _levels(
         if key == "temperature" and unit != "k":
             x = x + FREEZING
         if key == "height" and name in ("geopotential height", "hght"):
+            # A geopotential height is smaller, by 140 m at 30 km.
             x = np.asarray(geometric_height(jnp.asarray(x)))
         columns[key] = x
     if "height" not in columns:
@@ -217,6 +222,7 @@ def _profile(
     if first not in columns or second not in columns:
         return np.empty(0), np.empty(0), np.empty(0)
     x = np.stack([columns["height"], columns[first], columns[second]])
+    # A level without one of both says nothing of this profile, and may say all of the other.
     whole = np.all(np.isfinite(x), axis=0)
     x, lines = x[:, whole], levels.lines[whole]
     if levels.service and x.shape[1] > 0:

@@ -18,7 +18,9 @@ from typing import NamedTuple
 
 from ..core import InputError
 
+# Characters of a column in lists of Wyoming, which part empty fields by their place alone.
 WIDTH = 7
+# The columns have no heading in the file.
 SPC = ("PRES (hPa)", "HGHT (m)", "TEMP (C)", "DWPT (C)", "DRCT (deg)", "SKNT (knot)")
 IGRA_HEAD = re.compile(r"#[A-Z0-9-]{11} \d{4} ")
 IGRA_COLUMNS = (
@@ -92,6 +94,7 @@ def _spc(path: str, lines: list[str], start: int) -> Rows:
                 f"{path}, line {number} has {len(fields)} numbers: it must have {len(SPC)}, "
                 "pressure, height, temperature, dew point, direction and speed, with commas."
             )
+        # SPC writes -9999 where it has nothing.
         result.rows.append([_known(field, -9999.0) for field in fields])
         result.lines.append(number)
     raise InputError(f"{path} has no line %END%: it must have one below its levels.")
@@ -101,6 +104,7 @@ def _igra(path: str, lines: list[str], head: int) -> Rows:
     result = Rows([name for name, _, _ in IGRA_COLUMNS], [], [])
     for number, line in enumerate(lines[head + 1 :], head + 2):
         if line.startswith("#"):
+            # Files of a station hold all soundings of its history.
             count = sum(bool(IGRA_HEAD.match(line)) for line in lines)
             raise InputError(
                 f"{path}, line {number} begins another sounding, of {count}: it must have one. "

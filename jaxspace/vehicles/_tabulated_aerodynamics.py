@@ -97,12 +97,14 @@ class TabulatedAerodynamics(AbstractEffect):
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         air, w, speed, angle = self._flow(y)
         mach = speed / air.sound_speed
+        # From the flow to the body: the flow in body axes turns the other way.
         roll = -safe_atan2(w[1], w[0])
         reynolds = air.density * speed * self.table.length / viscosity(air.temperature)
         c = self.table.at(mach, angle, roll, reynolds)
         push = 0.5 * air.density * speed
         station = centre_of(body, y)
         sideways, turn = self._across(c, w, mach, push, y.omega, station)
+        # By |w| twice, of which `push` has one: across the axis a component of w is the other.
         axial = push * speed * self.table.area * self.axial_factor * self._axial(t, c)
         force = jnp.stack([sideways[0], sideways[1], -axial])
         spin = self._roll(c, mach, push, speed, y.omega[2])
@@ -163,10 +165,12 @@ class TabulatedAerodynamics(AbstractEffect):
         if self.fins is not None:
             forcing = self.fins.roll_forcing(mach)
             damping = -self.fins.roll_damping(mach)
+        # What the table has replaces the theory of the parts.
         if "roll_moment" in c:
             forcing = area * length * c["roll_moment"]
         if "roll_damping" in c:
             damping = 0.5 * area * length * length * c["roll_damping"]
+        # The zero carries the runs.
         forced = 0.0 * push if forcing is None else push * speed * forcing
         return forced if damping is None else forced + push * damping * rate
 

@@ -76,8 +76,10 @@ class UncertainWind(AbstractWind):
         given = {"east": self.east, "north": self.north, "deviation": self.deviation}
         given |= {"east_numbers": self.east_numbers, "north_numbers": self.north_numbers}
         check_nodes("UncertainWind.heights", self.heights, **given)
+        # Each list may have the axes of the runs, or be shared by them.
         rank = max(*(x.ndim - 1 for x in given.values()), jnp.ndim(self.correlation_length))
         heights = with_rank(self.heights, rank)
+        # In correlation lengths, by which alone the recursion goes.
         steps = (heights[1:] - heights[:-1]) / self.correlation_length
         winds = [
             with_rank(mean, rank)
@@ -101,6 +103,7 @@ class UncertainWind(AbstractWind):
         seed: Scalar,
     ) -> "UncertainWind":
         """A wind whose errors are those of a `seed`; the other arguments are its fields."""
+        # Two at each height, because east and north err independently.
         z = normal_numbers(as_float(seed), (as_float(heights).shape[0], 2))
         return cls(heights, east, north, deviation, correlation_length, z[:, 0], z[:, 1])
 

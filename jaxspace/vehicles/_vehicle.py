@@ -286,6 +286,7 @@ class Vehicle(AbstractParameters):
         loaded = self.body.loaded_mass()
         dry = self.body.least_mass()
         assert loaded is not None and dry is not None
+        # In free space: gravity and drag only take from it.
         speed = self.motor.exhaust_velocity * jnp.log(loaded / dry)
         thrown = speed**2 / (2.0 * STANDARD_GRAVITY)
         # Because gravity falls with the height, a throw that is fast enough never comes back.
@@ -308,6 +309,7 @@ class Vehicle(AbstractParameters):
         return self.axial_factor * self.area
 
     def _motor(self, control: AttitudeControl | Gimbal | None) -> AbstractEffect:
+        # A torque of control is an effect beside the motor; a gimbal turns the motor itself.
         if not isinstance(control, Gimbal):
             return self.motor
         if self.exit_station is None:
@@ -345,6 +347,7 @@ def _check_room(
     if tube_length is not None and is_concrete(tube_length):
         words = f"at least {length:g} m, the length of the motor {motor.name}"
         check(tube_length >= length, "Vehicle.tube_length", tube_length, words)
+    # Campaigns draw lengths, which are traced: only known ones are refused here.
     if is_concrete(radius):
         words = f"at least {width:g} m, the radius of the motor {motor.name}"
         check(radius >= width, "Vehicle.radius", radius, words)

@@ -159,6 +159,7 @@ class AerodynamicTable(AbstractParameters):
 
     def ahead(self, burning: bool) -> MachTable:
         """C_A by the Mach number at zero angle of attack, with the motor on or off."""
+        # Of the least one, at which friction is greatest; on the axis no roll is defined.
         reynolds = of_all_runs(self.reynolds)[0]
         numbers = self.at(
             self.mach,
@@ -175,6 +176,8 @@ class AerodynamicTable(AbstractParameters):
         greatest = of_all_runs(self.angle)[-1]
         last = jnp.cos(greatest)
         steep = last < STEEPEST
+        # The divisor is one where the ratio is not taken: a quotient by zero would have no
+        # derivative.
         ratio = jnp.cos(angle) / jnp.where(steep, 1.0, last)
         return jnp.where(steep | (angle <= greatest), 1.0, ratio)
 

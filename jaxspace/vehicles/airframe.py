@@ -111,6 +111,7 @@ class NoseCone(AbstractSurface):
 def _ogive_volume(r: Scalar, length: Scalar) -> Scalar:
     """Volume of a tangent ogive over that of its cylinder."""
     rho = 0.5 * (r * r + length * length) / r
+    # Of the arc of the radius rho that meets the tube without a corner.
     volume = length * (rho * rho - length * length / 3.0)
     volume = volume - rho * rho * (rho - r) * jnp.arcsin(length / rho)
     return volume / (r * r * length)
@@ -165,6 +166,7 @@ class FinSet(AbstractSurface):
         # Aspect ratio over the cosine of the sweep at half chord, with the span taken in.
         wide = 2.0 * jnp.sqrt(self.span**2 + middle**2) / mean
         bent = prandtl_factor(mach) * wide
+        # Between slender fins, whose slope has no Mach number, and long ones with 2 pi/beta.
         return 4.0 * np.pi * self.span**2 / (2.0 + jnp.sqrt(4.0 + bent * bent))
 
     def slope(self, mach: Scalar) -> Scalar:
@@ -200,8 +202,11 @@ class FinSet(AbstractSurface):
         r = self.radius
         root = self.root_chord
         tip = self.tip_chord
+        # The integral of chord times distance from the axis squared, over the span.
         strips = (root + 3.0 * tip) * s**3 + 4.0 * (root + 2.0 * tip) * r * s**2
         strips = (strips + 6.0 * (root + tip) * s * r**2) / 12.0
+        # Each strip meets the flow at omega_z times its distance over |w|, with the slope of a thin
+        # plate.
         return self.count * self._damping_share() * 2.0 * np.pi / prandtl_factor(mach) * strips
 
     def _forcing_share(self) -> Scalar:

@@ -47,6 +47,7 @@ def as_coefficient(x: object) -> MachTable:
             f"coefficient is {shown(x)}: it must be a number, a MachTable, or Mach numbers with as "
             f"many values."
         )
+    # A table of one point is constant.
     return MachTable(jnp.zeros((1,), value.dtype), value[None])
 
 
@@ -67,4 +68,5 @@ def coefficient_at(
     value = burning(mach)
     if coasting is None or burnout is None:
         return value
+    # At the burnout itself it is that of coasting, as in the segment that begins there.
     return jnp.where(t < burnout, value, coasting(mach))

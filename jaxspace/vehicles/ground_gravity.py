@@ -41,6 +41,7 @@ def normal_gravity(latitude: Scalar, height: Scalar = 0.0) -> Scalar:
     - `latitude`: rad; `height`: above the ellipsoid, m, by the inverse square of the distance."""
     s = jnp.sin(as_float(latitude)) ** 2
     surface = EQUATORIAL * (1.0 + SOMIGLIANA * s) * inverse_sqrt(1.0 - ECCENTRICITY_SQUARED * s)
+    # Not by the parabola in h of WGS 84 (4-3), which grows again from a third of a radius on.
     return surface * (RADIUS / (RADIUS + height)) ** 2
 
 
@@ -75,4 +76,5 @@ class GroundGravity(AbstractEffect):
     def potential(self, t: Scalar, y: BodyState, body: AbstractBody) -> Scalar:
         del t, body
         z = y.position[2]
+        # Zero at the origin, and finite far away.
         return self.gravity * (z if self.radius is None else z * self.radius / (self.radius + z))

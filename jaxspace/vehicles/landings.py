@@ -55,6 +55,8 @@ def landing_longitude(
 
 def _place(position: Vector, latitude: Scalar, longitude: Scalar, elevation: Scalar) -> GroundPoint:
     site = GroundPoint(as_float(latitude), as_float(longitude), as_float(elevation))
+    # By the ellipsoid, because latitudes are geodetic: on a sphere a degree of them would be longer
+    # or shorter by up to half a percent.
     foot = position_of(site, as_float(0.0), EQUATORIAL, FLATTENING)
     s, c = jnp.sin(site.latitude), jnp.cos(site.latitude)
     across, along = jnp.sin(site.longitude), jnp.cos(site.longitude)

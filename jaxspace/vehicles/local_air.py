@@ -55,6 +55,7 @@ def check_nodes(name: str, nodes: Array, **values: Array) -> None:
             np.asarray(count),
             f"as many as the {nodes.shape[0]} nodes",
         )
+    # Traced nodes have no order that is known here.
     if is_concrete(nodes):
         check(np.diff(np.asarray(nodes), axis=0) > 0.0, name, nodes, "ascending")
 
@@ -156,5 +157,6 @@ class LocalAir(AbstractParameters):
         east, north, rising = (sum(parts[1:], parts[0]) for parts in zip(*blowing, strict=True))
         # At a pole `unit` gives zero: no wind, and no NaN.
         e, outwards = unit(across), unit(position)
+        # North is up x east.
         moving = moving + east * e + north * cross(outwards, e)
         return moving if self.gusts is None else moving + rising * outwards

@@ -58,7 +58,7 @@ def steady_rates(x: Array) -> Array:
 
 def least_spin(x: Array) -> Array:
     """The least spin, from A, C, W l and the angle."""
-    # Zero where the top hangs, at whose horizontal the root of the formula ends.
+    # Zero for a top that hangs, where the formula would take the root of a negative number.
     return Top(x[0], x[1], x[2]).least_spin(x[3])[None]
 
 

@@ -51,7 +51,7 @@ def elliptic_k(x: Array) -> Array:
 
 def elliptic_third(x: Array) -> Array:
     """R_J(0, y, z, p) from sum and product of the roots of y and z, and p."""
-    # By sum and product, because the roots themselves may be complex.
+    # By sum and product of the roots, by which it has derivatives where y = z, too.
     return complete_third(x[0], x[1], x[2])[None]
 
 
