@@ -247,6 +247,19 @@ def test_no_circle_of_imports_between_files():
     assert not circles
 
 
+def test_files_that_words_name_are_there():
+    """A name of a file in a docstring or a comment outlives the file where nobody reads it."""
+    known = {file.relative_to(PACKAGE).as_posix() for file in sources()}
+    ends = {path.rpartition("/")[2] for path in known}
+
+    def complaints(file):
+        for name in re.findall(r"`([a-z_/]+\.py)`", file.read_text()):
+            if name not in known | ends and not (ROOT / name).exists():
+                yield f"there is no {name}"
+
+    in_every_file(complaints)
+
+
 def test_functions_import_no_package_but_figures():
     def complaints(file):
         package = package_of(file)

@@ -1,7 +1,7 @@
 """The parameters a and b of a heavy top after a given time, and the angles by which they turn, in
-the letters of `_top_motion`.
+the letters of `top_motion.py`.
 
-Source: that of `_top_motion`.
+Source: that of `top_motion.py`.
 """
 
 import math

@@ -1,10 +1,10 @@
-"""The start of a heavy top for its motion in closed form, in the letters of `_top_motion`:
+"""The start of a heavy top for its motion in closed form, in the letters of `top_motion.py`:
 parameters of the elliptic functions, and both verticals as poles of the third integral.
 
     x = beta (u3 - u2)/4,   y = beta (u1 - u2)/4,   x - y = beta (u3 - u1)/4
     a' = (i N a - b conj(omega_12))/2,   b' = (a omega_12 - i N b)/2,   alpha = (n - N)/2
 
-Source: that of `_top_motion`.
+Source: that of `top_motion.py`.
 """
 
 from typing import NamedTuple

@@ -3,7 +3,6 @@ of compiled programs."""
 
 import contextlib
 import gc
-import os
 
 from .._jax_settings import enable_x64, keep_programs
 
@@ -17,6 +16,8 @@ def settle(*, once: bool = False) -> None:
     # Here, because the parser refers to the commands, and they to this file.
     import jax
 
+    from ..core.processors import cores
+
     enable_x64()
     # A caller of `main` that has computed before has fixed the devices; they are then used as they
     # are.
@@ -29,9 +30,3 @@ def settle(*, once: bool = False) -> None:
     if jax.config.read("jax_disable_most_optimizations") != once:
         jax.config.update("jax_disable_most_optimizations", once)
         jax.clear_caches()
-
-
-def cores() -> int:
-    """Number of cores that this process may use."""
-    # Containers and clusters often give a process fewer cores than the machine has.
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1

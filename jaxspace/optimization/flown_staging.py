@@ -14,7 +14,7 @@ through the burns of its stages. Longer burns lose more: the lower stages become
     t_i      its burn time                                                s
     v, psi   speed, angle of the path from the vertical                   m/s, rad
     y        height                                                       m
-    and the symbols of `staging.py` and `_gravity_turn.py`
+    and the symbols of `staging.py` and `rockets/gravity_turn.py`
 
 Source: Thomson 8.2 with the flight of 8.5. Valid without air, over flat ground or a round earth
 that does not turn. A vertical flight has neither the constraint on psi nor the kick.
