@@ -219,7 +219,7 @@ def test_tasks_name_what_there_is(monkeypatch):
     assert set(pages.TASKS) <= set(uses.packages())
     for package in uses.packages():
         rows = [row for group in pages.groups(package).values() for row in group]
-        assert len(set(rows)) == len(rows) == sum(map(len, uses.given(package).values()))
+        assert len(set(rows)) == len(rows) == sum(map(len, uses.public_names(package).values()))
 
 
 def test_examples_of_an_object_are_named(monkeypatch):
