@@ -17,8 +17,8 @@ Source: Niskanen, OpenRocket technical documentation, 4.
 __all__ = ["apogee", "flight_phases"]
 
 import dataclasses
-from collections.abc import Sequence
-from typing import final
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, final
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -286,47 +286,80 @@ def sounding_flight(
 
     **Raises** `InputError` for a parachute after the first one without a height or a time.
     """
-    air, environment = site.air, site.environment
-
-    def scene(*effects: AbstractEffect, carry: tuple[str, ...] = ()) -> Scene:
-        return Scene((*environment, *effects), vehicle.body, carry)
-
-    rail = Rail(site.direction, site.rail_length)
-    burning, gliding = vehicle.as_body(air), vehicle.as_body(air, powered=False)
-    # Computed, because a default in seconds would be wrong for a large rocket, and slow for a small
-    # one: the search samples all of it.
-    leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     for number, chute in enumerate(recovery[1:], 2):
         if chute.height is None and chute.time is None:
             raise InputError(
                 f"Recovery.height of parachute {number} is None: it must be a height in m, or its "
                 f"time one in s, for the apogee triggers the first one alone."
             )
+    # Computed, because a default in seconds would be wrong for a large rocket, and slow for a small
+    # one: the search samples all of it.
+    leaving = _longest_on_rail(vehicle, site) if rail_within is None else as_float(rail_within)
     first = recovery[0] if recovery else None
-    timed = None if first is None or first.time is None else first.trigger(ascent_within, True)
     names = iter(flight_phases(recovery))
-    phases = [
+    here = _AtSite(vehicle, site.air, site.environment)
+    rail = Rail(site.direction, site.rail_length)
+    phases = _ascent(here, rail, first, (leaving, ascent_within), names)
+    phases = _with_descent(phases, here, recovery, descent_within, names)
+    return Mission(phases), _at_rest(vehicle, site)
+
+
+class _AtSite(NamedTuple):
+    """A vehicle in the air of its site, with gravity and the forces of inertia there: one of each,
+    which all phases share."""
+
+    vehicle: Vehicle
+    air: LocalAir
+    environment: tuple[AbstractEffect, ...]
+
+    def scene(self, effects: Sequence[AbstractEffect], carry: tuple[str, ...] = ()) -> Scene:
+        """The vehicle under these effects too."""
+        return Scene((*self.environment, *effects), self.vehicle.body, carry)
+
+
+def _ascent(
+    here: _AtSite,
+    rail: Rail,
+    first: Recovery | None,
+    within: tuple[Scalar, Scalar],
+    names: Iterator[str],
+) -> list[Phase]:
+    """The phases on the rail and from it to the apogee, or to the time of the `first` parachute;
+    `within`: the longest times to wait for their ends, s."""
+    burning = here.vehicle.as_body(here.air)
+    timed = None if first is None or first.time is None else first.trigger(within[1], True)
+    return [
         Phase(
-            scene(*burning, rail),
-            Event(rail.rail_exit, 1, leaving, samples=SAMPLES),
+            here.scene((*burning, rail)),
+            Event(rail.rail_exit, 1, within[0], samples=SAMPLES),
             name=next(names),
         ),
         Phase(
-            scene(*burning),
-            Event(apogee, -1, ascent_within, samples=SAMPLES) if timed is None else timed,
+            here.scene(burning),
+            Event(apogee, -1, within[1], samples=SAMPLES) if timed is None else timed,
             name=next(names),
         ),
     ]
+
+
+def _with_descent(
+    ascent: Sequence[Phase],
+    here: _AtSite,
+    recovery: Sequence[Recovery],
+    within: Scalar,
+    names: Iterator[str],
+) -> list[Phase]:
+    """The phases of the ascent, and behind them those to the ground; `within`: the longest time to
+    wait for the end of each, s."""
+    phases = list(ascent)
     # The mass goes on as a part of the state, although nothing changes it: phases before and after
     # have it.
-    flying = scene(*gliding, carry=("mass",))
-    if first is not None and first.height is not None:
-        opening = first.trigger(descent_within, True)
-        phases.append(Phase(flying, opening, name=next(names)))
+    flying = here.scene(here.vehicle.as_body(here.air, powered=False), ("mass",))
+    if recovery and recovery[0].height is not None:
+        phases.append(Phase(flying, recovery[0].trigger(within, True), name=next(names)))
     last = len(recovery) - 1
     for number, chute in enumerate(recovery):
-        drag = Parachute(chute.drag_area, air=air)
-        hanging = scene(drag, carry=("mass",))
+        hanging = here.scene((Parachute(chute.drag_area, air=here.air),), ("mass",))
         # Under a parachute the rocket is a point: the rotation ends with the ascent.
         turn = as_point if number == 0 else None
         if chute.lag is not None:
@@ -334,11 +367,11 @@ def sounding_flight(
         else:
             phases[-1] = dataclasses.replace(phases[-1], then=turn)
         # The last parachute lasts to the ground, each other one until the next opens.
-        ground = _falls(_Above(as_float(0.0)), descent_within, False)
-        until = ground if number == last else recovery[number + 1].trigger(descent_within, True)
+        ground = _falls(_Above(as_float(0.0)), within, False)
+        until = ground if number == last else recovery[number + 1].trigger(within, True)
         phases.append(Phase(hanging, until, name=next(names)))
         flying = hanging
-    return Mission(phases), _at_rest(vehicle, site)
+    return phases
 
 
 def _falls(condition: _Above | _TimeLeft, within: Scalar, passed: bool) -> Event:
