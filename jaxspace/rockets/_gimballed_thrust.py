@@ -139,6 +139,7 @@ class GimballedThrust(AbstractEffect):
         """
         # Standard gravity by definition of the specific impulse.
         u = 9.80665 * specific_impulse
+        # A throttled engine burns longer, because its flow falls with its thrust.
         flowing = mean_thrust if throttle is None else throttle * mean_thrust
         burn_time = propellant_mass * u / flowing
         return cls(gimbal, mean_thrust, u, burn_time, station, throttle=throttle, **fields)

@@ -29,6 +29,7 @@ def delay_field() -> Any:
 
 def check_ignition(motor: PyTree) -> None:
     """Raise `InputError` for a motor with both a time of ignition and a delay."""
+    # A traced time cannot be compared with its default.
     if motor.delay is not None and is_concrete(motor.ignition):
         name = f"{type(motor).__name__}.ignition"
         check(np.asarray(motor.ignition) == 0.0, name, motor.ignition, "left out beside a delay")
@@ -36,6 +37,7 @@ def check_ignition(motor: PyTree) -> None:
 
 def ignition_of(motor: PyTree) -> Scalar:
     """The time, s, at which a motor ignites."""
+    # A mission has replaced a delay (`ignited`): here it counts from the time zero.
     return motor.ignition if motor.delay is None else motor.delay
 
 

@@ -47,7 +47,9 @@ def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
     for point in points:
         same = bool(kept) and point.time == kept[-1].time
         if same and len(kept) == 1:
+            # At the ignition the second of two points is the side of the burn.
             kept = [point]
+        # At the burnout the first one is; a jump between them has no side, and is refused below.
         elif same and (point.thrust == kept[-1].thrust or point.time == points[-1].time):
             continue
         elif kept and point.time <= kept[-1].time:

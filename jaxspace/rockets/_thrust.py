@@ -144,6 +144,7 @@ class Thrust(AbstractEffect):
         - `fields`: the other fields by name; `point` takes the place of station and offset.
         """
         thrust = total_impulse / burn_time
+        # With it the burn takes the propellant exactly: its impulse over u is that mass.
         exhaust_velocity = total_impulse / propellant_mass
         fields |= _point(station, offset)
         return cls(thrust, exhaust_velocity, burn_time, **fields)
@@ -173,6 +174,7 @@ class Thrust(AbstractEffect):
         - `station`, `offset`, `fields`: as in `of_motor`.
         """
         fields |= _point(station, offset)
+        # Standard gravity by definition, whatever the gravity of the place.
         return cls(mean_thrust, 9.80665 * specific_impulse, burn_time, **fields)
 
     @classmethod

@@ -206,6 +206,8 @@ class GravityTurn(AbstractSystem):
             # The local vertical turns as the flight goes round.
             bend = g / y.speed - y.speed / r
             ground = ground * self.radius / r
+        # A constant thrust: its ratio to the weight is that of the ignition, and grows as the mass
+        # falls.
         push = self.gravity * self.thrust_ratio / mass
         if self.ballistic_coefficient is not None:
             density = self.air_density * jnp.exp(-y.height / self.scale_height)

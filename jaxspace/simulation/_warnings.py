@@ -41,6 +41,7 @@ def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: 
     `jaxpr` has the arrays of the system, of the time and of the state as its arguments, in this
     order."""
     breaks = eqx.filter_eval_shape(breaks_of, system)
+    # Who declares breaks knows the kinks.
     if breaks is not None and breaks.shape[0] > 0:
         return
     states = len(jax.tree.leaves(eqx.filter(y0, lambda x: hasattr(x, "shape"))))
@@ -69,6 +70,8 @@ def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
         time = any(x.time for x in inputs)
         state = any(x.state for x in inputs)
         name = operation.params.get("name", "") or operation.primitive.name
+        # By the time alone: a kink at a state happens at no known time, and steps meet it by their
+        # error.
         if time and not state and name.lower() == "searchsorted":
             return True
         inner = operation.params.get("jaxpr")
