@@ -21,7 +21,8 @@ from ._event_location import Location
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
 from ._pass import advance
-from ._tangents import Probes, TangentControl
+from ._tangent_control import TangentControl
+from ._tangents import Probes
 from .normalised_time import field_of_part
 
 

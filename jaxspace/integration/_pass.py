@@ -19,7 +19,8 @@ from ._event_location import Location, SearchedStep, located
 from ._loop_settings import LoopSettings
 from ._loop_state import LoopState
 from ._step_zero import StepCondition
-from ._tangents import ProbeState, StepTaken, TangentControl
+from ._tangent_control import TangentControl
+from ._tangents import ProbeState, StepTaken
 from .events import Event
 from .normalised_time import ScaledVectorField, Segments
 
