@@ -10,7 +10,7 @@ jax.config.update("jax_enable_x64", True)
 # As the tests run: the compiler's optimisations change no result, and take most of the time.
 jax.config.update("jax_disable_most_optimizations", True)
 
-from . import asked, page  # noqa: E402
+from . import page, requested  # noqa: E402
 from .groups import ABOUT, rows_of  # noqa: E402
 
 
@@ -22,10 +22,10 @@ def main() -> None:
         allowed = ", ".join((*every, "page"))
         sys.exit(f"There is no group {', '.join(sorted(unknown))}: choose from {allowed}.")
     if "asked" in names:
-        asked.keep(asked.measure())
-        asked.keep_drawn(asked.measure_drawn())
+        requested.keep(requested.measure())
+        requested.keep_drawn(requested.measure_drawn())
     if {"asked", "page"} & set(names):
-        asked.write()
+        requested.write()
     unexplained = []
     for name in (name for name in names if name in ABOUT):
         rows = rows_of(name)

@@ -1,6 +1,6 @@
 """The error at the end that is asked for (`FinalError`), and what comes of it, in the scenes of
-`asked.py` and in those of `drawn.py`: whether it is met where the run says so, and what that costs
-beside the cheapest tolerance that would have done, which is known only afterwards."""
+`requested.py` and in those of `drawn.py`: whether it is met where the run says so, and what that
+costs beside the cheapest tolerance that would have done, which is known only afterwards."""
 
 import math
 from collections.abc import Callable
@@ -45,14 +45,14 @@ def measured(
         if Status(int(one.status)).good:
             ladder.append((float(_evaluations(one)), apart(one.final)))
     return [
-        _asked(
+        _requested(
             run(FinalError(within, accuracy=Accuracy(max_steps=max_steps))), apart, within, ladder
         )
         for within in WITHIN[precision]
     ]
 
 
-def _asked(
+def _requested(
     run: Any, apart: Callable[[Any], float], within: float, ladder: list[tuple[float, float]]
 ) -> AtTheEnd:
     enough = [evaluations for evaluations, error in ladder if error <= within]

@@ -235,7 +235,7 @@ def fly(ts: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return altitude, pitch
 
 
-def asked(ts: np.ndarray, theirs: dict[str, np.ndarray]) -> list[Row]:
+def of_published_course(ts: np.ndarray, theirs: dict[str, np.ndarray]) -> list[Row]:
     """What the published course says of its own area and of its moment, in the first burn."""
     burning = (ts > 1.0) & (ts < FIRST.duration)
     north, east, down = (theirs[f"feVelocity_ft_s_{k}"][burning] for k in "XYZ")
@@ -318,4 +318,4 @@ def rows() -> list[Row]:
                 )
             )
     theirs = {name: next(iter(column.values())) for name, column in columns.items()}
-    return found + asked(ts, theirs)
+    return found + of_published_course(ts, theirs)

@@ -25,7 +25,7 @@ that is not within its limit says **differs**, and why. {judged}
 
 Errors against exact values, which no program has published, are on the pages of [the hunt](hunt.md)
 and of the [hard cases](../reference/hard_cases.md); errors beside tolerances on that of [asked for
-and met](asked.md).
+and met](requested.md).
 """
 TABLE = """| What | Source | Quantity | Ours | Theirs | Difference | Allowed | |
 |---|---|---|--:|--:|--:|--:|---|"""

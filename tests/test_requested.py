@@ -13,7 +13,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 from jaxspace import BodyState, FinalError  # noqa: E402
 from jaxspace.orbits import TwoBody  # noqa: E402
 from jaxspace.orbits.kepler import kepler_flow  # noqa: E402
-from validation import _gauss, asked  # noqa: E402
+from validation import _gauss, requested  # noqa: E402
 from validation.at_the_end import AtTheEnd  # noqa: E402
 
 
@@ -30,28 +30,28 @@ def test_the_second_method_follows_a_closed_form():
 @pytest.mark.parametrize("name", ["Two-gimbal gyro at 24,000 rpm", "Settling coin"])
 def test_a_scene_meets_what_is_asked(name):
     """Within ten times, and as many times more as the motion enlarges what a step errs."""
-    motion = asked.MOTIONS[name]()
+    motion = requested.MOTIONS[name]()
     exact = _gauss.end_of(*motion)
-    larger = max(1.0, asked.stored()[name].growth)
+    larger = max(1.0, requested.stored()[name].growth)
     for rtol in (1e-8, 1e-10):
-        met = asked.error(motion, "float64", rtol, exact)
-        assert met < asked.PROMISE * rtol * larger
+        met = requested.error(motion, "float64", rtol, exact)
+        assert met < requested.PROMISE * rtol * larger
     for within in (1e-6, 1e-9):
         run = motion.run(FinalError(within))
         assert run.status == 0 and exact.apart(run.final) < within
 
 
 def test_the_page_is_that_of_the_record():
-    found = asked.stored()
-    assert list(found) == list(asked.MOTIONS) and len(found) == 12
-    drawn = asked.stored_drawn()
-    assert len(drawn) == 20 and asked.PAGE.read_text() == asked.text(found, drawn)
+    found = requested.stored()
+    assert list(found) == list(requested.MOTIONS) and len(found) == 12
+    drawn = requested.stored_drawn()
+    assert len(drawn) == 20 and requested.PAGE.read_text() == requested.text(found, drawn)
     ends = [one.ends for one in found.values()] + list(drawn.values())
     # Where a run says that its error is met, it is.
     assert all(one.error <= 1.0 for scene in ends for p in scene.values() for one in p if one.met)
     for name, one in found.items():
         assert [len(errors) for errors in one.errors.values()] == list(
-            map(len, asked.ASKED.values())
+            map(len, requested.ASKED.values())
         )
         # What errors are measured against is known better than they are.
         assert one.reference < 0.5 * min(e for e in one.errors["float64"] if e > 1e-11), name
@@ -60,12 +60,12 @@ def test_the_page_is_that_of_the_record():
 def test_a_miss_is_bold_and_needs_a_reason(monkeypatch):
     errors = {"float64": [1e-4, 2e-5, 1e-9, 1e-11, 1e-12], "float32": [1e-3, math.nan, 1e-5]}
     ends = {"float64": [AtTheEnd(0.5, True, 3.0, 2.0), AtTheEnd(1.5, True, 1.0, 0.7)]}
-    one = asked.Measured(errors, 1e-15, 30.0, ends)
-    assert asked.missed(one)[0] == ("float64", 1e-6, 2e-5)
+    one = requested.Measured(errors, 1e-15, 30.0, ends)
+    assert requested.missed(one)[0] == ("float64", 1e-6, 2e-5)
     with pytest.raises(KeyError):
-        asked.text({"A scene": one}, {})
-    monkeypatch.setitem(asked.NOTES, "A scene", "its motion enlarges errors thirty times.")
-    page = asked.text({"A scene": one}, {"another": ends})
+        requested.text({"A scene": one}, {})
+    monkeypatch.setitem(requested.NOTES, "A scene", "its motion enlarges errors thirty times.")
+    page = requested.text({"A scene": one}, {"another": ends})
     assert "**2.0e-05**" in page and "**fails**" in page and "Of 8 runs 6 end within" in page
     # Of the errors at the end half are beyond what was asked.
     assert "in 2 scenes, 4 of 4 runs say that it is met. 2 of these are within" in page

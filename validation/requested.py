@@ -32,8 +32,8 @@ from . import _gauss, at_the_end, drawn
 from .nesc import J2
 from .page import HERE, RESULTS
 
-FIGURE = HERE.parent / "docs" / "figures" / "asked.png"
-PAGE = HERE.parent / "docs" / "explanation" / "asked.md"
+FIGURE = HERE.parent / "docs" / "figures" / "requested.png"
+PAGE = HERE.parent / "docs" / "explanation" / "requested.md"
 SCENES = HERE.parent / "examples" / "scenes"
 TESTS = HERE.parent / "tests"
 # A month of revolutions takes more than the default.
@@ -187,7 +187,7 @@ A tolerance is the error that one step may make. What users mean by it is the er
 `make validation` measures both in twelve everyday scenes, each run as a user runs it: by the method
 that is chosen by default, with nothing set but the tolerance.
 
-![Error met beside the tolerance asked for](../figures/asked.png)
+![Error met beside the tolerance asked for](../figures/requested.png)
 
 {summary}
 
@@ -238,7 +238,7 @@ NOTES = {
 
 def stored() -> dict[str, Measured]:
     """What was measured last, by scene."""
-    rows = json.loads((RESULTS / "asked.json").read_text())
+    rows = json.loads((RESULTS / "requested.json").read_text())
     # A run that failed has no error, and JSON no NaN.
     return {
         name: Measured(
@@ -269,7 +269,7 @@ def keep(found: dict[str, Measured]) -> None:
     for name, one in found.items():
         errors = {p: [None if math.isnan(e) else e for e in es] for p, es in one.errors.items()}
         rows[name] = one._replace(errors=errors, ends=_plain(one.ends))._asdict()
-    (RESULTS / "asked.json").write_text(json.dumps(rows, indent=1) + "\n")
+    (RESULTS / "requested.json").write_text(json.dumps(rows, indent=1) + "\n")
 
 
 def keep_drawn(found: dict[str, dict[str, list[at_the_end.AtTheEnd]]]) -> None:
