@@ -96,12 +96,14 @@ class Problem(NamedTuple):
         def block(piece: dict[str, Array], campaign: Campaign) -> RunsOfDesign:
             outputs, status = evaluate_allowed(campaign, self.accuracy, piece)
             self._check_outputs(tuple(outputs))
+            # An output may be a count or a flag, whose statistics are floats.
             dtype = jnp.result_type(float)
             return RunsOfDesign({x: outputs[x].astype(dtype) for x in self.outputs}, status)
 
         count = next(iter(samples.values())).size
         # The data of a block stay in the cache: five times as fast as all runs at once.
         blocks = Blocks.on(jax.local_devices()[:1], count)
+        # A single block needs no loop around it.
         if count in (1, blocks.size):
             return block(samples, campaign)
         return blocks.map(block, samples, campaign)
@@ -207,6 +209,7 @@ def problem_of(
     problem = Problem(
         campaign, objective, tuple(constraints), None, first.accuracy_for(accuracy), may_fail
     )
+    # The nominal run has no place among random ones.
     if runs is None:
         return problem
     _check_scatter(first)
@@ -239,5 +242,6 @@ def failures(runs: RunsOfDesign) -> str:
     if not bad.size:
         return ""
     codes, counts = np.unique(bad, return_counts=True)
+    # One sentence: with thousands of failures the most frequent cause is the one to mend.
     most = Status(int(codes[np.argmax(counts)]))
     return f"{bad.size} of {status.size} runs fail, most of them so: {most.sentence}"
