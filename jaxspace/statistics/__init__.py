@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from ..core.modules import modules_of as _modules_of
 from ._dispersion import Dispersion as Dispersion
-from ._dispersion import Failure as Failure
+from ._failures import Failure as Failure
 from ._footprint import Footprint as Footprint
 from .spread import StopRule as StopRule
 

@@ -5,7 +5,7 @@ import math
 import shlex
 import warnings
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple, final
+from typing import TYPE_CHECKING, Any, final
 
 import equinox as eqx
 import numpy as np
@@ -13,9 +13,9 @@ import numpy as np
 from ..core import InputError
 from ..core.extras import extra
 from ..core.listed import Listed
-from ..core.printing import printed
 from ..core.text import aligned, in_words
 from ..integration.status import Status
+from ._failures import Failure, failures_of
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors
 from .correlation import RankCorrelation, strongest_correlations
@@ -34,15 +34,6 @@ if TYPE_CHECKING:
 
 # Rows of a printed result.
 MOST_ROWS = 30
-
-
-@printed()
-class Failure(NamedTuple):
-    """The number of runs that ended with a bad status, and the sentence of this status."""
-
-    status: Status
-    count: int
-    sentence: str
 
 
 @final
@@ -151,14 +142,7 @@ class Dispersion(eqx.Module):
     @property
     def failed(self) -> tuple[Failure, ...]:
         """The bad ends, the most frequent first; empty when every run is good."""
-        codes, counts = np.unique(self.status[~self.good], return_counts=True)
-        # Stable, so that equal counts stay in the order of their codes.
-        order = np.argsort(-counts, kind="stable")
-        statuses = [Status(int(code)) for code in codes[order]]
-        return Listed(
-            Failure(status, int(count), status.sentence)
-            for status, count in zip(statuses, counts[order], strict=True)
-        )
+        return Listed(failures_of(self.status[~self.good]))
 
     def values(self, name: str) -> np.ndarray:
         """An output or input by name, over all runs.

@@ -7,6 +7,7 @@ from ._aerodynamics import Aerodynamics as Aerodynamics
 from ._air_brake import AirBrake as AirBrake
 from ._dryden_gusts import DrydenGusts as DrydenGusts
 from ._flexible_stage import FlexibleStage as FlexibleStage
+from ._launch_site import LaunchSite as LaunchSite
 from ._measured_air import MeasuredAtmosphere as MeasuredAtmosphere
 from ._measured_air import MeasuredWind as MeasuredWind
 from ._movable_fins import MovableFins as MovableFins
@@ -19,7 +20,6 @@ from .air_drag import Parachute as Parachute
 from .airframe import FinSet as FinSet
 from .airframe import NoseCone as NoseCone
 from .airframe import RadiusChange as RadiusChange
-from .flights import LaunchSite as LaunchSite
 from .flights import Recovery as Recovery
 from .flights import sounding_flight as sounding_flight
 from .local_air import Wind as Wind

@@ -33,7 +33,7 @@ from ..core.listed import no_method
 from ..core.vectors import norm
 from .airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
-from .local_air import LocalAir, air_about
+from .local_air import LocalAir, air_about, flow_pressure
 
 
 def moments_of_slope(
@@ -126,5 +126,4 @@ class Aerodynamics(AbstractEffect):
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
         """Dynamic pressure rho |w|^2 / 2, Pa."""
-        air, moving = air_about(self.air).at(y.position)
-        return 0.5 * air.density * norm(y.velocity - moving) ** 2
+        return flow_pressure(self.air, y)

@@ -37,7 +37,7 @@ from ..core.vectors import norm
 from ._aerodynamics import centre_of, moments_of_slope
 from .aerodynamic_table import AerodynamicTable
 from .airframe import FinSet, NoseCone, RadiusChange
-from .local_air import LocalAir, air_about
+from .local_air import LocalAir, air_about, flow_pressure
 
 
 def viscosity(temperature: Scalar) -> Scalar:
@@ -185,5 +185,4 @@ class TabulatedAerodynamics(AbstractEffect):
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
         """Dynamic pressure rho |w|^2 / 2, Pa."""
-        air, moving = air_about(self.air).at(y.position)
-        return 0.5 * air.density * norm(y.velocity - moving) ** 2
+        return flow_pressure(self.air, y)

@@ -24,7 +24,7 @@ from ..core import InputError, NumberField, OptionalNumberField, Scalar, Vector,
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.vectors import norm
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
-from .local_air import LocalAir, air_about
+from .local_air import LocalAir, air_about, flow_pressure
 
 
 @formula(density=NOT_NEGATIVE, drag_area=NOT_NEGATIVE)
@@ -79,8 +79,7 @@ class AirDrag(AbstractEffect):
     @output("Pa")
     def dynamic_pressure(self, y: BodyState) -> Scalar:
         """Dynamic pressure rho |w|^2 / 2, Pa."""
-        air, moving = air_about(self.air).at(y.position)
-        return 0.5 * air.density * norm(y.velocity - moving) ** 2
+        return flow_pressure(self.air, y)
 
 
 @final

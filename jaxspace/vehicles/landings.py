@@ -20,7 +20,7 @@ from ..core.types import as_float
 from ..core.vectors import norm
 from ..orbits.ground_track import GroundPoint, ground_point, position_of
 from ..simulation import MissionTrajectory
-from .flights import over_ground
+from ._launch_site import over_ground
 
 EQUATORIAL = 6378137.0  # m, WGS 84
 FLATTENING = 1.0 / 298.257223563

@@ -25,7 +25,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..bodies import AbstractAtmosphere, Air, StandardAtmosphere
+from ..bodies import AbstractAtmosphere, Air, BodyState, StandardAtmosphere
 from ..core import (
     AbstractParameters,
     InputError,
@@ -160,3 +160,9 @@ class LocalAir(AbstractParameters):
         # North is up x east.
         moving = moving + east * e + north * cross(outwards, e)
         return moving if self.gusts is None else moving + rising * outwards
+
+
+def flow_pressure(air: LocalAir | None, y: BodyState) -> Scalar:
+    """Dynamic pressure rho |w|^2 / 2, Pa, of the flow about a vehicle in the state `y`."""
+    state, moving = air_about(air).at(y.position)
+    return 0.5 * state.density * norm(y.velocity - moving) ** 2
