@@ -12,11 +12,12 @@ import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
-from jaxtyping import Array, Float, Int
+from jaxtyping import Array, Float, Int, Key
 
 from ..integration.accuracy import Accuracy
+from ..integration.compiling import QUICK
 from ..integration.status import Status
-from ..sampling.designs import Sobol, map_normals, normal_columns
+from ..sampling.designs import AbstractDesign, Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission
@@ -75,7 +76,15 @@ def fixed_normals(campaign: Campaign, runs: int, seed: int) -> Float[Array, "run
     check_whole("seed", seed)
     design = Sobol() if campaign.design is None else campaign.design
     dimensions = sum(map(len, normal_columns(campaign.inputs).values()))
-    return ndtri(design.uniforms(jax.random.key(seed), jnp.arange(runs), dimensions))
+    return _normals(design, jax.random.key(seed), runs, dimensions)
+
+
+# One program: alone, each of some two hundred operations on bits would be compiled for itself.
+@eqx.filter_jit(**QUICK)
+def _normals(
+    design: AbstractDesign, key: Key[Array, ""], runs: int, dimensions: int
+) -> Float[Array, "runs dimensions"]:
+    return ndtri(design.uniforms(key, jnp.arange(runs), dimensions))
 
 
 def inputs_at(

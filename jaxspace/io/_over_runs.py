@@ -2,7 +2,7 @@
 
 import dataclasses
 import os
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, final
 
 import equinox as eqx
@@ -27,9 +27,12 @@ from ..robust.statistics import (
 from ..simulation import MissionTrajectory
 from ._build import replaced
 from ._file_content import FileContent
+from ._kinds import Values
 from ._optimise import size_of
 from ._optimize_table import Demand, Task
+from ._output_spec import OutputSpec
 from ._outputs import Outputs
+from ._parsed import Parsed
 from ._run_statistics import ABOVE, BEYOND, MEAN, QUANTILE, SPREAD, WORST, RunStatistic
 from ._scene_campaign import BuildOfFile
 
@@ -75,11 +78,33 @@ def optimise_over_runs(
     return optimise_design(campaign, start, store=store, resume=resume, **common)
 
 
-def campaign_function(
-    file: FileContent, task: Task, base: Campaign
-) -> Callable[[Mapping[str, Array]], Campaign]:
-    """The function from the free numbers, SI, by path, to the campaign of the file with them, which
-    is `base` but for its outputs.
+@final
+class CampaignOfFile(eqx.Module):
+    """The campaign of a file as a function of its free numbers, SI, by path: a tree of arrays, so
+    that searches of one file share their programs.
+
+    - `parsed`, `values`: of the file.
+    - `base`: the campaign of the file with the settings of the search.
+    - `specs`: the outputs that count; `negative`: the names of those whose negative counts."""
+
+    parsed: Parsed = eqx.field(static=True)
+    values: Values
+    base: Campaign
+    specs: tuple[OutputSpec, ...] = eqx.field(static=True)
+    negative: tuple[str, ...] = eqx.field(static=True)
+
+    def __call__(self, x: Mapping[str, Array]) -> Campaign:
+        values = replaced(self.values, x)
+        outputs = Outputs(self.parsed, self.specs, values, None)
+        return dataclasses.replace(
+            self.base,
+            build=BuildOfFile(self.parsed, values),
+            outputs=OutputsOfDesign(outputs, self.negative),
+        )
+
+
+def campaign_function(file: FileContent, task: Task, base: Campaign) -> CampaignOfFile:
+    """The campaign of the file for the search of the `task`, which is `base` but for its outputs.
 
     Raises `InputError` for two outputs of one name."""
     specs = tuple(dict.fromkeys((task.objective, *(d.spec for d in task.demands))))
@@ -99,17 +124,7 @@ def campaign_function(
         # Without extremes no states along the run are saved, which would fill the memory.
         along=file.dispersion["extreme_samples"] if extremes else 2,
     )
-
-    def campaign(x: Mapping[str, Array]) -> Campaign:
-        values = replaced(file.values, x)
-        outputs = Outputs(file.parsed, specs, values, None)
-        return dataclasses.replace(
-            base,
-            build=BuildOfFile(file.parsed, values),
-            outputs=OutputsOfDesign(outputs, _negative_of(task)),
-        )
-
-    return campaign
+    return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs, _negative_of(task))
 
 
 @final

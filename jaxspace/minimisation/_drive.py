@@ -55,8 +55,10 @@ def drive(
     """
     if not is_traced(state):
         # A weak type of the start would make another program of each further step.
-        state = at_once(lambda s: jax.tree.map(_strong, s), state)
-        compiled = jax.jit(evaluate)
+        state = at_once(_strong, state)
+        # What `evaluate` holds as arrays is an argument of the program, which another search of
+        # the same problem then shares.
+        compiled = eqx.filter_jit(evaluate)
         first = compiled(state)
         # If the problem closes over traced numbers, its results are traced.
         if not is_traced(first):
@@ -65,11 +67,12 @@ def drive(
     def body(state: S) -> S:
         return advance(state, evaluate(state))
 
-    return lax.while_loop(unfinished, body, state), False
+    # A function, because a tree of arrays has no hash.
+    return lax.while_loop(lambda state: unfinished(state), body, state), False
 
 
-def _strong(x: Array) -> Array:
-    return lax.convert_element_type(x, x.dtype)
+def _strong(state: S) -> S:
+    return jax.tree.map(lambda x: lax.convert_element_type(x, x.dtype), state)
 
 
 def _watched(
@@ -81,11 +84,7 @@ def _watched(
     progress: Progress | None,
     store: SearchStore | None,
 ) -> tuple[S, bool]:
-    def move(state: S, evaluation: F) -> tuple[S, Array]:
-        state = advance(state, evaluation)
-        return state, unfinished(state)
-
-    move = eqx.filter_jit(move, **QUICK)
+    move = eqx.filter_jit(eqx.Partial(_moved, advance, unfinished), **QUICK)
     # A search that is resumed may have nothing left to do.
     more = bool(at_once(unfinished, state))
     taken = int(state.taken)
@@ -112,3 +111,11 @@ def _watched(
             store.save(state, last=True)
         return state, True
     return state, False
+
+
+def _moved(
+    advance: Callable[[S, F], S], unfinished: Callable[[S], Array], state: S, evaluation: F
+) -> tuple[S, Array]:
+    """The next state, and whether there is one after it."""
+    state = advance(state, evaluation)
+    return state, unfinished(state)

@@ -34,7 +34,8 @@ def as_point(start: PyTree, name: str = "start") -> Point:
 
 def shapes_of(problem: Callable[[Point], Criterion], start: Point) -> Criterion:
     """The shapes of what the problem returns. Raises `InputError` where it is not a `Criterion`."""
-    returned = jax.eval_shape(problem, start)
+    # A function, which has a name: of any other callable jax would print the whole content.
+    returned = jax.eval_shape(lambda x: problem(x), start)
     if not isinstance(returned, Criterion):
         raise InputError(f"problem returns {_kind(returned)}: it must return a Criterion.")
     for name in ("objective", "equal_zero", "non_negative"):

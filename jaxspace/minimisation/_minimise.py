@@ -97,8 +97,8 @@ def minimise(
     if scale is not None:
         check_scale(scale, x)
     limits = as_bounds(bounds, x)
-    # Traced once for its shapes and its derivatives.
-    problem = jax.jit(problem)
+    # Traced once for its shapes and its derivatives. One that is a tree of arrays is an argument.
+    problem = eqx.filter_jit(problem)
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     check = check_gradient and before is None

@@ -74,7 +74,7 @@ def search(
         state = store.begin(state, (limits, scaled.size, state))
     steps = (method.evaluate, method.advance, method.unfinished)
     last, interrupted = drive(*steps, state, progress, store)
-    minimum = at_once(lambda last: minimum_of(method.end(last), last, limits, interrupted), last)
+    minimum = at_once(_minimum, method.end, last, limits, interrupted)
     history = minimum.history
     if before is not None:
         # Rows of steps not taken are NaN, and would separate the two searches.
@@ -109,12 +109,6 @@ def _by_programmes(
     check: bool,
     ratio: float,
 ) -> Method:
-    derivatives = _derivatives(scaled, ratio)
-
-    def evaluate(s: sqp_state.SqpState) -> sqp_state.Evaluation:
-        jacobian, (values, criterion) = derivatives(s.trial)
-        return sqp_state.Evaluation(values, jacobian, criterion)
-
     curvature = jax.hessian(lambda z, w: w @ scaled.numbers(z)[0]) if exact_hessian else None
     return Method(
         at_once(
@@ -128,13 +122,27 @@ def _by_programmes(
             check,
             limits,
         ),
-        evaluate,
-        lambda s, evaluation: sqp.advance(s, evaluation, limits, curvature),
-        lambda s: sqp_state.unfinished(s, limits),
-        lambda s: End(
-            s.x, s.at, s.y, s.nu, s.pending.y, s.pending.nu, sqp_state.diverged(s, limits)
-        ),
+        # Trees of arrays and of functions of this module: their programs serve other searches.
+        eqx.Partial(_evaluated, scaled, ratio),
+        eqx.Partial(sqp.advance, limits=limits, curvature=curvature),
+        eqx.Partial(sqp_state.unfinished, limits=limits),
+        eqx.Partial(_end_of_programmes, limits),
     )
+
+
+def _evaluated(scaled: ScaledProblem, ratio: float, s: sqp_state.SqpState) -> sqp_state.Evaluation:
+    jacobian, (values, criterion) = _derivatives(scaled, ratio)(s.trial)
+    return sqp_state.Evaluation(values, jacobian, criterion)
+
+
+def _end_of_programmes(limits: sqp_state.Limits, s: sqp_state.SqpState) -> End:
+    return End(s.x, s.at, s.y, s.nu, s.pending.y, s.pending.nu, sqp_state.diverged(s, limits))
+
+
+def _minimum(
+    end: Callable[[PyTree], End], last: PyTree, limits: sqp_state.Limits, interrupted: bool
+) -> Minimum:
+    return minimum_of(end(last), last, limits, interrupted)
 
 
 def _by_optax(

@@ -150,8 +150,7 @@ def _searched(
 ) -> DesignOptimum:
     """The optimum of a problem; the arguments are those of `minimise`."""
     minimum = search_minimum(
-        # A function, because `jit` cannot hash what holds arrays.
-        lambda x: problem(x),
+        problem,
         start,
         bounds=bounds,
         scale=scale,

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+import jax
 import numpy as np
 import pytest
 import scipy.stats
@@ -63,6 +64,15 @@ share = "99 %"
 """
 
 
+# Seconds of every program that was compiled or read from a folder.
+COMPILED = []
+jax.monitoring.register_event_duration_secs_listener(
+    lambda event, duration_secs, **_: (
+        COMPILED.append(duration_secs) if event.endswith("backend_compile_duration") else None
+    )
+)
+
+
 @pytest.fixture
 def path(tmp_path):
     (tmp_path / "transfer.toml").write_text(TRANSFER)
@@ -78,6 +88,11 @@ def test_the_optimum_of_a_file(path):
     exact = float(across(slow, R1, R2, MU))
     # The kernel widens the scatter by 0.5 %: by 0.6 m/s upwards, of which 0.37 count here.
     np.testing.assert_allclose(found.x["initial.velocity.1"], exact, atol=0.3)
+    # Of the same file, read again: its programs serve.
+    before = len(COMPILED)
+    again = load(path).optimize_design()
+    assert before > 0 and len(COMPILED) == before
+    np.testing.assert_array_equal(*(x.x["initial.velocity.1"] for x in (again, found)))
     text = file.with_design(found)
     assert "# the comment stays" in text and "km/s" in text
     nominal = file.optimize_design(nominal=True)
