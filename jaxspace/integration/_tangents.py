@@ -22,8 +22,8 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import State
+from ..solvers.embedded_errors import is_in_parts
 from ..solvers.protocol import field_of_step
-from ..solvers.runge_kutta import whole_error
 from ..solvers.tolerances import Tolerance
 from ..solvers.vector_field import ScaledField
 from .normalised_time import field_of_part
@@ -114,13 +114,13 @@ class Probes(eqx.Module):
         field: ScaledField,
         step: "StepTaken",
         tangents: State,
-    ) -> tuple[State, State]:
+    ) -> tuple[State, PyTree]:
         """The tangents after a step, and the estimates of their errors."""
         arrays, static = eqx.partition(field, eqx.is_array)
         leaves, structure = jax.tree.flatten(arrays)
         t0, t1 = jnp.zeros_like(step.s, shape=()), jnp.ones_like(step.s, shape=())
 
-        def of(moving: list[Array], y: State) -> tuple[State, State]:
+        def of(moving: list[Array], y: State) -> tuple[State, PyTree]:
             every = list(leaves)
             for k, x in zip(self.numbers, moving, strict=True):
                 every[k] = x
@@ -133,9 +133,8 @@ class Probes(eqx.Module):
 
         moving = [leaves[k] for k in self.numbers]
 
-        def along(probe: tuple[list[Array], State]) -> tuple[State, State]:
-            y1, error = jax.jvp(of, (moving, step.y0), probe)[1]
-            return y1, whole_error(error)
+        def along(probe: tuple[list[Array], State]) -> tuple[State, PyTree]:
+            return jax.jvp(of, (moving, step.y0), probe)[1]
 
         # Along a single run together, which takes little more than one of them does. For many runs,
         # whose axis has to be the last one, that would take several times as long as one after the
@@ -156,9 +155,9 @@ class StepTaken(NamedTuple):
     number: Int[Array, "*#runs"]
 
 
-def lengths(tolerance: Tolerance, tangents: State) -> Lengths:
-    """The length of each block of tangents."""
-    return jax.tree.map(jax.vmap(tolerance.length), tangents)
+def lengths(tolerance: Tolerance, tangents: PyTree) -> Lengths:
+    """The length of each block of tangents, or of their errors."""
+    return jax.tree.map(jax.vmap(tolerance.length), tangents, is_leaf=is_in_parts)
 
 
 def _direction(x: Array, axes: int, seed: int) -> Array:

@@ -13,10 +13,10 @@ from ._fixed_steps import FixedSteps as FixedSteps
 from ._munthe_kaas import MuntheKaas as MuntheKaas
 from ._regularised import Regularised as Regularised
 from ._rkn1210 import RKN1210 as RKN1210
+from ._runge_kutta import DOP853 as DOP853
+from ._runge_kutta import Tsit5 as Tsit5
 from ._splitting import Splitting as Splitting
 from ._stormer import Stormer as Stormer
-from .runge_kutta import DOP853 as DOP853
-from .runge_kutta import Tsit5 as Tsit5
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.

@@ -22,7 +22,9 @@ from jaxtyping import Array, Float, PyTree
 from ..core import AbstractGroupElement, State
 from ..core.barrier import barrier
 from ..core.groups import on_group
+from ._runge_kutta import DOP853
 from .dense_output import AbstractDenseOutput
+from .embedded_errors import of_each_part
 from .protocol import (
     AbstractFieldSolver,
     Advance,
@@ -32,7 +34,6 @@ from .protocol import (
     small_program,
     solver_traits,
 )
-from .runge_kutta import DOP853, of_each_part
 from .tolerances import Tolerance
 from .vector_field import StepField
 

@@ -308,7 +308,7 @@ def small_program(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
 
 def linear_errors(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     """The same method with an error in parts that are linear in what the step does, so that their
-    tangents are the errors of a tangent; `whole_error` puts them together."""
+    tangents are the errors of a tangent; `Tolerance` and `whole_error` put them together."""
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, linear_errors(solver.solver))
     return solver.linear_errors() if isinstance(solver, AbstractDeclaredSolver) else solver

@@ -22,7 +22,7 @@ from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State
 from ..core.barrier import barrier
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
-from .runge_kutta import blend
+from .embedded_errors import blend
 from .stages import combine, stage_loop, weighted
 from .vector_field import ScaledField
 

@@ -21,6 +21,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
+from .embedded_errors import EmbeddedErrors, blended_square, is_in_parts
 
 
 @final
@@ -37,29 +38,34 @@ class Tolerance(eqx.Module):
     run_axes: int = eqx.field(static=True)
     blocks: tuple[int, ...] = eqx.field(static=True, default=())
 
-    def length(self, block: Float[Array, "..."]) -> Float[Array, "*of_blocks_and_runs"]:
-        """The length of a block for each run, (*runs); of blocks in a vector, (blocks, *runs).
+    def length(
+        self, block: Float[Array, "..."] | EmbeddedErrors
+    ) -> Float[Array, "*of_blocks_and_runs"]:
+        """The length of a block, or of its error, for each run, (*runs); of blocks in a vector,
+        (blocks, *runs).
 
         It has no derivative, because no result depends on it."""
+        if isinstance(block, EmbeddedErrors):
+            # One root for the block, where its components would need one each.
+            return jnp.sqrt(self._sums(blended_square(*jax.lax.stop_gradient(block))))
         return self._larger(block)
 
     def _larger(self, *blocks: Float[Array, "..."]) -> Float[Array, "*runs"]:
         """The largest of the lengths of some blocks for each run."""
         # At zero the root has no derivative.
         blocks = jax.lax.stop_gradient(blocks)
-        if self.blocks:
-            return jnp.sqrt(functools.reduce(jnp.maximum, map(self._squares, blocks)))
-        if blocks[0].ndim <= self.run_axes:
+        if not self.blocks and blocks[0].ndim <= self.run_axes:
             return functools.reduce(jnp.maximum, map(jnp.abs, blocks))
-        squares = [self._reduce(jnp.sum, jnp.add, b * b) for b in blocks]
-        return jnp.sqrt(functools.reduce(jnp.maximum, squares))
+        return jnp.sqrt(functools.reduce(jnp.maximum, [self._sums(b * b) for b in blocks]))
 
-    def _squares(self, vector: Float[Array, "components *#runs"]) -> Float[Array, "blocks *#runs"]:
-        """The squares of the lengths of the blocks in a vector."""
+    def _sums(self, squares: Float[Array, "..."]) -> Float[Array, "*of_blocks_and_runs"]:
+        """The sum of the squares of the components of a block, or of each block in a vector."""
+        if not self.blocks:
+            return self._reduce(jnp.sum, jnp.add, squares)
         # A number that is not finite makes all blocks of the product not finite, and the run fails,
         # as it should.
         members = np.repeat(np.eye(len(self.blocks)), self.blocks, axis=1)
-        return jnp.tensordot(members.astype(vector.dtype), vector * vector, 1)
+        return jnp.tensordot(members.astype(squares.dtype), squares, 1)
 
     def _reduce(
         self,
@@ -75,15 +81,15 @@ class Tolerance(eqx.Module):
             return functools.reduce(pair, block)
         return whole(block, axis=tuple(range(block.ndim - self.run_axes)))
 
-    def largest(self, blocks: State, scale: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
+    def largest(self, blocks: PyTree, scale: PyTree[Float[Array, "..."]]) -> Float[Array, "*runs"]:
         """The largest length of the blocks in units of the tolerance, for each run.
 
         `scale` holds the length of each block of the state."""
 
-        def ratio(b: Array, s: Array) -> Array:
+        def ratio(b: Array | EmbeddedErrors, s: Array) -> Array:
             return self.length(b) / (self.atol + self.rtol * s)
 
-        return self._worst_block(jax.tree.map(ratio, blocks, scale))
+        return self._worst_block(jax.tree.map(ratio, blocks, scale, is_leaf=is_in_parts))
 
     def worst(
         self, lengths: PyTree[Float[Array, "..."]], scale: PyTree[Float[Array, "..."]]
@@ -99,13 +105,13 @@ class Tolerance(eqx.Module):
             return jnp.max(leaves[0], axis=0)
         return functools.reduce(jnp.maximum, leaves)
 
-    def error(self, y0: State, y1: State, error: State) -> Float[Array, "*runs"]:
+    def error(self, y0: State, y1: State, error: PyTree) -> Float[Array, "*runs"]:
         """The local error of each run in units of the tolerance; infinite where it is not finite.
 
         **Arguments**
 
         - `y0`, `y1`: the states before and after the step.
-        - `error`: the estimate of the error of `y1`.
+        - `error`: the estimate of the error of `y1`, which may be in parts.
         """
         e = self.largest(error, jax.tree.map(self._larger, y0, y1))
         e = jnp.where(jnp.isfinite(e), e, jnp.inf)

@@ -17,6 +17,7 @@ from jaxspace.integration.field_trace import evaluate_field
 from jaxspace.rotations import Quaternion
 from jaxspace.simulation import Accuracy, Event, Status
 from jaxspace.solvers import DOP853, RKN1210, ExponentialRosenbrock, MuntheKaas
+from jaxspace.solvers.embedded_errors import EmbeddedErrors
 from jaxspace.solvers.protocol import solver_traits
 from jaxspace.solvers.tolerances import Tolerance
 
@@ -124,6 +125,44 @@ def test_the_error_is_that_of_the_worst_block():
     blocks = Tolerance(1e-3, 1e-4, 1).error(y0, y1, error)
     packed = Tolerance(1e-3, 1e-4, 1, packing.sizes).error(*map(packing.vector, (y0, y1, error)))
     np.testing.assert_allclose(packed, blocks, rtol=1e-13)
+
+
+@pytest.mark.parametrize(("dtype", "size"), [(float, 1.0), (jnp.float32, 1e-12)])
+def test_an_error_in_parts_is_that_of_its_components_together(dtype, size):
+    """Against the formula, in single precision of errors whose fourth powers it cannot hold; one
+    run is at rest."""
+    rng, ball = np.random.default_rng(4), thrown(jnp.array(1.0))
+    packing = Packing.of(ball)
+
+    def some(scale):
+        def leaf(x):
+            drawn = scale * rng.normal(size=(*x.shape, 5)) * (np.arange(5) > 0)
+            return jnp.asarray(drawn, dtype)
+
+        return jax.tree.map(leaf, ball)
+
+    y0, y1, fifth, third = some(1e-3 * size), some(1e-3 * size), some(size), some(30.0 * size)
+    error = jax.tree.map(EmbeddedErrors, fifth, third)
+    atol = jnp.asarray(1e-3 * size, dtype)
+
+    def ratio(a, b, e5, e3):
+        a, b, e5, e3 = (np.float64(x) for x in (a, b, e5, e3))
+        if a.ndim == 1:
+            a, b, e5, e3 = a[None], b[None], e5[None], e3[None]
+        bottom = np.sqrt(e5**2 + 0.01 * e3**2)
+        whole = np.divide(e5**2, bottom, out=np.zeros_like(e5), where=bottom > 0.0)
+        longest = np.maximum(*(np.linalg.norm(x, axis=0) for x in (a, b)))
+        return np.linalg.norm(whole, axis=0) / (np.float64(atol) + 1e-3 * longest)
+
+    expected = np.max(jax.tree.leaves(jax.tree.map(ratio, y0, y1, fifth, third)), axis=0)
+    found = Tolerance(1e-3, atol, 1).error(y0, y1, error)
+    vectors = EmbeddedErrors(packing.vector(fifth), packing.vector(third))
+    starts = map(packing.vector, (y0, y1))
+    packed = Tolerance(1e-3, atol, 1, packing.sizes).error(*starts, vectors)
+    assert expected[0] == 0.0 and np.all(expected[1:] > 1.0)
+    # Some tens of roundings.
+    for ours in (found, packed):
+        np.testing.assert_allclose(ours, expected, rtol=50.0 * float(jnp.finfo(dtype).eps))
 
 
 def test_a_block_that_is_not_finite_fails_its_run_alone():

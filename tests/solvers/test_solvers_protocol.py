@@ -29,8 +29,8 @@ from jaxspace.solvers import (
     Stormer,
     Tsit5,
 )
+from jaxspace.solvers.embedded_errors import whole_error
 from jaxspace.solvers.protocol import bind, linear_errors, refine, solver_traits
-from jaxspace.solvers.runge_kutta import whole_error
 from jaxspace.solvers.tolerances import Tolerance
 
 T0, SPEED = 3.0, 2.0

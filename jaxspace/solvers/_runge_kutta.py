@@ -12,20 +12,19 @@ that jumps there has the value of this step.
 """
 
 import dataclasses
-from collections.abc import Callable
-from typing import ClassVar, NamedTuple, final
+from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float, PyTree
+from jaxtyping import Array, Float
 
 from ..core import State
 from ..core.barrier import barrier
-from ..core.square_roots import inverse_sqrt
 from . import tableaus as tableau
 from .dense_output import AbstractDenseOutput
+from .embedded_errors import EmbeddedErrors, whole_error
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
 from .stages import Weights, combine, dense_rows, stages, weighted_rows
 from .tolerances import Tolerance
@@ -179,46 +178,6 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             ks = stages(f, t0, h, y0, *rest, [*ks, *last])
         within = within_step(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
         return Advance(y1, error, within)
-
-
-class EmbeddedErrors(NamedTuple):
-    """The errors of DOP853 of the orders 5 and 3: linear in what a step does, as their `blend` is
-    not."""
-
-    fifth: Array
-    third: Array
-
-
-def whole_error(error: PyTree) -> State:
-    """The estimate of an error that may be in parts, as those of `DOP853.in_parts`."""
-
-    def leaf(x: PyTree) -> Array:
-        return blend(x.fifth, x.third) if _is_in_parts(x) else x
-
-    return jax.tree.map(leaf, error, is_leaf=_is_in_parts)
-
-
-def of_each_part(function: Callable[[State], State], error: PyTree) -> PyTree:
-    """The function of an error, or of each of its parts."""
-    if not any(map(_is_in_parts, jax.tree.leaves(error, is_leaf=_is_in_parts))):
-        return function(error)
-    fifth, third = (
-        function(jax.tree.map(lambda x, k=k: x[k], error, is_leaf=_is_in_parts)) for k in (0, 1)
-    )
-    return jax.tree.map(EmbeddedErrors, fifth, third)
-
-
-def _is_in_parts(x: object) -> bool:
-    return isinstance(x, EmbeddedErrors)
-
-
-def blend(e5: Array, e3: Array) -> Array:
-    """The error estimate e5^2 / sqrt(e5^2 + e3^2 / 100) (Hairer, Norsett, Wanner II.10), by
-    component."""
-    bottom = e5 * e5 + 0.01 * e3 * e3
-    # A component that does not change has zero over zero; a safe value keeps derivatives finite.
-    positive = bottom > 0.0
-    return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
 
 
 @final

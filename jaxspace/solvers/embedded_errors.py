@@ -1,0 +1,63 @@
+"""The two embedded errors of DOP853, and the estimate that they give together, by component:
+
+    e = e5^2 / sqrt(e5^2 + e3^2 / 100)
+
+Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.10.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+from jaxtyping import Array, PyTree
+
+from ..core import State
+from ..core.square_roots import inverse_sqrt
+
+
+class EmbeddedErrors(NamedTuple):
+    """The errors of orders 5 and 3: linear in what a step does, as their `blend` is not."""
+
+    fifth: Array
+    third: Array
+
+
+def is_in_parts(x: object) -> bool:
+    """Whether the error of a block is in parts."""
+    return isinstance(x, EmbeddedErrors)
+
+
+def whole_error(error: PyTree) -> State:
+    """The estimate of an error that may be in parts, as those of `DOP853.in_parts`."""
+
+    def leaf(x: PyTree) -> Array:
+        return blend(x.fifth, x.third) if is_in_parts(x) else x
+
+    return jax.tree.map(leaf, error, is_leaf=is_in_parts)
+
+
+def of_each_part(function: Callable[[State], State], error: PyTree) -> PyTree:
+    """The function of an error, or of each of its parts."""
+    if not any(map(is_in_parts, jax.tree.leaves(error, is_leaf=is_in_parts))):
+        return function(error)
+    fifth, third = (
+        function(jax.tree.map(lambda x, k=k: x[k], error, is_leaf=is_in_parts)) for k in (0, 1)
+    )
+    return jax.tree.map(EmbeddedErrors, fifth, third)
+
+
+def blend(e5: Array, e3: Array) -> Array:
+    """The estimate of the error of each component."""
+    bottom = e5 * e5 + 0.01 * e3 * e3
+    # A component that does not change has zero over zero; a safe value keeps derivatives finite.
+    positive = bottom > 0.0
+    return jnp.where(positive, e5 * e5 * inverse_sqrt(jnp.where(positive, bottom, 1.0)), 0.0)
+
+
+def blended_square(e5: Array, e3: Array) -> Array:
+    """The square of `blend`: without a root, and without a derivative where nothing changes."""
+    square = e5 * e5
+    bottom = square + 0.01 * e3 * e3 + jnp.finfo(square.dtype).tiny
+    # No fourth power of an error, which single precision has no room for.
+    return square * (square / bottom)
