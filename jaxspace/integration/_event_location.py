@@ -182,11 +182,13 @@ class LocatedEvents(NamedTuple):
 
 
 class SearchedStep(NamedTuple):
-    """A step of each run: the conditions `along` it, in the time of a step from 0 to 1; where it
-    starts, and its length, in normalised time; the state where it starts and that where it ends,
-    and the part of the run that it passes."""
+    """A step of each run, and the part of the run that it passes, `width`.
 
-    along: Callable[[Event], StepCondition | FlowCondition]
+    - `condition_of`: an event along it, in the time of a step from 0 to 1.
+    - `start`, `length`: in normalised time.
+    - `y0`, `y1`: the states where it starts and where it ends."""
+
+    condition_of: Callable[[Event], StepCondition | FlowCondition]
     start: Float[Array, "*runs"]
     length: Float[Array, "*runs"]
     y0: State
@@ -283,7 +285,7 @@ def _searched(
         at_start = first & (search.part == 0)
 
         def of(event: Event, rounding: Array) -> Part:
-            return Part(step.along(event), begin, end, at_start, rounding, *span)
+            return Part(step.condition_of(event), begin, end, at_start, rounding, *span)
 
         parts = list(map(of, sought.events, sought.rounding))
         return _first_of(parts, search, location.which, left(search), going)

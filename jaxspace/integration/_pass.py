@@ -160,10 +160,10 @@ def _located(
         width = width * of_segment(settings.lengths, begin.s)
     moving = accept & settings.tolerance.alive(step.y1)
 
-    def along(event: Event) -> StepCondition:
+    def condition_of(event: Event) -> StepCondition:
         return StepCondition(event, segment, polynomial, moving.shape)
 
-    searched = SearchedStep(along, begin.s, begin.length, begin.y0, step.y1, width)
+    searched = SearchedStep(condition_of, begin.s, begin.length, begin.y0, step.y1, width)
     first = loop.t == settings.start
     span = field.segments.t0, field.segments.total
     return located(location, sought, searched, loop.going, moving, first, span)

@@ -106,12 +106,12 @@ def _first_on_flow(
     segment = StepTimes(begin, end, t0, t1 - t0, jnp.zeros_like(t0))
     start, length = jnp.zeros_like(t0), jnp.ones_like(t0)
 
-    def along(event: Event) -> FlowCondition:
+    def condition_of(event: Event) -> FlowCondition:
         return FlowCondition(event, segment, system, y0, alive.shape)
 
     sought = SoughtEvents.of(events, system, t0, y0, run_axes, start_known)
     none = Location.none_yet(sought, start, y0, finite)
-    step = SearchedStep(along, start, length, y0, y0, length)
+    step = SearchedStep(condition_of, start, length, y0, y0, length)
     yes = jnp.ones(t0.shape, bool)
     location = located(none, sought, step, yes, alive, yes, (t0, t1 - t0))
     return location.located(segment, t0, t1)._replace(state=None)
