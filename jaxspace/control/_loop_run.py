@@ -22,7 +22,8 @@ from ..integration.events import Event
 from ..simulation import Trajectory
 from ..simulation.finish import raise_failures
 from ..simulation.reading import AbstractRun
-from ..simulation.trajectory import RunCall, run_of
+from ..simulation.run_call import RunCall
+from ..simulation.trajectory import run_of
 from ._clocks import known_times
 from ._controller import AbstractController
 from ._program import Known, Static, as_events, as_key, compiled

@@ -32,7 +32,8 @@ from .checks import (
 )
 from .finish import finished
 from .repeat import Configs, cured
-from .trajectory import RunCall, Trajectory
+from .run_call import RunCall
+from .trajectory import Trajectory
 
 # Runs of a batch that are inspected to choose its method.
 SAMPLED = 16

@@ -41,7 +41,8 @@ from .checks import (
 from .failures import enough_steps, place_of_failure
 from .finish import finished
 from .repeat import Configs, cured
-from .trajectory import RunCall, Trajectory
+from .run_call import RunCall
+from .trajectory import Trajectory
 
 
 @hints_of_arguments

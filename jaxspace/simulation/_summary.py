@@ -2,8 +2,8 @@
 
 import html
 from collections import Counter
-from collections.abc import Sequence
-from typing import Any, NamedTuple, TypeAlias
+from collections.abc import Iterable, Sequence
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
 import jax
 import numpy as np
@@ -16,15 +16,48 @@ from ..core.text import aligned, html_table
 from ..integration.layout import state_at
 from ..integration.status import Status
 from ._dataset import blocks_of
+from .run_call import RunCall
 
 Row = tuple[str, ...]
 # A network in a state has thousands of components, and a quaternion has four.
 MOST_COMPONENTS = 4
 
 
-# A `Trajectory` and a `MissionTrajectory`, whose modules import this one.
-Run: TypeAlias = Any
-Phases: TypeAlias = Any
+@runtime_checkable
+class PrintedRun(Protocol):
+    """What is printed of a `Trajectory`; its fields are described there."""
+
+    @property
+    def ts(self) -> Array: ...
+    @property
+    def states(self) -> State: ...
+    @property
+    def status(self) -> Array: ...
+    @property
+    def stats(self) -> dict[str, Array]: ...
+    @property
+    def run_axes(self) -> int: ...
+    @property
+    def control(self) -> dict[str, PyTree] | None: ...
+    @property
+    def call(self) -> RunCall | None: ...
+
+
+@runtime_checkable
+class PrintedMission(Protocol):
+    """What is printed of a `MissionTrajectory`; its fields are described there."""
+
+    @property
+    def phases(self) -> Sequence[PrintedRun]: ...
+    @property
+    def final(self) -> State: ...
+    @property
+    def end(self) -> Array: ...
+    @property
+    def status(self) -> Array: ...
+    @property
+    def evaluations(self) -> Array: ...
+    def items(self) -> Iterable[tuple[str, PrintedRun]]: ...
 
 
 class Summary(NamedTuple):
@@ -52,7 +85,7 @@ class Summary(NamedTuple):
         return f"<div><b>{html.escape(self.title)}</b>{''.join(parts)}</div>"
 
 
-def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
+def summary_of_run(run: PrintedRun, facts: Sequence[Row] = ()) -> Summary:
     """Printed form of a `Trajectory`; the shapes alone while it is traced.
 
     `facts`: more of them, before how it ended."""
@@ -66,7 +99,7 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
     first, last = _range(run.ts[0]), _range(run.ts[-1])
     work = "{} steps, {} evaluations".format(*_counts(run))
     if run.call is not None:
-        work = f"{_method(run)}, rtol {float(np.max(run.config.rtol)):.0e}; {work}"
+        work = f"{_method(run)}, rtol {float(np.max(run.call.config.rtol)):.0e}; {work}"
     lines: list[Row] = [
         ("times", f"{first} s to {last} s, {run.ts.shape[0]} saved"),
         ("method", work),
@@ -85,14 +118,14 @@ def summary_of_run(run: Run, facts: Sequence[Row] = ()) -> Summary:
     return Summary(title + _of_runs(run.status), lines, tables)
 
 
-def _sampled(run: Run) -> list[PyTree]:
+def _sampled(run: PrintedRun) -> list[PyTree]:
     """Commands and readings of the controller of a run, by name; empty without one."""
     if run.control is None:
         return []
     return [{name: run.control[name] for name in ("commands", "readings")}]
 
 
-def summary_of_mission(result: Phases) -> Summary:
+def summary_of_mission(result: PrintedMission) -> Summary:
     """Printed form of a `MissionTrajectory`; the shapes alone while it is traced."""
     count = len(result.phases)
     title = f"Mission of {count} phase{'s' if count > 1 else ''}"
@@ -114,7 +147,7 @@ def summary_of_mission(result: Phases) -> Summary:
     return Summary(title + _of_runs(result.status), facts, [rows, state])
 
 
-def _has_numbers(result: Any) -> bool:
+def _has_numbers(result: PrintedRun | PrintedMission) -> bool:
     """Whether the arrays of a result are known: false while it is traced, and in a tree of
     shapes."""
     leaves = jax.tree.leaves(result)
@@ -130,20 +163,20 @@ def _of_runs(status: Int[Array, "*runs"]) -> str:
     return f", {status.size} run{'' if status.size == 1 else 's'}"
 
 
-def _system(run: Run) -> str:
+def _system(run: PrintedRun) -> str:
     """The name of the system of a run; the phases of `Campaign.outputs` hold none."""
-    return "a phase" if run.call is None else type(run.system).__name__
+    return "a phase" if run.call is None else type(run.call.system).__name__
 
 
-def _method(run: Run) -> str:
+def _method(run: PrintedRun) -> str:
     if run.call is None:
         return "-"
-    config = run.config
+    config = run.call.config
     how = "closed form" if isinstance(config.method, str) else type(config.method).__name__
     return f"{how} beside a closed form" if config.decoupled else how
 
 
-def _counts(run: Run) -> tuple[str, str]:
+def _counts(run: PrintedRun) -> tuple[str, str]:
     """Numbers of steps and evaluations of a run, or of the runs of a batch."""
     steps, evaluations = (_range(run.stats.get(name, 0)) for name in ("steps", "evaluations"))
     return steps, evaluations

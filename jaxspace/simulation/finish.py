@@ -17,7 +17,8 @@ from ._mission import Mission
 from .failures import loud
 from .legs import legs_of
 from .mission_result import MissionTrajectory, Result
-from .trajectory import RunCall, Trajectory
+from .run_call import RunCall
+from .trajectory import Trajectory
 
 
 def with_calls(

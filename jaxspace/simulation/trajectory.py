@@ -2,7 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar, final
+from typing import TYPE_CHECKING, Any, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -24,6 +24,7 @@ from ._dataset import dataset_of
 from ._integrator import of_each_run
 from ._rerun import final_state_again
 from ._summary import summary_of_run
+from .run_call import RunCall
 
 if TYPE_CHECKING:
     import os
@@ -33,15 +34,6 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 T = TypeVar("T")
-
-
-class RunCall(NamedTuple):
-    """What was run: the system and the accuracy, as the caller gave them, and the method and the
-    tolerances that follow from the accuracy."""
-
-    system: AbstractSystem
-    accuracy: Accuracy
-    config: IntegrationConfig
 
 
 @final
