@@ -11,7 +11,7 @@ from jaxtyping import Array, PyTree
 from ..core import InputError, Scalar
 from ..integration.accuracy import Accuracy
 from ..minimisation import Criterion, Progress
-from ..minimisation.batch_descent import descend_by_batches
+from ..minimisation.batch_descent import BatchMinimum, descend_by_batches
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
 from ._search import RUNS, store_of
@@ -97,12 +97,18 @@ def train_design(
     )
     # A function, because `jit` cannot hash what holds arrays.
     criterion = jax.jit(lambda x: whole(x))(found.x)
-    # No batch was used, and the result is the start: only the author can choose another.
-    if int(found.steps) == int(found.left_out):
-        failed = failures(criterion.report)
-        if failed:
-            raise InputError(
-                f"In every batch too many runs fail. {failed} At most a share of {may_fail:g} may "
-                f"fail: start from a design whose runs end well, or allow more by may_fail."
-            )
+    _check_used(found, criterion, may_fail)
     return DesignOptimum(found.x, start, criterion, found, whole, seed)
+
+
+def _check_used(found: BatchMinimum, criterion: Criterion, may_fail: float) -> None:
+    """Raise `InputError` where every batch was left out because too many of its runs fail."""
+    # Then the result is the start: only the author can choose another.
+    if int(found.steps) != int(found.left_out):
+        return
+    failed = failures(criterion.report)
+    if failed:
+        raise InputError(
+            f"In every batch too many runs fail. {failed} At most a share of {may_fail:g} may "
+            f"fail: start from a design whose runs end well, or allow more by may_fail."
+        )
