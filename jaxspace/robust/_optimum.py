@@ -4,7 +4,9 @@ from typing import Any, final
 
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 import numpy as np
+from jax.flatten_util import ravel_pytree
 from jax.tree_util import keystr, tree_leaves_with_path
 
 from ..core.listed import Listed
@@ -12,6 +14,10 @@ from ..core.text import aligned
 from ..minimisation import Criterion, Minimum
 from ..minimisation.batch_descent import BatchMinimum
 from ._runs import Design, Problem, RunsOfDesign, failures
+
+# By less than this part of its size a quadratic programme moves an unknown that nothing depends on,
+# towards the middle of its bounds.
+DRIFT = 1e-6
 
 
 @final
@@ -56,15 +62,24 @@ class DesignOptimum(eqx.Module):
             tree_leaves_with_path(self.minimum.influence),
             jax.tree.leaves(self.x),
             jax.tree.leaves(self.start),
+            jax.tree.leaves(self._sizes),
             strict=True,
         )
-        # At an optimum between bounds the derivative may be zero by chance.
+        # At an optimum between bounds the derivative may be zero by chance; there the search moved.
         return Listed(
             name_of(path, index)
-            for (path, size), x, start in parts
-            for index, number in np.ndenumerate(np.asarray(size))
-            if number == 0.0 and x[index] == np.asarray(start)[index]
+            for (path, influence), x, start, size in parts
+            for index, number in np.ndenumerate(np.asarray(influence))
+            if number == 0.0
+            and abs(x[index] - np.asarray(start)[index]) <= DRIFT * np.asarray(size)[index]
         )
+
+    @property
+    def _sizes(self) -> Design:
+        """The sizes of the unknowns in the search; zero where it kept none."""
+        search = getattr(self.minimum, "search", None)
+        flat, unravel = ravel_pytree(self.x)
+        return unravel(jnp.asarray(getattr(search, "size", jnp.zeros_like(flat))))
 
     @property
     def warnings(self) -> tuple[str, ...]:

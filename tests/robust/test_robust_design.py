@@ -374,8 +374,23 @@ def test_what_is_wrong_is_said_before_anything_is_compiled():
             wrong()
 
 
-@pytest.mark.parametrize("optimiser", ["sqp", optax.lbfgs()], ids=["sqp", "lbfgs"])
-def test_an_unknown_without_influence_is_named(optimiser):
+@pytest.mark.parametrize(
+    "optimiser, bounds",
+    [
+        ("sqp", None),
+        # One of no influence near a bound is drawn to their middle.
+        (
+            "sqp",
+            (
+                {"a": jnp.asarray(0.0), "b": jnp.full(2, -0.01)},
+                {"a": jnp.asarray(2.0), "b": jnp.full(2, 3.0)},
+            ),
+        ),
+        (optax.lbfgs(), None),
+    ],
+    ids=["sqp", "bounds", "lbfgs"],
+)
+def test_an_unknown_without_influence_is_named(optimiser, bounds):
     def cost(x, w):
         return linear_quadratic(x["a"], w) + 0.0 * x["b"][0]
 
@@ -384,6 +399,7 @@ def test_an_unknown_without_influence_is_named(optimiser):
         {"a": jnp.asarray(0.9), "b": jnp.zeros(2)},
         minimise=MeanPlus("y", 1.0),
         optimiser=optimiser,
+        bounds=bounds,
     )
     # As for the mean and its deviation alone.
     np.testing.assert_allclose(found.x["a"], 1.0 - 0.5 * SCATTER, atol=0.005)
