@@ -1,8 +1,9 @@
 """The rotating part of the state of a body."""
 
+import jax.numpy as jnp
+
 from ..bodies import BodyState
 from ..core import InputError, Vector
-from ..core.vectors import axis
 from ..rotations import Quaternion
 
 
@@ -19,4 +20,7 @@ def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
 def vertical(attitude: Quaternion) -> Vector:
     """The upward vertical Z in body axes, (3, *runs): (sin(theta) sin(phi), sin(theta) cos(phi),
     cos(theta))."""
-    return attitude.rotate_back(axis(2, attitude.wxyz[0]))
+    # Written out, because the compiler keeps the products with the zeros of a general vector.
+    w, x, y, z = attitude.wxyz
+    s = 2.0 / attitude.norm_squared
+    return jnp.stack([s * (x * z - w * y), s * (y * z + w * x), 1.0 - s * (x * x + y * y)])

@@ -80,9 +80,9 @@ def angular_acceleration(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Sca
     - `A`, `C`: transverse and axial moment of inertia, kg m^2.
     - `Wl`: weight times distance of the mass centre from the fixed point, N m.
     """
-    # As a product with z, so that the part along z is exactly zero and the spin constant.
-    z = axis(2, omega[2])
-    return cross((A - C) / A * omega[2] * omega + Wl / A * Z, z)
+    # The product of a moment with z: its part along z is exactly zero, and the spin constant.
+    across, along = (A - C) / A * omega[2] * omega[:2] + Wl / A * Z[:2]
+    return jnp.stack([along, -across, jnp.zeros_like(along)])
 
 
 def energy(omega: Vector, Z: Vector, A: Scalar, C: Scalar, Wl: Scalar) -> Scalar:
