@@ -81,6 +81,24 @@ ALLOWED = {
 ALLOWED["cli"] = set(ALLOWED)
 ALLOWED["__init__"] = set(ALLOWED) - {"cli"}
 
+# Folders of a package, from the bottom up, and what each may import of it: folders, and files that
+# stand beside them. The other files there put these together, and no folder imports them.
+FOLDERS = {
+    "io": {
+        "_kinds": {"units"},
+        "_catalog": {"_kinds"},
+        "_mission": {"_kinds", "_catalog"},
+        "_requests": {"units", "_kinds", "_catalog", "_mission"},
+        "_runs": {
+            *("units", "by_numpy", "_kinds", "_catalog", "_mission", "_requests", "_file_content"),
+        },
+        "_search": {"units", "_kinds", "_mission", "_requests", "_file_content", "_runs"},
+        "reports": {
+            *("units", "by_numpy", "_kinds", "_mission", "_requests", "_search", "_scene_file"),
+        },
+    },
+}
+
 # Imports of the library within functions, by who makes them, with the reason: any other would hide
 # a circle.
 WITHIN_FUNCTIONS = {
@@ -312,6 +330,24 @@ def test_arrows_point_downwards():
     in_every_file(complaints)
 
 
+def test_arrows_point_downwards_within_a_package():
+    def complaints(file):
+        package, *rest = file.relative_to(PACKAGE).parts
+        allowed = FOLDERS.get(package, {})
+        if len(rest) < 2:
+            return
+        folder = rest[0]
+        if folder not in allowed:
+            yield f"{folder} needs a row in the table: which folders may it import?"
+        for name, _ in imports(file):
+            parts = name.split(".")
+            if parts[:2] == ["jaxspace", package] and len(parts) > 2:
+                if parts[2] != folder and parts[2] not in allowed.get(folder, set()):
+                    yield f"{package}/{folder} may not import {name}"
+
+    in_every_file(complaints)
+
+
 def test_no_package_imports_a_private_file_of_another():
     def complaints(file):
         package = package_of(file)
@@ -366,7 +402,9 @@ def test_a_public_file_lists_its_names_or_another_package_imports_it():
 
     def complaints(file):
         parts = file.relative_to(PACKAGE).parts
-        if len(parts) > 1 and not parts[-1].startswith("_") and not listed(file):
+        # A file of a private folder is private, whatever its name.
+        private = any(part.startswith("_") for part in parts[1:])
+        if len(parts) > 1 and not private and not listed(file):
             if (parts[0], parts[1].removesuffix(".py")) not in taken:
                 yield "name it _x.py, or list its public names in __all__"
 

@@ -19,9 +19,9 @@ from jaxspace.attitude import ReactionWheels, RollingDisk
 from jaxspace.bodies import BurningBody, RigidBody
 from jaxspace.core import InputError
 from jaxspace.dispersion import Campaign, Normal, disperse
-from jaxspace.io._build import build_mission, replaced
-from jaxspace.io._inputs import measures
-from jaxspace.io._objects import Runs
+from jaxspace.io._mission.build import build_mission
+from jaxspace.io._mission.building import Runs, replaced
+from jaxspace.io._requests.inputs import measures
 from jaxspace.orbits import TabulatedPath
 from jaxspace.rockets import (
     BackPressure,

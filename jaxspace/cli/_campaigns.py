@@ -15,8 +15,8 @@ from ..dispersion import moments
 from ..dispersion.comparison import compare_methods
 from ..dispersion.covariance import METHODS, MONTE_CARLO
 from ..io import SceneFile, load, stored_scene
-from ..io.campaign_report import comparison_table, failures_report, moments_report, replay_report
-from ..io.campaign_tables import dispersion_report
+from ..io.reports.campaign import comparison_table, failures_report, moments_report, replay_report
+from ..io.reports.campaign_tables import dispersion_report
 from ..io.units import read_option
 from ..statistics import Dispersion, StopRule
 from ..stores import DamagedStore, StoreError, open_store

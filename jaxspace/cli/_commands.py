@@ -16,7 +16,8 @@ from ..core import InputError, argument
 from ..core.quantities import quantities
 from ..io import Optimum, SceneFile, listing, load, schema
 from ..io.by_numpy import by_numpy
-from ..io.report import mission_report, optimum_report, run_report, sensitivity_report
+from ..io.reports.optimum import optimum_report, sensitivity_report
+from ..io.reports.run import mission_report, run_report
 from ..io.units import read_option
 from ..scene import Scene
 from ..simulation import Mission, MissionTrajectory, Status, Trajectory

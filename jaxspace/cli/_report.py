@@ -12,7 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..dispersion import RunPaths, run_paths
 from ..io import SceneError, SceneFile, stored_scene
-from ..io.campaign_tables import dispersion_report
+from ..io.reports.campaign_tables import dispersion_report
 from ..simulation import Accuracy, MissionTrajectory
 from ..statistics import Dispersion
 from ..stores import open_store

@@ -6,15 +6,15 @@ systems, effects, jumps, events and outputs are declared by the packages of phys
 from typing import TYPE_CHECKING
 
 from ..core.modules import modules_of as _modules_of
-from ._catalog import Catalog as Catalog
-from ._catalog import catalog as catalog
-from ._errors import SceneError as SceneError
+from ._catalog.catalog import Catalog as Catalog
+from ._catalog.catalog import catalog as catalog
+from ._kinds.errors import SceneError as SceneError
 from ._listing import listing as listing
 from ._listing import schema as schema
 from ._load import load as load
 from ._load import stored_scene as stored_scene
-from ._optimum import Optimum as Optimum
 from ._scene_file import SceneFile as SceneFile
+from ._search.optimum import Optimum as Optimum
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.

@@ -6,13 +6,13 @@ from pathlib import Path
 from ..core import InputError
 from ..core.listed import no_method
 from ..statistics import StopRule
-from ._inputs import Input
-from ._joint_inputs import MadeInput
-from ._kinds import Values
-from ._named_files import NamedFile, NamedFiles
-from ._optimize_table import Task
-from ._output_spec import OutputSpec
-from ._parsed import Parsed
+from ._kinds.kind import Values
+from ._kinds.named_files import NamedFile, NamedFiles
+from ._mission.parsed import Parsed
+from ._requests.inputs import Input
+from ._requests.joint_inputs import MadeInput
+from ._requests.optimize_table import Task
+from ._requests.output_spec import OutputSpec
 from .units import WrittenUnits
 
 

@@ -8,67 +8,33 @@
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy` or
-`final_error`, `method`, `max_step`, `max_steps`. The entries of the tables follow from the
-declarations of the classes.
+`final_error`, `method`, `max_step`, `max_steps`. The entries of each table stand in the module of
+this table, in `_mission` or `_requests`.
 """
 
-import inspect
 from collections.abc import Mapping
-
-import diffrax
-import numpy as np
 
 import jaxspace
 
 from ..bodies import BodyState
-from ..core import AbstractSystem, argument
-from ..core.quantities import REQUIRED
-from ..dispersion.covariance import METHODS
-from ..dispersion.purpose import BY_PURPOSE
-from ._accuracy import Tolerance
-from ._catalog import Catalog, part_entries, state_class, state_way
-from ._control import control_kind
-from ._effect_tables import EffectName, EffectTables
-from ._ends import end_kind
-from ._errors import missing, unknown, wrong
-from ._final_error import final_error_kind
-from ._flight import flight_entries
-from ._kinds import Entry, Kind, Maker, Reading, Schema, Value
-from ._objects import entry_of, function_way
-from ._optimize_table import optimize_table
-from ._table_kinds import AnyTable, NamedTables, Object, Table
-from ._value_kinds import ListOf, Number, OneName, Text, Whole
+from ..core import argument
+from ._catalog.catalog import Catalog, state_class
+from ._kinds.errors import missing, unknown, wrong
+from ._kinds.kind import Entry
+from ._kinds.tables import Table
+from ._kinds.values import ListOf, Number, OneName, Text, Whole
+from ._mission.flight import flight_entries
+from ._mission.tables import mission_entries, scene_entries, system_entries
+from ._requests.accuracy import accuracy_entries
+from ._requests.dispersion import dispersion_table
+from ._requests.optimize_table import optimize_table
+from ._requests.output_entries import OutputList
 
 KINDS = ("system", "scene", "mission", "flight")
 FORMAT = 1
 """The format of scene files that this version reads. It rises when a file that was right would mean
 something else or be refused; a key that is added leaves it."""
-DESIGNS = ("random", "latin_hypercube", "sobol")
-TIME = Number(argument("s", fixed=True, doc="time"))
-DURATION = Number(argument("s", positive=True, doc="duration"))
-LONGEST_STEP = Number(argument("s", positive=True, fixed=True, doc="longest step"))
-# The engine resolves sixteen units in the last place of a state of 64 bits, and no tolerance above
-# a half has a digit.
-LEAST_ACCURACY = 16.0 * float(np.finfo(float).eps)
-ACCURACY = Tolerance(argument("", low=LEAST_ACCURACY, high=0.5, fixed=True, doc="of each step"))
 TOLERANCE = Number(argument("", positive=True, fixed=True, doc="relative tolerance"))
-TIMES = Table(
-    {
-        "start": Entry(TIME, 0.0, doc="time of the initial state"),
-        "end": Entry(TIME, doc="time of the last state"),
-        "samples": Entry(Whole(2, 10**7), 200, doc="how many states are kept from start to end"),
-    }
-)
-
-SHARE = Number(argument("", low=0.0, high=1.0, strict=True, fixed=True, doc="from 0 to 1"))
-UNTIL = Table(
-    {
-        "output": Entry(Text(), doc="whose limit is to be known"),
-        "share": Entry(SHARE, 0.99, doc="of the runs that lie below the limit"),
-        "precision": Entry(SHARE, 0.01, doc="in distances of the limit from the mean"),
-        "confidence": Entry(SHARE, 0.95, doc="with which it is known"),
-    }
-)
 
 
 def kind_of(data: Mapping[str, object]) -> str:
@@ -119,16 +85,11 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         return Table({**common, **flight_entries(), **campaign})
     common["planet"] = Entry(Table(catalog.shared("planet")), None, doc="what attracts")
     if kind == "system":
-        return Table({**common, **_system_entries(catalog, system), **campaign})
-    body = _body_entries(catalog)
-    if kind == "scene":
-        refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
-        return Table({**common, **body, **_one_run(catalog), **campaign}, refused)
-    phases = {
-        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other"),
-        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="parts that leave, by name"),
-    }
-    return Table({**common, **body, **phases, **campaign}, {})
+        return Table({**common, **system_entries(catalog, system), **campaign})
+    if kind == "mission":
+        return Table({**common, **mission_entries(catalog), **campaign})
+    refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
+    return Table({**common, **scene_entries(catalog), **campaign}, refused)
 
 
 def _common_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
@@ -139,19 +100,7 @@ def _common_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
             ListOf(Text()), (), doc="Python files that it needs; each runs only by --with"
         ),
         "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
-        # Far below the errors of the data of a flight, and within reach of every method in double
-        # precision.
-        "accuracy": Entry(
-            ACCURACY, 1e-9, doc=f'relative tolerance of each step; of campaigns also "{BY_PURPOSE}"'
-        ),
-        "final_error": Entry(
-            final_error_kind(state, ACCURACY.quantity),
-            None,
-            doc="that the nominal run may have at its end",
-        ),
-        "method": Entry(method_kind(catalog), None, doc="integrator; by default chosen by rules"),
-        "max_step": Entry(LONGEST_STEP, None, doc="longest step"),
-        "max_steps": Entry(Whole(), None, doc="how many steps a run may take"),
+        **accuracy_entries(catalog, state),
     }
 
 
@@ -159,220 +108,6 @@ def _campaign_entries() -> dict[str, Entry]:
     """The tables of a campaign and of a search."""
     search = optimize_table(OutputList(), TOLERANCE)
     return {
-        "dispersion": Entry(_dispersion(), None, doc="what scatters, and what is kept"),
+        "dispersion": Entry(dispersion_table(), None, doc="what scatters, and what is kept"),
         "optimize": Entry(search, None, doc="what is best, and what is free"),
     }
-
-
-def _system_entries(catalog: Catalog, system: str) -> dict[str, Entry]:
-    """The tables of a system, which is a complete model, without bodies and effects."""
-    cls = catalog.systems[system]
-    named = _named(system, catalog.kinds[cls])
-    return {
-        "system": Entry(named, doc="the system and its parameters"),
-        "initial": Entry(initial_kind(catalog, cls), doc="the initial state"),
-        **_one_run(catalog),
-    }
-
-
-def _body_entries(catalog: Catalog) -> dict[str, Entry]:
-    """The tables of a body and of what acts on it."""
-    effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
-    return {
-        "body": Entry(bodies_kind(catalog), {}, doc="mass properties"),
-        # A body without any effect moves freely, which is a scene as well.
-        "effects": Entry(EffectTables(effects, catalog.refused), {}, doc="what acts on the body"),
-        "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
-    }
-
-
-def _one_run(catalog: Catalog) -> dict[str, Entry]:
-    """The tables of a run that has no phases."""
-    return {
-        "times": Entry(TIMES, doc="from when to when"),
-        "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
-    }
-
-
-def bodies_kind(catalog: Catalog) -> Object:
-    """How a file gives the mass properties of a body."""
-    return Object(tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways))
-
-
-def _named(name: str, kind: Object) -> Object:
-    """The ways to give a system, each with the entry `name`."""
-    name_entry = {"name": Entry(OneName((name,)), doc="of the system")}
-
-    def made(way: Maker) -> Maker:
-        # A table with a name is never given by its only number alone.
-        return way._replace(entries={**name_entry, **way.entries}, bare=False)
-
-    return Object(tuple(made(way) for way in kind.ways))
-
-
-def initial_kind(catalog: Catalog, system: type[AbstractSystem] | None) -> Kind:
-    """How a file gives the initial state of a system, or of a body under effects (`None`)."""
-    way = None if system is None else state_way(system)
-    if way is not None:
-        return Object((way,))
-    cls = BodyState if system is None else state_class(system)
-    entries = part_entries(cls)
-    if system is None:
-        entries.pop("mass")  # The mass at the start is that of the body.
-    for key, ways in initial_ways(catalog, cls).items():
-        entries[key] = Entry(Object(tuple(ways)), None)
-    return Table(entries)
-
-
-def initial_ways(catalog: Catalog, cls: type) -> dict[str, list[Maker]]:
-    """The makers of parts of a state of the class, by the key of their table."""
-    result: dict[str, list[Maker]] = {}
-    parts = set(inspect.signature(cls).parameters)
-    for function in catalog.initials.values():
-        declared = function.initial
-        # Makers of parts that this state does not have are left out.
-        if set(declared.gives) <= parts:
-            result.setdefault(declared.key, []).append(function_way(function, declared.arguments))
-    return result
-
-
-def method_kind(catalog: Catalog) -> Object:
-    """The names of the integrators; one with parameters is a table with `name` and whole
-    numbers."""
-    names = ["auto"]
-    ways = []
-    for name, cls in catalog.methods.items():
-        whole = {
-            key: Entry(Whole(), REQUIRED if p.default is inspect.Parameter.empty else p.default)
-            for key, p in inspect.signature(cls).parameters.items()
-            if p.annotation is int
-        }
-        # It has an argument that a file cannot give, such as a function.
-        if any(
-            p.default is inspect.Parameter.empty and key not in whole
-            for key, p in inspect.signature(cls).parameters.items()
-        ):
-            continue
-        if not any(entry.default is REQUIRED for entry in whole.values()):
-            names.append(name)
-        if whole:
-            entries = {"name": Entry(OneName((name,)), doc="of the method"), **whole}
-            ways.append(Maker(name, cls, {key: key for key in whole}, entries, {}))
-    plain = {"name": Entry(OneName(tuple(names)), doc="of the method")}
-    named = {name: cls for name, cls in catalog.methods.items() if name in names}
-
-    def make(name: str) -> diffrax.AbstractSolver | str:
-        return "auto" if name == "auto" else named[name]()
-
-    return Object((Maker("method", make, {"name": "name"}, plain, {}, bare=True), *ways))
-
-
-def _phase(catalog: Catalog) -> Table:
-    jumps = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.jumps.items()}
-    active = ListOf(EffectName(tuple(catalog.effects)))
-    return Table(
-        {
-            "name": Entry(Text(), doc="of the phase, for tables and figures"),
-            "effects": Entry(active, (), doc="the effects that act in this phase"),
-            "duration": Entry(DURATION, None, doc="how long it lasts"),
-            "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
-            "within": Entry(DURATION, None, doc="how long to wait for the event"),
-            "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
-            "control": Entry(control_kind(catalog, True), None, doc="what acts at samples"),
-            "body": Entry(
-                bodies_kind(catalog), None, doc="mass properties from this phase on, if others"
-            ),
-        }
-    )
-
-
-def branch_table(catalog: Catalog) -> Table:
-    """The table of a branch: a part that leaves, and its phases."""
-
-    def vector(unit: str, doc: str) -> Entry:
-        return entry_of(argument(unit, shape=(3,), default=(0.0, 0.0, 0.0), doc=doc))
-
-    return Table(
-        {
-            "after": Entry(Text(), doc="the phase at whose end it leaves, by its name"),
-            "body": Entry(
-                bodies_kind(catalog), doc="its mass properties; without inertia it is a point"
-            ),
-            "offset": vector("m", "of its centre of mass from that of what is left, in body axes"),
-            "kick": vector("m/s", "its velocity relative to what is left, in body axes"),
-            "phase": Entry(ListOf(_phase(catalog), least=1), doc="its phases, as [[phase]]"),
-        }
-    )
-
-
-def _dispersion() -> Table:
-    return Table(
-        {
-            # Enough for a mean and a deviation to a few percent.
-            "runs": Entry(Whole(), 1000, doc="how many runs"),
-            "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
-            "outputs": Entry(OutputList(), doc="what is kept of each run"),
-            # The paths that exist are known only after the rest of the file has been read.
-            "inputs": Entry(AnyTable(), {}, doc="what scatters, by path"),
-            "correlated": Entry(
-                ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"
-            ),
-            "direction": Entry(ListOf(AnyTable()), (), doc="vectors whose direction scatters"),
-            "until": Entry(UNTIL, None, doc="when there are enough runs"),
-            "compare": Entry(
-                ListOf(OneName(METHODS)), (), doc="cheaper methods, put beside these runs"
-            ),
-            "extreme_samples": Entry(
-                Whole(5, 10**5), 65, doc="states of each phase among which extremes are sought"
-            ),
-            "sampling": Entry(
-                OneName(DESIGNS), "random", doc="where the runs lie among the inputs"
-            ),
-        }
-    )
-
-
-class OutputList(Kind):
-    """A list of names or paths, or tables with the keys `output`, `at`, `take`, `unit`, `name`, and
-    for a requirement `at_least`, `at_most`, the share of the runs that may violate it (`allowed`)
-    and the `confidence` of its verdict."""
-
-    # Those that may be numbers without a unit.
-    NUMBERS = ("at_least", "at_most", "allowed", "confidence")
-    KEYS = ("output", "at", "take", "unit", "name", *NUMBERS)
-
-    def read(self, value: object, path: str, reading: Reading) -> Value:
-        if not (isinstance(value, list) and value):
-            reading.errors.append(wrong(path, value, self.expected()))
-            return None
-        return [self._one(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
-
-    def _one(self, value: object, path: str, reading: Reading) -> dict[str, object]:
-        if isinstance(value, str):
-            return {"output": value}
-        if not isinstance(value, Mapping):
-            reading.errors.append(wrong(path, value, "a name, or a table with the key output"))
-            return {}
-        for key, text in value.items():
-            if key not in self.KEYS:
-                reading.errors.append(unknown(f"{path}.{key}", key, self.KEYS))
-            elif not isinstance(text, str) and key not in self.NUMBERS:
-                reading.errors.append(wrong(f"{path}.{key}", text, "text"))
-        if "output" not in value:
-            reading.errors.append(missing(f"{path}.output", "the name of an output"))
-        return dict(value)
-
-    def expected(self) -> str:
-        return 'a list of names of outputs, paths such as "final.omega.2", or tables of them'
-
-    def schema(self) -> Schema:
-        text = {"type": "string"}
-        limit = {"type": ["string", "number"]}
-        kinds = {key: limit if key in self.NUMBERS else text for key in self.KEYS}
-        table = {
-            "type": "object",
-            "properties": kinds,
-            "required": ["output"],
-            "additionalProperties": False,
-        }
-        return {"type": "array", "minItems": 1, "items": {"anyOf": [text, table]}}

@@ -10,12 +10,14 @@ from ..bodies import BodyState
 from ..core import InputError
 from ..core.quantities import REQUIRED
 from ..vehicles import LaunchSite
-from ._catalog import Catalog, catalog, output_methods
-from ._flight import CLASSES, SITE, flight_kinds
-from ._form import branch_table, form_of, initial_kind, initial_ways, method_kind
-from ._kinds import Entry, Kind, Schema
-from ._table_kinds import Object, Table
-from ._value_kinds import FilePath, ListOf, Number, OneName
+from ._catalog.catalog import Catalog, catalog, output_methods
+from ._form import form_of
+from ._kinds.kind import Entry, Kind, Schema
+from ._kinds.tables import Object, Table
+from ._kinds.values import FilePath, ListOf, Number, OneName
+from ._mission.flight import CLASSES, SITE, flight_kinds
+from ._mission.tables import branch_table, initial_kind, initial_ways
+from ._requests.accuracy import method_kind
 
 Group: TypeAlias = tuple[str, list[str]]
 DIALECT = "https://json-schema.org/draft/2020-12/schema"

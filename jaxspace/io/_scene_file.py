@@ -33,14 +33,18 @@ from ..simulation.dispatch import simulate_any
 from ..simulation.legs import legs_of
 from ..simulation.mission_result import Simulated
 from ..vehicles import LaunchSite
-from ._accuracy import steps_of
-from ._build import build_mission, replaced
 from ._file_content import FileContent
-from ._final_error import requested_error, rounded_down, tolerance_of
-from ._flight import SITE
-from ._inputs import with_distributions
-from ._named_files import NamedFiles
-from ._nominal import (
+from ._kinds.named_files import NamedFiles
+from ._mission.build import build_mission
+from ._mission.building import Runs, replaced
+from ._mission.flight import SITE
+from ._requests.accuracy import steps_of
+from ._requests.final_error import requested_error, rounded_down, tolerance_of
+from ._requests.inputs import with_distributions
+from ._requests.output_entries import applicable_outputs, unit_of
+from ._requests.output_spec import INITIAL, NOMINAL, OutputSpec, needs
+from ._runs.campaign import NOISE, campaign_of, design_of, warnings_of
+from ._runs.nominal import (
     FinalOutput,
     function_of,
     nominal_states,
@@ -49,15 +53,11 @@ from ._nominal import (
     warned_of_ground,
     with_run,
 )
-from ._objects import Runs
-from ._optimise import failed_start, optimise
-from ._optimum import Optimum
-from ._optimum_file import with_numbers
-from ._output_entries import applicable_outputs, unit_of
-from ._output_spec import INITIAL, NOMINAL, OutputSpec, needs
-from ._outputs import MoreOutputs, Outputs
-from ._over_runs import optimise_over_runs
-from ._scene_campaign import NOISE, campaign_of, design_of, warnings_of
+from ._runs.outputs import MoreOutputs, Outputs
+from ._search.optimise import failed_start, optimise
+from ._search.optimum import Optimum
+from ._search.optimum_file import with_numbers
+from ._search.over_runs import optimise_over_runs
 from .by_numpy import by_numpy
 from .units import in_unit
 

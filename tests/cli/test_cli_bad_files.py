@@ -12,7 +12,7 @@ import pytest
 from jaxspace.cli import main
 from jaxspace.cli._parser import parser
 from jaxspace.core import files as named_files
-from jaxspace.io import _load
+from jaxspace.io import _text
 
 # The command line settles JAX for its own process.
 pytestmark = pytest.mark.usefixtures("settings_stay")
@@ -174,8 +174,8 @@ def bad_stores(folder, store, draw):
 @pytest.mark.parametrize("seed", SEEDS)
 def test_every_command_refuses_every_bad_scene(tmp_path, capsys, monkeypatch, seed):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(_load, "PATIENCE", 0.01)
-    monkeypatch.setattr(_load, "LONGEST", 4000)
+    monkeypatch.setattr(_text, "PATIENCE", 0.01)
+    monkeypatch.setattr(_text, "LONGEST", 4000)
     names = bad_scenes(tmp_path, np.random.default_rng(seed))
     tried = 0
     for command in SCENES:

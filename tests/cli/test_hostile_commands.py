@@ -12,7 +12,7 @@ from test_campaigns import CAMPAIGN
 from jaxspace.cli import main
 from jaxspace.core import InputError
 from jaxspace.dispersion import AbstractEngine, disperse
-from jaxspace.io import SceneError, _load, load
+from jaxspace.io import SceneError, _text, load
 from jaxspace.scene import _explain
 
 # The command line settles JAX for its own process.
@@ -157,13 +157,13 @@ def test_the_text_of_a_motor_file_outside_is_not_shown(tmp_path):
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no such pipes")
 def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
-    monkeypatch.setattr(_load, "PATIENCE", 0.1)
+    monkeypatch.setattr(_text, "PATIENCE", 0.1)
     os.mkfifo("pipe.toml")
     assert "it is a pipe into which nobody writes" in refusal(capsys, "explain", "pipe.toml")
     # One into which somebody writes is read to its end.
     writer = "import pathlib; pathlib.Path('pipe.toml').write_text('titel')"
     with subprocess.Popen([sys.executable, "-c", writer]):
-        monkeypatch.setattr(_load, "PATIENCE", 60.0)
+        monkeypatch.setattr(_text, "PATIENCE", 60.0)
         assert "pipe.toml: is not TOML: " in refusal(capsys, "explain", "pipe.toml")
 
 

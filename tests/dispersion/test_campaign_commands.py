@@ -22,8 +22,8 @@ from jaxspace.cli._parser import parser, with_joined_runs
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, disperse, open_store
 from jaxspace.io import SceneError, SceneFile, load
-from jaxspace.io.campaign_report import failures_report
-from jaxspace.io.campaign_tables import dispersion_report
+from jaxspace.io.reports.campaign import failures_report
+from jaxspace.io.reports.campaign_tables import dispersion_report
 from jaxspace.simulation import Status
 from jaxspace.statistics.requirements import Requirement
 

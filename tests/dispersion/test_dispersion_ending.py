@@ -24,7 +24,7 @@ from jaxspace.dispersion import (
 )
 from jaxspace.dispersion.covariance import Moments
 from jaxspace.io import SceneError, load
-from jaxspace.io.campaign_tables import status_lines
+from jaxspace.io.reports.campaign_tables import status_lines
 
 # Some 2000 runs know that much of x.
 RULE = StopRule("x", 0.95, 0.03)

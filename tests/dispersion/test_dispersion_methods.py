@@ -26,7 +26,7 @@ from jaxspace.dispersion.comparison import compare_methods
 from jaxspace.dispersion.covariance import sampled
 from jaxspace.dispersion.rare import rare_event
 from jaxspace.dispersion.sensitivity import sobol_indices
-from jaxspace.io.campaign_report import comparison_table, moments_report
+from jaxspace.io.reports.campaign import comparison_table, moments_report
 from jaxspace.simulation import Mission, Phase
 from jaxspace.statistics.sample_check import warning_of
 

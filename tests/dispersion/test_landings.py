@@ -14,7 +14,7 @@ from jaxspace.cli._report import nominal_outputs
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
 from jaxspace.io import load
-from jaxspace.io.campaign_tables import dispersion_report
+from jaxspace.io.reports.campaign_tables import dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
 from jaxspace.simulation import MissionTrajectory, Trajectory

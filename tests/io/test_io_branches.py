@@ -18,8 +18,8 @@ from jaxspace.core import InputError
 from jaxspace.core.vectors import cross
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, load
-from jaxspace.io._search_task import criterion
-from jaxspace.io.report import mission_report
+from jaxspace.io._search.task import criterion
+from jaxspace.io.reports.run import mission_report
 from jaxspace.orbits import UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.rotations import Quaternion

@@ -13,8 +13,7 @@ from jaxspace.attitude import DipoleField, MagneticDipole
 from jaxspace.bodies import AbstractEffect, BodyState, RigidBody
 from jaxspace.core import AbstractSystem
 from jaxspace.core.modules import public_names
-from jaxspace.io import SceneError
-from jaxspace.io._catalog import catalog
+from jaxspace.io import SceneError, catalog
 
 FUNCTION = "is made of any function of Python, and a file executes nothing"
 WRAPS = "is made of another object of its kind, by studies and drivers"

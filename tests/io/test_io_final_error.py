@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from jaxspace.io import SceneError, load
-from jaxspace.io._final_error import rounded_down, tolerance_of
-from jaxspace.io.report import mission_report, run_report
+from jaxspace.io._requests.final_error import rounded_down, tolerance_of
+from jaxspace.io.reports.run import mission_report, run_report
 from jaxspace.orbits import TwoBody
 from jaxspace.simulation import Trajectory
 

@@ -16,8 +16,8 @@ from jaxspace.cli import main
 from jaxspace.cli._commands import show_page
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema
-from jaxspace.io._build import replaced
-from jaxspace.io._outputs import Outputs
+from jaxspace.io._mission.building import replaced
+from jaxspace.io._runs.outputs import Outputs
 from jaxspace.scene import Scene
 from jaxspace.simulation import Mission, Status, Trajectory, simulate_mission_batch
 from jaxspace.vehicles.landings import landing_latitude, landing_longitude

@@ -8,7 +8,7 @@ import pytest
 
 from jaxspace.core import InputError
 from jaxspace.core import files as _files
-from jaxspace.io import SceneError, _load, load
+from jaxspace.io import SceneError, _text, load
 from jaxspace.io.ephemeris import read_oem
 from jaxspace.io.mean_elements import read_omm, read_tle
 from jaxspace.rockets import read_motor
@@ -96,7 +96,7 @@ def test_files_without_end_are_not_read(tmp_path, monkeypatch):
     named.write_text("1.0\n" * 100)
     monkeypatch.setattr(_files, "LARGEST", 100)
     assert "at most 0 MB are read" in refusal(scene, DRIFT.replace("NAMED", named.name))
-    monkeypatch.setattr(_load, "LONGEST", 1000)
+    monkeypatch.setattr(_text, "LONGEST", 1000)
     with pytest.raises(SceneError, match="longer than 1,000 characters"):
         load("/dev/zero")
 

@@ -13,7 +13,7 @@ from numpy.testing import assert_allclose
 from jaxspace import Event, Mission, Phase, Scene
 from jaxspace.bodies import BodyState, RigidBody
 from jaxspace.io import SceneError, load
-from jaxspace.io._search_task import criterion
+from jaxspace.io._search.task import criterion
 from jaxspace.orbits import LowThrust, PointGravity, RotatingFrame, UniformGravity
 from jaxspace.orbits.uniform_gravity import touchdown
 from jaxspace.scene import scaled

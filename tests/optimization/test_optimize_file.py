@@ -15,7 +15,7 @@ from jaxspace import load
 from jaxspace.cli import main
 from jaxspace.core import AbstractSystem, InputError
 from jaxspace.io import SceneError
-from jaxspace.io.report import optimum_report, sensitivity_report
+from jaxspace.io.reports.optimum import optimum_report, sensitivity_report
 from jaxspace.optimization.optimisers import named_optimiser
 from jaxspace.simulation import Event, Mission, Phase, Status, simulate_compact
 
@@ -98,7 +98,7 @@ def test_the_optimiser_of_a_file_searches(tmp_path, monkeypatch):
         given.update(options)
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("jaxspace.io._optimise.minimise", minimise)
+    monkeypatch.setattr("jaxspace.io._search.optimise.minimise", minimise)
     with pytest.raises(KeyboardInterrupt):
         load(path).optimize()
     assert given["optimiser"] is named_optimiser("adam", 0.03, 7)

@@ -9,7 +9,7 @@ import scipy.stats
 
 from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion, StopRule
-from jaxspace.io.campaign_tables import contributor_lines, dispersion_report
+from jaxspace.io.reports.campaign_tables import contributor_lines, dispersion_report
 from jaxspace.plots import dispersion_figure, dispersion_page
 from jaxspace.simulation import Status
 from jaxspace.statistics import contributors as _contributors

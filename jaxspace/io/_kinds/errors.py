@@ -1,0 +1,59 @@
+"""Errors of a scene file, as sentences that name the key, the value, what is allowed and the
+nearest valid name."""
+
+import json
+from collections.abc import Iterable
+
+from ...core import InputError
+from ...core.text import printable
+
+
+class SceneError(ValueError):
+    """A scene file that cannot be used; the message has one line for each error."""
+
+    def __init__(self, file: object, errors: str | Iterable[str]):
+        lines = [errors] if isinstance(errors, str) else without_repetition(list(errors))
+        super().__init__("\n".join(printable(f"{file}: {line}") for line in lines))
+
+
+def without_repetition(lines: list[str]) -> list[str]:
+    """The lines without those that report the same error again.
+
+    A misspelt key is reported as unknown; that its right name is missing is then no news."""
+    named = {
+        line.rpartition(" Did you mean ")[2].rstrip("?") for line in lines if line.endswith("?")
+    }
+    first: dict[str, str] = {}
+    for line in lines:
+        key, gap, _ = line.partition(" is missing: ")
+        if not (gap and named & set(key.split("."))):
+            first.setdefault(key if gap else line, line)
+    return list(first.values())
+
+
+def shown(value: object) -> str:
+    """A value as a file writes it, cut short when it is long."""
+    # JSON writes lists and text as TOML does; `default=str` serves dates, which JSON has not.
+    text = printable(json.dumps(value, ensure_ascii=False, default=str))
+    # Shortened, because a whole table may be in the place of a number.
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+hint = InputError.hint
+
+
+def wrong(key: str, value: object, expected: str) -> str:
+    """The sentence for a value that is not allowed."""
+    return f"{key} is {shown(value)}: it must be {expected}."
+
+
+def unknown(key: str, name: object, names: Iterable[str], what: str = "key") -> str:
+    """The sentence for a name that is not among `names`."""
+    names = list(names)
+    listed = f"it must be one of {', '.join(names)}" if names else "there is none"
+    return f"{key} is not a {what} that is known: {listed}.{hint(name, names)}"
+
+
+def missing(key: str, expected: str) -> str:
+    """The sentence for a key that has to be there."""
+    return f"{key} is missing: it must be {expected}."

@@ -1,0 +1,83 @@
+"""The table [dispersion] of a scene file: what scatters, what is kept of each run, and when there
+are enough of them.
+
+The entries of its outputs and inputs are read after the rest of the file, whose names and numbers
+they refer to."""
+
+from ...core import argument
+from ...dispersion.covariance import METHODS
+from .._kinds.errors import unknown
+from .._kinds.kind import Entry, Reading, Values
+from .._kinds.tables import AnyTable, Table
+from .._kinds.values import ListOf, Number, OneName, Text, Whole
+from .._mission.control import scatter_errors
+from .._mission.parsed import Parsed
+from .inputs import Input, read_inputs
+from .joint_inputs import MadeInput
+from .output_entries import OutputList, read_outputs
+from .output_spec import OutputSpec
+
+DESIGNS = ("random", "latin_hypercube", "sobol")
+SHARE = Number(argument("", low=0.0, high=1.0, strict=True, fixed=True, doc="from 0 to 1"))
+UNTIL = Table(
+    {
+        "output": Entry(Text(), doc="whose limit is to be known"),
+        "share": Entry(SHARE, 0.99, doc="of the runs that lie below the limit"),
+        "precision": Entry(SHARE, 0.01, doc="in distances of the limit from the mean"),
+        "confidence": Entry(SHARE, 0.95, doc="with which it is known"),
+    }
+)
+
+
+def dispersion_table() -> Table:
+    """The form of the table."""
+    return Table(
+        {
+            # Enough for a mean and a deviation to a few percent.
+            "runs": Entry(Whole(), 1000, doc="how many runs"),
+            "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
+            "outputs": Entry(OutputList(), doc="what is kept of each run"),
+            # The paths that exist are known only after the rest of the file has been read.
+            "inputs": Entry(AnyTable(), {}, doc="what scatters, by path"),
+            "correlated": Entry(
+                ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"
+            ),
+            "direction": Entry(ListOf(AnyTable()), (), doc="vectors whose direction scatters"),
+            "until": Entry(UNTIL, None, doc="when there are enough runs"),
+            "compare": Entry(
+                ListOf(OneName(METHODS)), (), doc="cheaper methods, put beside these runs"
+            ),
+            "extreme_samples": Entry(
+                Whole(5, 10**5), 65, doc="states of each phase among which extremes are sought"
+            ),
+            "sampling": Entry(
+                OneName(DESIGNS), "random", doc="where the runs lie among the inputs"
+            ),
+        }
+    )
+
+
+def read_dispersion(
+    file: Parsed, reading: Reading
+) -> tuple[dict[str, Input | MadeInput], tuple[OutputSpec, ...], list[str]]:
+    """The inputs by path, the outputs, and the errors of the table; nothing without it.
+
+    `reading`: that of the file, with its units and the files that it names."""
+    if file.values["dispersion"] is None:
+        return {}, (), []
+    outputs, errors = read_outputs(file, reading.units)
+    inputs, more = read_inputs(file, reading.files)
+    # A misspelt output would make the rule wrong, too.
+    if not errors:
+        more += _until_errors(file.values["dispersion"]["until"], outputs)
+    # All at once: outputs and inputs do not depend on each other.
+    return inputs, outputs, errors + more + scatter_errors(file, inputs)
+
+
+def _until_errors(until: Values | None, outputs: tuple[OutputSpec, ...]) -> list[str]:
+    """The error of a rule that ends a campaign by none of its outputs."""
+    names = [spec.name for spec in outputs]
+    if until is None or until["output"] in names:
+        return []
+    key = f'dispersion.until.output = "{until["output"]}"'
+    return [unknown(key, until["output"], names, "output of this file")]

@@ -1,0 +1,305 @@
+"""The dispersed numbers of a file and their distributions: [dispersion.inputs], whose keys are
+paths of numbers of the file, and those that are given in Python."""
+
+import csv
+import io
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any, NamedTuple
+
+from ...core import InputError
+from ...core.quantities import Quantity
+from ...sampling import AbstractDistribution
+from ...sampling.distributions import NOMINAL, SHARE_OF_INPUT
+from .._kinds.errors import hint, missing, shown, unknown, wrong
+from .._kinds.kind import Entry, Value, Values
+from .._kinds.named_files import NamedFiles
+from .._kinds.values import ListOf, Measure, Number
+from .._mission.control import scatter_errors
+from .._mission.parsed import Parsed
+from ..units import expected, in_unit, read_number, split
+from .joint_inputs import MadeInput, read_correlated, read_direction
+
+DEFAULT = "normal"
+# One refused run in a thousand changes no statistic; more are worth a warning.
+RARE = 1e-3
+FILE_KEYS = ("file", "column", "unit")
+
+
+class Input(NamedTuple):
+    """A dispersed number of the file: its nominal value, the name of its distribution, and the
+    numbers of the distribution in SI."""
+
+    nominal: Measure
+    name: str
+    numbers: dict[str, Any]
+    cls: type[AbstractDistribution]
+
+    def distribution(self) -> AbstractDistribution:
+        """The distribution about the nominal value."""
+        return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
+
+    def warnings(self, path: str) -> list[str]:
+        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
+        draws that the class of the number refuses."""
+        quantity = self.nominal.quantity
+        result = []
+        made = self.distribution()
+        low, high = self.numbers.get("low"), self.numbers.get("high")
+        if low is not None and high is not None and not low <= self.nominal <= high:
+            # In the unit of the file, because radians would be taken for its degrees.
+            unit = self.nominal.unit or quantity.unit
+            low, high, here = (in_unit(quantity.unit, unit) * x for x in (low, high, self.nominal))
+            result.append(
+                f"dispersion.inputs.{path} lies from {low:.6g} to {high:.6g} {unit}".rstrip()
+                + f", without the nominal value {here:.6g}."
+            )
+        share = made.outside(quantity.low, quantity.high)
+        if share > RARE:
+            result.append(
+                f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be refused, for "
+                f"{path} must be {quantity.allowed()}."
+            )
+        return result
+
+
+def read_inputs(file: Parsed, files: NamedFiles) -> tuple[dict[str, Input | MadeInput], list[str]]:
+    """The inputs and their distributions, or errors. `files`: those of values."""
+    numbers = _numbers(file)
+    result: dict[str, Input | MadeInput] = {}
+    errors = []
+    keys = {"distribution", *FILE_KEYS, *_fields(file)}
+    for path, entry in _entries(file.values["dispersion"]["inputs"], keys):
+        if path not in numbers:
+            errors.append(_unknown_path(f"dispersion.inputs.{path}", path, list(numbers)))
+            continue
+        try:
+            result[path] = _read(f"dispersion.inputs.{path}", entry, numbers[path], file, files)
+        except ValueError as error:
+            errors.append(str(error))
+    # After the single inputs, whose distributions a correlation uses.
+    for table, read in (("correlated", read_correlated), ("direction", read_direction)):
+        for k, entry in enumerate(file.values["dispersion"][table]):
+            try:
+                result |= read(f"dispersion.{table}.{k}", entry, numbers, result)
+            except ValueError as error:
+                errors.append(str(error))
+    # A campaign without inputs would repeat the nominal run.
+    if not result and not errors:
+        errors.append(
+            missing("dispersion.inputs", "a table whose keys are paths of numbers of this file")
+        )
+    return result, errors
+
+
+def with_distributions(
+    known: Mapping[str, Input | MadeInput],
+    given: Mapping[str, object],
+    file: Parsed,
+    files: NamedFiles,
+) -> dict[str, Input | MadeInput]:
+    """The inputs of the file and those `given` in Python, which come in place of its own.
+
+    `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
+    values. Raises `InputError`, with one line for each error."""
+    numbers = _numbers(file)
+    result = dict(known)
+    errors = [line.removeprefix("dispersion.") for line in scatter_errors(file, given)]
+    for path, entry in given.items():
+        key = f"inputs.{path}"
+        if path not in numbers:
+            errors.append(_unknown_path(key, path, list(numbers)))
+        elif isinstance(entry, AbstractDistribution):
+            result[path] = MadeInput(numbers[path], entry)
+        elif isinstance(entry, Mapping):
+            try:
+                result[path] = _read(key, entry, numbers[path], file, files)
+            except ValueError as error:
+                errors.append(str(error))
+        else:
+            errors.append(
+                f"{key} is {entry!r}: it must be a distribution, or a table such as "
+                f'{{"deviation": ...}}.'
+            )
+    errors += [line for path in given if path in known for line in _torn(path, known, given)]
+    if errors:
+        raise InputError("\n".join(errors))
+    return result
+
+
+def _torn(
+    path: str, known: Mapping[str, Input | MadeInput], given: Mapping[str, object]
+) -> Iterator[str]:
+    """Errors for numbers that are replaced without the others with which the file disperses
+    them."""
+    source = known[path].distribution().source
+    others = [p for p in known if source and known[p].distribution().source == source]
+    left = [p for p in others if p not in given]
+    # A direction would lose its length, and a correlation would quietly be another one.
+    if left:
+        yield f"inputs.{path} scatters together with others: {', '.join(left)} must be given, too."
+
+
+def _numbers(file: Parsed) -> dict[str, Measure]:
+    """The numbers of the file that may scatter, by path."""
+    # Without the numbers of the distributions.
+    return {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
+
+
+def measures(values: Value, path: str = "") -> Iterator[tuple[str, Measure]]:
+    """The path of every number that may be dispersed, and the number."""
+    if isinstance(values, Measure):
+        yield path, values
+    items: Iterable[tuple[object, Value]] = ()
+    if isinstance(values, Mapping):
+        items = values.items()
+    elif isinstance(values, list):
+        items = enumerate(values)
+    for name, value in items:
+        yield from measures(value, f"{path}.{name}" if path else str(name))
+
+
+def _fields(file: Parsed) -> set[str]:
+    """The fields of all distributions."""
+    kinds = [file.catalog.kinds[cls] for cls in file.catalog.distributions.values()]
+    return {key for kind in kinds for way in kind.ways for key in way.entries}
+
+
+def _entries(
+    tables: Mapping[str, Value], keys: set[str], path: str = ""
+) -> Iterator[tuple[str, Value]]:
+    """Path and entry of every input; a path may be one quoted key or a table in a table."""
+    for name, value in tables.items():
+        here = f"{path}.{name}" if path else name
+        # TOML reads an unquoted dotted key as a table in a table.
+        nested = isinstance(value, dict) and any(isinstance(v, dict) for v in value.values())
+        if nested and not set(value) & keys:
+            yield from _entries(value, keys, here)
+        else:
+            yield here, value
+
+
+def _unknown_path(key: str, path: str, paths: list[str]) -> str:
+    table = path.rpartition(".")[0]
+    # The numbers of the same table; where that is unknown too, the tables.
+    near = [p for p in paths if p.rpartition(".")[0] == table] or sorted(
+        {p.partition(".")[0] + ".*" for p in paths}
+    )
+    sentence = unknown(key, path, near, "number of this file")
+    return sentence.partition(" Did you mean")[0] + hint(path, paths)
+
+
+def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
+    """An input and its distribution. Raises `ValueError` with the whole sentence."""
+    if not isinstance(entry, Mapping):
+        raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
+    known = file.catalog.distributions
+    name = entry.get("distribution", DEFAULT)
+    if not isinstance(name, str) or name not in known:
+        what = f"one of {', '.join(known)}"
+        raise ValueError(wrong(f"{key}.distribution", name, what) + hint(name, known))
+    cls = known[name]
+    fields = file.catalog.kinds[cls].ways[0].entries
+    # Measured values may stand in a file of their own.
+    file_keys = FILE_KEYS if "values" in fields and "weights" not in fields else ()
+    for given in entry:
+        if given not in ("distribution", *fields, *file_keys):
+            raise ValueError(unknown(f"{key}.{given}", given, fields, f"key of {name}"))
+    numbers: dict[str, Any] = {}
+    entry = _with_file(key, dict(entry), files) if "file" in entry else entry
+    for field, declared in fields.items():
+        if field in entry:
+            numbers[field] = _value(f"{key}.{field}", entry[field], nominal, declared)
+        # The mean is the value of the file, which need not be written twice.
+        elif declared.shared == NOMINAL:
+            numbers[field] = float(nominal)
+        else:
+            raise ValueError(missing(f"{key}.{field}", _expected(nominal, declared)))
+    # Built once here, because only the class checks its numbers together.
+    try:
+        cls(**numbers)
+    except InputError as error:
+        owner, _, rest = str(error).partition(".")
+        raise ValueError(f"{key}.{rest}" if owner == cls.__name__ else f"{key}: {error}") from None
+    return Input(nominal, name, numbers, cls)
+
+
+def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
+    """The entry with the values of its file: a number a line, or a named column of a CSV file."""
+    if "values" in entry or not isinstance(entry["file"], str):
+        raise ValueError(wrong(f"{key}.file", entry["file"], "the name of a file, without values"))
+    path = files.path(entry["file"])
+    column = entry.get("column")
+    for name in ("column", "unit"):
+        if not isinstance(entry.get(name, ""), str):
+            raise ValueError(wrong(f"{key}.{name}", entry[name], "text"))
+    try:
+        source = io.StringIO(files.text(entry["file"]), newline="")
+    except ValueError as error:
+        raise ValueError(f"{key}.file: {error}") from None
+    try:
+        lines = list(csv.DictReader(source) if column else csv.reader(source))
+    except csv.Error as error:
+        raise ValueError(f"{key}.file: {path} cannot be read as CSV: {error}.") from None
+    unit = entry.get("unit", "")
+    values = []
+    # The head of the columns is line 1.
+    for number, line in enumerate(lines, 2 if column else 1):
+        if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
+            try:
+                # Followed by its unit, as a number of the scene file is.
+                values.append(f"{float(text)!r} {unit}" if unit else float(text))
+            except ValueError:
+                what = f"line {number} of {path} is {shown(text)}: it must be a number"
+                raise ValueError(f"{key}.file: {what}.") from None
+    if not values:
+        raise ValueError(f"{key}.file: {path} holds no numbers{f' in {column}' * bool(column)}.")
+    parameters = {name: value for name, value in entry.items() if name not in FILE_KEYS}
+    return {**parameters, "values": values}
+
+
+def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | list[float]:
+    """A field of a distribution: a number, or a list of them."""
+    declared = _declared(entry)
+    if not isinstance(entry.kind, ListOf):
+        return _number(key, value, nominal, declared)
+    if not (isinstance(value, list) and value):
+        raise ValueError(wrong(key, value, _expected(nominal, entry)))
+    return [_number(f"{key}.{k}", v, nominal, declared) for k, v in enumerate(value)]
+
+
+def _declared(entry: Entry) -> Quantity:
+    """The quantity of each number of a field of a distribution."""
+    kind = entry.kind.kind if isinstance(entry.kind, ListOf) else entry.kind
+    assert isinstance(kind, Number)
+    return kind.quantity
+
+
+def _expected(nominal: Measure, entry: Entry) -> str:
+    """What a field of a distribution must be, for a sentence."""
+    one = expected(_quantity_in_unit(nominal, _declared(entry)))
+    return f"a list of one or more entries, each {one}" if isinstance(entry.kind, ListOf) else one
+
+
+def _quantity_in_unit(nominal: Measure, declared: Quantity) -> Quantity:
+    """The quantity of a number of a distribution: that of the nominal value, in its own range."""
+    # A pure number, such as a weight, does not have the unit of the input.
+    if declared.unit == "1":
+        return declared._replace(unit="")
+    return nominal.quantity._replace(low=declared.low, high=declared.high, strict=declared.strict)
+
+
+def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> float:
+    """A number in the unit of the nominal value; a difference may be a percentage of it."""
+    quantity = _quantity_in_unit(nominal, declared)
+    try:
+        share = declared.unit == SHARE_OF_INPUT
+        # A difference may be relative; a value of the input, such as a limit, may not.
+        if share and isinstance(value, str) and value.rstrip().endswith("%"):
+            percent = split(value, expected(quantity))[0] / 100.0
+            if nominal == 0.0 or not percent > 0.0:
+                what = "a positive percentage of a nominal value that is not zero, or "
+                raise ValueError(what + expected(quantity))
+            return percent * abs(float(nominal))
+        return read_number(value, quantity)[0]
+    except ValueError as error:
+        raise ValueError(wrong(key, value, str(error))) from None

@@ -1,0 +1,73 @@
+"""The search of the table [optimize]."""
+
+from collections.abc import Mapping
+
+import jax.numpy as jnp
+import numpy as np
+
+from ...optimization import Progress, minimise
+from ...optimization.optimisers import named_optimiser
+from ...simulation import MissionTrajectory
+from .._file_content import FileContent
+from .._requests.optimize_table import Free, Task
+from .optimum import Optimum
+from .task import criterion, failed_phase
+
+
+def optimise(
+    file: FileContent,
+    task: Task,
+    progress: Progress | None = None,
+    start: Mapping[str, float] | None = None,
+    steps: int | None = None,
+) -> Optimum:
+    """The optimum of the `task`; see `SceneFile.optimize`."""
+    table = file.values["optimize"]
+    each: int = table["steps"] if steps is None else steps
+    given = {free.path: float(free.start) for free in task.free} if start is None else start
+    x0 = {path: jnp.asarray(float(x)) for path, x in given.items()}
+    bounds = (
+        {free.path: jnp.asarray(free.low) for free in task.free},
+        {free.path: jnp.asarray(free.high) for free in task.free},
+    )
+    result = minimise(
+        lambda x: criterion(file, task, x, each),
+        x0,
+        optimiser=named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
+        bounds=bounds,
+        tolerance=table["tolerance"],
+        max_steps=table["max_steps"],
+        # An orbit's radius and an angle differ by many orders of magnitude: the search sees all of
+        # size one.
+        scale={free.path: jnp.asarray(size_of(free)) for free in task.free},
+        progress=progress,
+    )
+    # From the last evaluation, so that the report needs no further run.
+    objective, constraints, error, happened = result.criterion.report
+    numbers = tuple(float(x) for x in constraints)
+    met = tuple(bool(x) for x in happened)
+    return Optimum(file, task, result, float(objective), numbers, float(error), each, met)
+
+
+def failed_start(optimum: Optimum, run: MissionTrajectory) -> str:
+    """Why a search has no finite numbers, in words; empty where that is not the fault of the `run`
+    from its start."""
+    bad = failed_phase(run)
+    if bad:
+        return f"The run from the start: {bad}"
+    missed = [name for name, met in zip(run.names, optimum.happened, strict=True) if not met]
+    if not missed:
+        return ""
+    return (
+        f"Phase {missed[0]} misses its event with {optimum.steps} steps, and meets it at the "
+        f"accuracy of the file: raise optimize.steps."
+    )
+
+
+def size_of(free: Free) -> float:
+    """By what a free number is scaled, SI."""
+    if free.scale is not None:
+        return free.scale
+    # Without bounds there is no span: the number's own size stands in, at least one.
+    span = free.high - free.low
+    return span if np.isfinite(span) else max(abs(float(free.start)), 1.0)

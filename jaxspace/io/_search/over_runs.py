@@ -1,0 +1,201 @@
+"""The search of [optimize] over the runs of [dispersion]."""
+
+import dataclasses
+import os
+from collections.abc import Mapping
+from typing import Any, final
+
+import equinox as eqx
+import jax.numpy as jnp
+from jaxtyping import Array
+
+from ...core import InputError
+from ...dispersion import Campaign
+from ...optimization import Progress
+from ...optimization.optimisers import named_optimiser
+from ...robust import DesignOptimum, optimise_design, optimise_nominal
+from ...robust.statistics import (
+    AbstractStatistic,
+    Constraint,
+    CVaR,
+    Mean,
+    MeanPlus,
+    Quantile,
+    Violation,
+    Worst,
+)
+from ...simulation import MissionTrajectory
+from .._file_content import FileContent
+from .._kinds.kind import Values
+from .._mission.building import replaced
+from .._mission.parsed import Parsed
+from .._requests.optimize_table import Demand, Task
+from .._requests.output_spec import OutputSpec
+from .._requests.run_statistics import ABOVE, BEYOND, MEAN, QUANTILE, SPREAD, WORST, RunStatistic
+from .._runs.campaign import BuildOfFile
+from .._runs.outputs import Outputs
+from .optimise import size_of
+
+# The kernel of a quantile has corners of this size.
+TOLERANCE = 1e-4
+# Before the name of an output of which less is worse.
+NEGATIVE = "minus_"
+AVERAGE = RunStatistic(MEAN)
+
+
+def optimise_over_runs(
+    file: FileContent,
+    task: Task,
+    base: Campaign,
+    progress: Progress | None,
+    store: str | os.PathLike[str] | None,
+    resume: bool,
+    nominal: bool,
+) -> DesignOptimum:
+    """The optimum of the `task`, over the runs of the campaign `base`; see
+    `SceneFile.optimize_design`."""
+    table = file.values["optimize"]
+    campaign = campaign_function(file, task, base)
+    start = {free.path: jnp.asarray(float(free.start)) for free in task.free}
+    common: dict[str, Any] = {
+        "minimise": _objective(task),
+        "subject_to": [_constraint(demand) for demand in task.demands],
+        "bounds": (
+            {free.path: jnp.asarray(free.low) for free in task.free},
+            {free.path: jnp.asarray(free.high) for free in task.free},
+        ),
+        "scale": {free.path: jnp.asarray(size_of(free)) for free in task.free},
+        "optimiser": named_optimiser(table["optimiser"], table["rate"], table["max_steps"]),
+        # A finer tolerance than these corners would never be met.
+        "tolerance": max(table["tolerance"], TOLERANCE),
+        "max_steps": table["max_steps"],
+        "progress": progress,
+    }
+    if nominal:
+        return optimise_nominal(campaign, start, **common)
+    common |= {name: table[name] for name in ("runs", "may_fail")}
+    common["seed"] = file.dispersion["seed"]
+    return optimise_design(campaign, start, store=store, resume=resume, **common)
+
+
+@final
+class CampaignOfFile(eqx.Module):
+    """The campaign of a file as a function of its free numbers, SI, by path: a tree of arrays, so
+    that searches of one file share their programs.
+
+    - `parsed`, `values`: of the file.
+    - `base`: the campaign of the file with the settings of the search.
+    - `specs`: the outputs that count; `negative`: the names of those whose negative counts."""
+
+    parsed: Parsed = eqx.field(static=True)
+    values: Values
+    base: Campaign
+    specs: tuple[OutputSpec, ...] = eqx.field(static=True)
+    negative: tuple[str, ...] = eqx.field(static=True)
+
+    def __call__(self, x: Mapping[str, Array]) -> Campaign:
+        values = replaced(self.values, x)
+        outputs = Outputs(self.parsed, self.specs, values, None)
+        return dataclasses.replace(
+            self.base,
+            build=BuildOfFile(self.parsed, values),
+            outputs=OutputsOfDesign(outputs, self.negative),
+        )
+
+
+def campaign_function(file: FileContent, task: Task, base: Campaign) -> CampaignOfFile:
+    """The campaign of the file for the search of the `task`, which is `base` but for its outputs.
+
+    Raises `InputError` for two outputs of one name."""
+    specs = tuple(dict.fromkeys((task.objective, *(d.spec for d in task.demands))))
+    extremes = any(spec.take for spec in specs)
+    names = [spec.name for spec in specs]
+    twice = sorted({name for name in names if names.count(name) > 1})
+    if twice:
+        raise InputError(
+            f"optimize has two outputs of the name {twice[0]}: one of them must have another name."
+        )
+    base = dataclasses.replace(
+        base,
+        units=base.units
+        | {spec.name: spec.unit for spec in specs}
+        | {NEGATIVE + spec.name: spec.unit for spec in specs},
+        requirements=(),
+        # Without extremes no states along the run are saved, which would fill the memory.
+        along=file.dispersion["extreme_samples"] if extremes else 2,
+    )
+    return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs, _negative_of(task))
+
+
+@final
+class OutputsOfDesign(eqx.Module):
+    """The `outputs` of a campaign, and the negatives of those named `negative`."""
+
+    outputs: Outputs
+    negative: tuple[str, ...] = eqx.field(static=True)
+
+    def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
+        numbers = dict(self.outputs(result, samples))
+        return numbers | {NEGATIVE + name: -numbers[name] for name in self.negative}
+
+
+def _negative_of(task: Task) -> tuple[str, ...]:
+    """The outputs whose negative has a statistic of the task."""
+    statistics = [_objective(task), *(_constraint(demand).statistic for demand in task.demands)]
+    names = [task.objective.name, *(demand.spec.name for demand in task.demands)]
+    pairs = zip(statistics, names, strict=True)
+    return tuple(dict.fromkeys(name for statistic, name in pairs if statistic.output != name))
+
+
+def _objective(task: Task) -> AbstractStatistic:
+    """The statistic that is to be least."""
+    name, taken = task.objective.name, task.of_runs or AVERAGE
+    if task.sign > 0.0:
+        return _statistic(name, taken)
+    if taken.is_share:
+        # Few runs below are many above.
+        return _share_of_bad(name, taken, 1.0)
+    if taken.kind == SPREAD:
+        # The negative of mean + 3 std is that of the mean, less 3 std.
+        taken = RunStatistic(SPREAD, -taken.number)
+    # The search minimises: of the greatest quantile it takes the least of the negative.
+    return _statistic(NEGATIVE + name, taken)
+
+
+def _constraint(demand: Demand) -> Constraint:
+    """The limit of a statistic, in the unit of the file."""
+    spec, taken = demand.spec, demand.of_runs or AVERAGE
+    upper = demand.limit == "at_most"
+    if taken.is_share:
+        # At least 99 % above are at most 1 % that are not.
+        if upper:
+            return _statistic(spec.name, taken).at_most(demand.target)
+        return _share_of_bad(spec.name, taken, 1.0).at_most(1.0 - demand.target)
+    # The statistics are of outputs in the unit of the file, the target is in SI.
+    limit = spec.factor * demand.target
+    if upper:
+        return _statistic(spec.name, taken).at_most(limit)
+    if taken.kind == QUANTILE:
+        # What 99 % of the runs exceed is the quantile of 1 %.
+        taken = RunStatistic(QUANTILE, 1.0 - taken.number)
+    if taken.kind in (BEYOND, WORST):
+        # Those of small values are those of the negative.
+        return _statistic(NEGATIVE + spec.name, taken).at_most(-limit)
+    return _statistic(spec.name, taken).at_least(limit)
+
+
+def _statistic(name: str, taken: RunStatistic) -> AbstractStatistic:
+    """The statistic of an output of which more is worse."""
+    if taken.is_share:
+        return _share_of_bad(name, taken, -1.0)
+    kinds = {SPREAD: MeanPlus, QUANTILE: Quantile, BEYOND: CVaR}
+    if taken.kind in kinds:
+        return kinds[taken.kind](name, taken.number)
+    return Worst(name) if taken.kind == WORST else Mean(name)
+
+
+def _share_of_bad(name: str, taken: RunStatistic, sign: float) -> Violation:
+    """The share of the runs that are above (or below) the number, or for a positive `sign` of those
+    that are not."""
+    above = (taken.kind == ABOVE) == (sign < 0.0)
+    return Violation(name, high=taken.number) if above else Violation(name, low=taken.number)

@@ -1,0 +1,1 @@
+"""Texts that commands print: reports of runs, optima and campaigns, in the units of the file."""

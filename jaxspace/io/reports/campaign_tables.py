@@ -1,0 +1,150 @@
+"""The tables of a campaign: its outputs, their extremes, requirements and causes, and how the runs
+ended."""
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ...core import InputError
+from ...core.text import aligned
+from ...statistics import Dispersion
+from ...statistics.contributors import Contributors
+from .rows import Row
+
+
+def dispersion_report(
+    result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
+) -> str:
+    """The outputs of a campaign: a table beside their `nominal` values, their extremes, how often
+    the requirements are violated, the ellipses of the landings where it has some, the `count`
+    inputs that make most of the variance of each output, and how the runs ended."""
+    lines = [dispersion_table(result, nominal)]
+    extremes = extreme_table(result)
+    if extremes:
+        lines.append(f"\nextremes, each with its run\n{extremes}")
+    requirements = requirement_table(result)
+    if requirements:
+        lines.append(f"\nrequirements\n{requirements}")
+    landings = footprint_table(result)
+    if landings:
+        lines.append(f"\nlanding ellipses\n{landings}")
+    shares = contributor_lines(result, count)
+    if shares:
+        lines.append(f"\nshares of the variance\n{shares}")
+    return "\n".join([*lines, "", status_lines(result)])
+
+
+def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
+    """Mean, standard deviation and 99 % limits of every output, beside its nominal value and its
+    numerical error where one is known; below it a line for each output that is not finite in runs
+    that ended well, and one for a tolerance that was found by purpose."""
+    rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
+    table = result.table()
+    # Known of most campaigns; without any the column would be empty.
+    known = any(row.numerical_words for row in table)
+    rows[0] = (*rows[0], "numerical error") if known else rows[0]
+    for row in table:
+        numbers = [row.shown(x) for x in (row.mean, row.std, row.low, row.high)]
+        # An output that was given in Python has no nominal value here.
+        nominal_value = row.shown(nominal[row.name][0]) if row.name in nominal else "-"
+        errors = [row.numerical_words or "-"] if known else []
+        rows.append((row.name, row.unit, nominal_value, *numbers, *errors))
+    warnings = [sentence for row in table if (sentence := row.warning)]
+    warnings += [] if result.purpose is None else [result.purpose.sentence]
+    return "\n".join([aligned(rows), *([""] if warnings else []), *warnings])
+
+
+def extreme_table(result: Dispersion) -> str:
+    """The least and the greatest value of every output, each with the number of its run; empty
+    where no run ended well."""
+    rows: list[Row] = [("output", "unit", "least", "run", "greatest", "run")]
+    for row in result.table():
+        if row.min_run >= 0:
+            ends = ((row.min, row.min_run), (row.max, row.max_run))
+            cells = [cell for x, run in ends for cell in (row.shown(x), str(run))]
+            rows.append((row.name, row.unit, *cells))
+    return aligned(rows) if len(rows) > 1 else ""
+
+
+def requirement_table(result: Dispersion) -> str:
+    """How often each requirement is violated, with its interval, and the verdict where a share is
+    allowed; empty without requirements. A failed run counts as a violation."""
+    verdicts = result.verdicts
+    heads = ("output", "required", "violated", "share", "interval", "confidence")
+    rows: list[Row] = [(*heads, "allowed", "verdict") if verdicts else heads]
+    for name, violation in result.violations().items():
+        required = f"{result.required(name)} {result.units.get(name, '')}".rstrip()
+        share, low, high = (
+            f"{100.0 * x:.3g} %" for x in (violation.value, violation.low, violation.high)
+        )
+        count = f"{violation.count} of {violation.runs}"
+        cells = (name, required, count, share, f"{low} to {high}", _percent(violation.confidence))
+        if name in verdicts:
+            cells = (*cells, _percent(verdicts[name].allowed), verdicts[name].word)
+        rows.append((*cells, *[""] * (len(rows[0]) - len(cells))))
+    return aligned(rows) if len(rows) > 1 else ""
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.6g} %"
+
+
+def footprint_table(result: Dispersion) -> str:
+    """The ellipses of the landings; empty without landings."""
+    footprint = result.footprint()
+    return "" if footprint is None else aligned(footprint.words)
+
+
+def contributor_lines(result: Dispersion, count: int = 3) -> str:
+    """For every output the inputs that make most of its variance, and what is left; empty for too
+    few runs."""
+    # With fewer runs than coefficients the regression would explain anything.
+    if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
+        return ""
+    rows = []
+    for name in result.outputs:
+        try:
+            contributors = result.contributors(name, None)
+        # Raised for an output that is finite in few of the runs.
+        except InputError:
+            rows.append((name, "too few runs in which it is finite"))
+            continue
+        rows.append((name, ", ".join(_causes(contributors, count))))
+    width = max(len(name) for name, _ in rows)
+    return "\n".join(
+        f"{name.ljust(width)}  {text or 'no single contributor'}" for name, text in rows
+    )
+
+
+def _causes(contributors: Contributors, count: int) -> list[str]:
+    """The largest shares in words, those of all other inputs together, and what no input explains
+    by itself."""
+    if not contributors.shares:
+        return []
+    listed = dict(list(contributors.shares.items())[:count])
+    # Shares below a percent are noise of the sampling.
+    listed = {path: share for path, share in listed.items() if share >= 0.01}
+    others, rest = contributors.r_squared - sum(listed.values()), 1.0 - contributors.r_squared
+    listed |= {"other inputs": others} if others >= 0.01 else {}
+    causes = [f"{path} {100.0 * share:.0f} %" for path, share in listed.items()]
+    if rest >= 0.01:
+        causes.append(f"rest {100.0 * rest:.0f} % (products, higher powers)")
+    return causes
+
+
+def status_lines(result: Dispersion) -> str:
+    """How many runs ended well, how many are still to come, each bad end with its sentence, and
+    why there are no more of them."""
+    lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
+    lines += [result.missing_runs] if result.missing_runs else []
+    lines += [
+        f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
+    ]
+    planned = int(result.attributes.get("planned_runs", result.runs))
+    if result.runs < planned and "design: LatinHypercube" in result.attributes.get("inputs", ""):
+        lines.append(
+            f"These are {result.runs} of {planned} runs of a Latin hypercube: only all of them "
+            f"together lie evenly."
+        )
+    lines += [result.ending] if result.ending else []
+    return "\n".join(lines)
