@@ -63,6 +63,24 @@ GENERATED = {
 GENERATED |= {f"{folder.name}.md" for folder in ROOT.glob("examples/gallery/*/")}
 
 
+# Tables, pictures, code, equations and addresses cannot be folded.
+UNFOLDED = re.compile(
+    r"^::: .*?(?=^\S|\Z)|^```.*?^ *```$|\$\$.*?\$\$|`[^`\n]*`|\]\([^)]*\)", re.MULTILINE | re.DOTALL
+)
+WHOLE_LINE = ("|", "!", "[!", "<")
+WRITTEN_BY_PROGRAMS = {"benchmarks.md", "hunt.md", "requested.md", "validation.md"}
+
+
+@pytest.mark.parametrize("page", MANUAL)
+def test_prose_is_folded(page):
+    """At a hundred columns, as code is."""
+    if Path(page).name in WRITTEN_BY_PROGRAMS:
+        return
+    lines = UNFOLDED.sub("", (ROOT / page).read_text()).splitlines()
+    prose = [line for line in lines if not line.lstrip().startswith(WHOLE_LINE)]
+    assert not [line for line in prose if len(line) > 100]
+
+
 def test_home_page_begins_as_the_readme():
     blocks = [BLOCK.findall((ROOT / page).read_text()) for page in (HOME, "README.md")]
     # The code, its output, and the scene file; below them each goes its own way.
