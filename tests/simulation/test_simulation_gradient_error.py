@@ -33,10 +33,21 @@ def place(speed, accuracy):
     return simulate(ORBIT, start(speed), TS, accuracy=accuracy).final.position
 
 
+def flown(speed):
+    return TwoBody(1.0).closed_form().flow(TS[1], start(speed)).position
+
+
 @functools.cache
 def exact():
-    flow = TwoBody(1.0).closed_form().flow
-    return jax.jit(jax.jacfwd(lambda speed: flow(TS[1], start(speed)).position))(SPEED)
+    return jax.jit(jax.jacfwd(flown))(SPEED)
+
+
+@functools.cache
+def rounding():
+    """What the roundings of a run can do to the derivative: each of some 300 steps rounds the
+    state, and so the speed, which changes the derivative by the second one."""
+    second = jax.jit(jax.jacfwd(jax.jacfwd(flown)))(SPEED)
+    return 300 * np.finfo(float).eps * SPEED * float(np.linalg.norm(second))
 
 
 @pytest.mark.parametrize("forward", [True, False])
@@ -54,8 +65,10 @@ def test_the_estimate_is_the_error_of_the_derivative(forward):
 def test_the_error_is_below_what_is_asked(within):
     found = gradient_within(place, SPEED, within, accuracy=METHOD, forward=True)
     error = float(np.linalg.norm(np.asarray(found.gradient) - exact()))
-    # The estimate may be too small by what few runs tell of how fast errors fall.
-    assert error <= within and error <= 3.0 * float(found.error) <= 3.0 * within
+    assert error <= within and float(found.error) <= within
+    # The estimate may be too small by what few runs tell of how fast errors fall, and where the two
+    # derivatives that it compares are rounded alike.
+    assert error <= 3.0 * float(found.error) + rounding()
 
 
 def test_the_time_of_an_event():
