@@ -216,7 +216,9 @@ def _difference(a: float, b: float, error: float) -> Estimate:
 def _percent(share: Probability) -> str:
     """A share with its interval."""
     low, value, high = (100.0 * x for x in (share.low, share.value, share.high))
-    return f"{value:.3g} % ({low:.2g} to {high:.2g})"
+    # Two digits of a share near all runs would be 1e+02.
+    digits = 3 if high >= 99.5 else 2
+    return f"{value:.3g} % ({low:.{digits}g} to {high:.{digits}g})"
 
 
 def _shares(limit: AssessedLimit) -> str:

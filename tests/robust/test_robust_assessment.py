@@ -76,6 +76,12 @@ def test_the_table_names_requirements_gap_and_tail(assessment):
     assert "more of the mean + 2 std of y, and fails a limit." in text
 
 
+def test_a_share_of_all_runs_is_written_as_a_number(best):
+    """Of 4,096 runs all violate the limit: the least share of 95 % confidence is 99.9 %."""
+    table = repr(assess_designs(best, {"far": jnp.asarray(30.0)}))
+    assert "100 % (99.9 to 100) of 5 %: fail" in table
+
+
 def test_the_figure_has_a_histogram_of_each(assessment):
     axes = assessment.plot(title="y").axes[0]
     assert [text.get_text() for text in axes.get_legend().get_texts()] == ["nominal", "robust"]
