@@ -21,10 +21,6 @@ from ..simulation.blocks import Blocks
 from ._few_runs import by_few_runs
 from .statistics import TAIL, AbstractStatistic, Constraint
 
-# Up to so many unknowns forward derivatives of all runs take less time than to compile a second
-# program, of the runs without derivatives.
-FEW_UNKNOWNS = 4
-
 Design: TypeAlias = PyTree[Float[Array, "..."]]
 CampaignOf: TypeAlias = Callable[[Design], Campaign]
 
@@ -122,7 +118,7 @@ class Problem(NamedTuple):
         Objective and constraints are differentiable; the report need not be."""
         unknowns = sum(jnp.size(leaf) for leaf in jax.tree.leaves(x))
         forward = unknowns <= FORWARD_RATIO * len(self.statistics)
-        if self._few_count(unknowns, forward):
+        if self._few_count(forward):
             numbers, runs = by_few_runs(self, x, forward)
         else:
             numbers, runs = self.numbers(x)
@@ -145,35 +141,44 @@ class Problem(NamedTuple):
             values += [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
         return jnp.stack(values), runs
 
-    def weights(self, runs: RunsOfDesign) -> Float[Array, "rows runs"]:
-        """The derivatives of objective and margins, each by its own output of every run."""
+    def weighted(
+        self, runs: RunsOfDesign
+    ) -> tuple[Float[Array, " rows"], Float[Array, "rows runs"]]:
+        """The objective and the margins of the constraints, and the derivatives of each by its own
+        output of every run."""
         measures = (self.objective.value, *(c.margin for c in self.constraints))
-        return jnp.stack(
-            [
-                jax.grad(f)(runs.outputs[s.output], runs.good(s.output))
-                for f, s in zip(measures, self.statistics, strict=True)
-            ]
-        )
+        pairs = [
+            jax.value_and_grad(f)(runs.outputs[s.output], runs.good(s.output))
+            for f, s in zip(measures, self.statistics, strict=True)
+        ]
+        values, slopes = zip(*pairs, strict=True)
+        return jnp.stack(values), jnp.stack(slopes)
+
+    @property
+    def count(self) -> int:
+        """The number of runs."""
+        return 1 if self.normals is None else len(self.normals)
 
     def places_of_outputs(self) -> tuple[int, ...]:
         """The place of the output of each of the numbers among the `outputs`."""
         return tuple(self.outputs.index(statistic.output) for statistic in self.statistics)
 
-    def outputs_at(self, x: Design, places: Int[Array, " block"]) -> Float[Array, "outputs block"]:
-        """The outputs that count, of the runs at these places."""
+    def runs_at(
+        self, x: Design, places: Int[Array, " block"]
+    ) -> tuple[Float[Array, "outputs block"], RunsOfDesign]:
+        """The outputs that count of the runs at these places, and the runs."""
         assert self.normals is not None
         campaign = self.campaign(x)
         runs = self._evaluated(campaign, inputs_at(campaign, self.normals[places]))
-        return jnp.stack([runs.outputs[name] for name in self.outputs])
+        return jnp.stack([runs.outputs[name] for name in self.outputs]), runs
 
-    def _few_count(self, unknowns: int, forward: bool) -> bool:
-        """Whether the numbers are differentiated by those of the runs that count, and neither most
-        of them do, nor derivatives cost less than another program takes to compile."""
+    def _few_count(self, forward: bool) -> bool:
+        """Whether the numbers are differentiated by those of the runs that count."""
         if self.normals is None:
             return False
         few = [statistic.of_few for statistic in self.statistics]
         # Forward, a run is computed once for all numbers.
-        return all(few) and unknowns > FEW_UNKNOWNS if forward else any(few)
+        return all(few) if forward else any(few)
 
 
 def problem_of(

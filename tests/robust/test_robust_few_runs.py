@@ -47,7 +47,7 @@ def test_derivatives_by_few_runs_are_those_of_all(unknowns, objective):
         np.testing.assert_allclose(forward @ way, differences, rtol=1e-5, atol=1e-7)
     runs = jax.jit(lambda x: problem.runs(x))(x)
     refused = np.asarray(runs.status) == Status.REFUSED
-    weights = np.asarray(problem.weights(runs))
+    weights = np.asarray(problem.weighted(runs)[1])
     # About half of a normal distribution, of which none has a weight.
     assert 0.4 < np.mean(refused) < 0.6 and not np.any(weights[:, refused])
     # Of 1,024 good runs about 56 are near a quantile of 5 %; 51 are beyond one of 95 %, and with
