@@ -72,7 +72,7 @@ def _keep(
     print(f"page   {assessment.page(f'{beginning}_designs.html', file.title)}")
     for ending, figure in (
         ("_designs.png", assessment.plot(title=file.title)),
-        ("_search.png", optimum.minimum.plot(file.title)),
+        ("_search.png", optimum.plot(file.title)),
     ):
         figure.savefig(beginning + ending)
         print(f"figure {beginning + ending}")

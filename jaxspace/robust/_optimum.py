@@ -25,7 +25,8 @@ class DesignOptimum(eqx.Module):
     """The best design that a search found, on the runs of the search.
 
     - `x`: the design; `start`: that of the search.
-    - `criterion`: objective and margins of the limits on these runs.
+    - `criterion`: objective and margins of the limits on these runs; of an objective that is to be
+      greatest, the negative.
     - `minimum`: the result of `minimise`, with multipliers and history; of `train_design` that of
       its steps.
     - `problem`: what was minimised over which runs; `seed`: of these runs.
@@ -42,7 +43,7 @@ class DesignOptimum(eqx.Module):
     @property
     def value(self) -> float:
         """The objective on the runs of the search."""
-        return float(self.criterion.objective)
+        return self.problem.sign * float(self.criterion.objective)
 
     @property
     def converged(self) -> bool:
@@ -122,6 +123,15 @@ class DesignOptimum(eqx.Module):
             if flag
         ]
         return self.minimum.sentence(unmet)
+
+    def plot(self, title: str = "") -> Any:
+        """A figure of the course of the search, with matplotlib. Raises `ImportError` without
+        it."""
+        from ..plots import convergence_figure
+
+        # The search minimises: of what is to be greatest its history has the negative.
+        history = self.minimum.history * jnp.asarray([self.problem.sign, 1.0, 1.0])
+        return convergence_figure(history, title)
 
     @property
     def _margins(self) -> np.ndarray:

@@ -43,7 +43,8 @@ class Problem(NamedTuple):
     - `objective`, `constraints`: statistics of outputs, and limits of them.
     - `normals`: the places of the runs (`fixed_normals`); `None` for the nominal run alone.
     - `accuracy`: of each run.
-    - `may_fail`: the share of the runs that may fail."""
+    - `may_fail`: the share of the runs that may fail.
+    - `sign`: 1 where the objective is to be least, -1 where it is to be greatest."""
 
     campaign: CampaignOf
     objective: AbstractStatistic
@@ -51,6 +52,7 @@ class Problem(NamedTuple):
     normals: Float[Array, "runs dimensions"] | None
     accuracy: Accuracy
     may_fail: float
+    sign: float = 1.0
 
     @property
     def statistics(self) -> tuple[AbstractStatistic, ...]:
@@ -113,7 +115,8 @@ class Problem(NamedTuple):
                 )
 
     def __call__(self, x: Design) -> Criterion:
-        """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report.
+        """Objective and constraints of the design `x`, with its `RunsOfDesign` as the report; of an
+        objective that is to be greatest, its negative.
 
         Objective and constraints are differentiable; the report need not be."""
         unknowns = sum(jnp.size(leaf) for leaf in jax.tree.leaves(x))
@@ -131,13 +134,12 @@ class Problem(NamedTuple):
         """The objective and the margins of the constraints, and the runs."""
         runs = self.runs(x)
         if self.normals is not None:
-            measures = (self.objective.value, *(c.margin for c in self.constraints))
-            pairs = zip(measures, self.statistics, strict=True)
+            pairs = zip(self._measures, self.statistics, strict=True)
             values = [f(runs.outputs[s.output], runs.good(s.output)) for f, s in pairs]
         else:
             # A single run has neither quantile nor share.
             alone = {name: values[0] for name, values in runs.outputs.items()}
-            values = [self.objective.at_nominal(alone[self.objective.output])]
+            values = [self.sign * self.objective.at_nominal(alone[self.objective.output])]
             values += [c.margin_at_nominal(alone[c.statistic.output]) for c in self.constraints]
         return jnp.stack(values), runs
 
@@ -146,13 +148,18 @@ class Problem(NamedTuple):
     ) -> tuple[Float[Array, " rows"], Float[Array, "rows runs"]]:
         """The objective and the margins of the constraints, and the derivatives of each by its own
         output of every run."""
-        measures = (self.objective.value, *(c.margin for c in self.constraints))
         pairs = [
             jax.value_and_grad(f)(runs.outputs[s.output], runs.good(s.output))
-            for f, s in zip(measures, self.statistics, strict=True)
+            for f, s in zip(self._measures, self.statistics, strict=True)
         ]
         values, slopes = zip(*pairs, strict=True)
         return jnp.stack(values), jnp.stack(slopes)
+
+    @property
+    def _measures(self) -> tuple[Callable[[Array, Array], Array], ...]:
+        """What is minimised, and the margins of the constraints."""
+        objective = lambda x, good: self.sign * self.objective.value(x, good)  # noqa: E731
+        return objective, *(c.margin for c in self.constraints)
 
     @property
     def count(self) -> int:
@@ -184,19 +191,23 @@ class Problem(NamedTuple):
 def problem_of(
     campaign: CampaignOf,
     start: Design,
-    objective: AbstractStatistic,
+    minimise: AbstractStatistic | None,
     constraints: Sequence[Constraint],
     runs: int | None,
     seed: int,
     accuracy: Any,
     may_fail: float,
+    maximise: AbstractStatistic | None = None,
 ) -> Problem:
     """The problem on a sample of so many `runs`; by `None` at the nominal run alone.
 
-    Raises `InputError` for what is no campaign, statistic or constraint, a campaign without
-    scatter, and for fewer runs than a statistic needs."""
+    Raises `InputError` without one of `minimise` and `maximise`, for what is no campaign, statistic
+    or constraint, a campaign without scatter, and for fewer runs than a statistic needs."""
+    if (minimise is None) == (maximise is None):
+        raise InputError("A design must have one of minimise and maximise.")
+    goal, objective = "minimise" if maximise is None else "maximise", minimise or maximise
     for name, thing, kind, allowed in (
-        ("minimise", objective, AbstractStatistic, 'a statistic such as Mean("miss")'),
+        (goal, objective, AbstractStatistic, 'a statistic such as Mean("miss")'),
         *(
             (f"subject_to[{k}]", c, Constraint, 'a limit such as Mean("miss").at_most(1.0)')
             for k, c in enumerate(constraints)
@@ -204,6 +215,7 @@ def problem_of(
     ):
         if not isinstance(thing, kind):
             raise InputError(f"{name} is a {type(thing).__name__}: it must be {allowed}.")
+    assert objective is not None
     if not 0.0 <= may_fail < 1.0:
         raise InputError(f"may_fail is {may_fail}: it must be from 0 to below 1.")
     first = campaign(start)
@@ -212,7 +224,13 @@ def problem_of(
             f"campaign gives a {type(first).__name__} for the start: it must give a Campaign."
         )
     problem = Problem(
-        campaign, objective, tuple(constraints), None, first.accuracy_for(accuracy), may_fail
+        campaign,
+        objective,
+        tuple(constraints),
+        None,
+        first.accuracy_for(accuracy),
+        may_fail,
+        1.0 if maximise is None else -1.0,
     )
     # The nominal run has no place among random ones.
     if runs is None:

@@ -40,7 +40,8 @@ def optimise_design(
     campaign: CampaignOf,
     start: Design,
     *,
-    minimise: AbstractStatistic,
+    minimise: AbstractStatistic | None = None,
+    maximise: AbstractStatistic | None = None,
     subject_to: Sequence[Constraint] = (),
     bounds: tuple[PyTree, PyTree] | None = None,
     scale: PyTree | None = None,
@@ -62,7 +63,8 @@ def optimise_design(
     - `campaign`: a function from a design to its `Campaign`. Mission, outputs and distributions may
       depend on the design. Runs are placed by the campaign's `design`, or on Sobol points.
     - `start`: the design at which the search begins, a tree of floats.
-    - `minimise`: a statistic of an output, such as `Quantile("propellant", 0.99)`.
+    - `minimise`: a statistic of an output, such as `Quantile("propellant", 0.99)`; or `maximise`,
+      where it is to be greatest.
     - `subject_to`: limits of statistics, such as `Quantile("impact_speed", 0.99).at_most(6.0)`.
     - `bounds`, `scale`, `optimiser`, `tolerance`, `max_steps`, `progress`: as in
       `jaxspace.optimization.minimise`. The default of `tolerance` is far below what the number of
@@ -85,11 +87,13 @@ def optimise_design(
     output, more runs that fail at the start than may, a store that exists or is that of another
     search, and as `minimise` does.
     """
-    every = [minimise, *(getattr(c, "statistic", None) for c in subject_to)]
+    every = [minimise, maximise, *(getattr(c, "statistic", None) for c in subject_to)]
     # Anything else is refused by `problem_of`, with its name.
     known = [statistic for statistic in every if isinstance(statistic, AbstractStatistic)]
     runs = enough_runs(known, RUNS) if runs is None else runs
-    problem = problem_of(campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail)
+    problem = problem_of(
+        campaign, start, minimise, subject_to, runs, seed, accuracy, may_fail, maximise
+    )
     kept = store_of(store, resume, problem, runs, seed)
     return _searched(
         *(problem, start, seed, bounds, scale, optimiser, tolerance, max_steps, progress, kept)
@@ -104,15 +108,26 @@ def store_of(
         return as_store(store, resume)
     limits = [c.text() for c in problem.constraints]
     # With other statistics or runs it would be another search, whose store is refused.
-    words = (problem.objective.text(), *limits, f"{runs} runs of seed {seed}")
+    goal = (
+        problem.objective.text() if problem.sign > 0.0 else f"greatest {problem.objective.text()}"
+    )
+    words = (goal, *limits, f"{runs} runs of seed {seed}")
     return SearchStore(store, resume, "; ".join(words))
+
+
+def progress_of(problem: Problem, progress: Progress | None) -> Progress | None:
+    """The `progress` with the objective in its own sign."""
+    if progress is None:
+        return None
+    return lambda step, objective, *rest: progress(step, problem.sign * objective, *rest)
 
 
 def optimise_nominal(
     campaign: CampaignOf,
     start: Design,
     *,
-    minimise: AbstractStatistic,
+    minimise: AbstractStatistic | None = None,
+    maximise: AbstractStatistic | None = None,
     subject_to: Sequence[Constraint] = (),
     bounds: tuple[PyTree, PyTree] | None = None,
     scale: PyTree | None = None,
@@ -132,7 +147,7 @@ def optimise_nominal(
     **Returns** and **raises** as `optimise_design`.
     """
     # No runs but the nominal one, which may not fail.
-    problem = problem_of(campaign, start, minimise, subject_to, None, 0, accuracy, 0.0)
+    problem = problem_of(campaign, start, minimise, subject_to, None, 0, accuracy, 0.0, maximise)
     return _searched(problem, start, 0, bounds, scale, optimiser, tolerance, max_steps, progress)
 
 
@@ -157,7 +172,7 @@ def _searched(
         optimiser=optimiser,
         tolerance=tolerance,
         max_steps=max_steps,
-        progress=progress,
+        progress=progress_of(problem, progress),
         store=store,
         forward_ratio=FORWARD_RATIO,
     )

@@ -14,7 +14,7 @@ from ..minimisation import Criterion, Progress
 from ..minimisation.batch_descent import BatchMinimum, descend_by_batches
 from ._optimum import DesignOptimum
 from ._runs import CampaignOf, Design, enough_runs, failures, problem_of
-from ._search import RUNS, store_of
+from ._search import RUNS, progress_of, store_of
 from .statistics import AbstractStatistic, Constraint
 
 
@@ -22,7 +22,8 @@ def train_design(
     campaign: CampaignOf,
     start: Design,
     *,
-    minimise: AbstractStatistic,
+    minimise: AbstractStatistic | None = None,
+    maximise: AbstractStatistic | None = None,
     optimiser: Any,
     subject_to: Sequence[Constraint] = (),
     bounds: tuple[PyTree, PyTree] | None = None,
@@ -45,7 +46,7 @@ def train_design(
 
     **Arguments**
 
-    - `campaign`, `start`, `minimise`, `subject_to`, `accuracy`, `may_fail`: as in
+    - `campaign`, `start`, `minimise`, `maximise`, `subject_to`, `accuracy`, `may_fail`: as in
       `optimise_design`. A batch in which more runs fail is left out.
     - `optimiser`: of optax, such as `optax.adam(1e-3)`; with a schedule, clipping or whatever else
       its chain holds, but for line searches. Its rates are in sizes of the unknowns.
@@ -66,7 +67,9 @@ def train_design(
     **Raises** `InputError` as `optimise_design` does, for a batch too small for a quantile, and for
     an optimiser with a line search.
     """
-    problem = problem_of(campaign, start, minimise, subject_to, batch, seed, accuracy, may_fail)
+    problem = problem_of(
+        campaign, start, minimise, subject_to, batch, seed, accuracy, may_fail, maximise
+    )
     assert problem.normals is not None
     dimensions = problem.normals.shape[1]
 
@@ -87,13 +90,13 @@ def train_design(
         patience=patience,
         average=average,
         seed=seed,
-        progress=progress,
+        progress=progress_of(problem, progress),
         store=store_of(store, resume, problem, batch, seed),
     )
     # A sample of its own, larger than a batch, because one batch says little of the design.
     whole = problem_of(
         *(campaign, start, minimise, subject_to, enough_runs(problem.statistics, RUNS)),
-        *(seed, accuracy, may_fail),
+        *(seed, accuracy, may_fail, maximise),
     )
     # A function, because `jit` cannot hash what holds arrays.
     criterion = jax.jit(lambda x: whole(x))(found.x)

@@ -177,7 +177,7 @@ class DesignAssessment(eqx.Module):
 
         problem = self.optimum.problem
         figures = {f"Runs: {name}": self.plot(name) for name in problem.outputs}
-        figures["Search"] = self.optimum.minimum.plot()
+        figures["Search"] = self.optimum.plot()
         said = [*self.sentences, self.optimum.sentence()]
         return designs_page(path, title, f"{self._heading()}.", self._rows(), said, figures)
 

@@ -267,32 +267,42 @@ class Quantile(AbstractStatistic):
 class CVaR(AbstractStatistic):
     """The mean of the runs above the quantile of a `share`: the conditional value at risk.
 
-    Where small values are bad, take it of the negative output. Raises `InputError` unless the share
-    is between 0 and 1."""
+    - `lower`: whether small values are bad: the mean of as many runs with the lowest ones.
+
+    Raises `InputError` unless the share is between 0 and 1."""
 
     output: str = eqx.field(static=True)
     share: float = eqx.field(static=True, converter=float)
+    lower: bool = eqx.field(static=True, default=False)
 
     def __check_init__(self):
         check_share("CVaR.share", self.share)
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
+        x = self._sign * x
         c, half, n = smoothed_quantile(x, good, self.share)
         # The sum is stationary in c, so that a derivative by it would add roundings alone.
         c = lax.stop_gradient(c)
         z = (jnp.where(good, x, c) - c) / half
         beyond = jnp.where(good, half * hinge(z), 0.0)
-        return c + jnp.sum(beyond) / (n * (1.0 - self.share))
+        return self._sign * (c + jnp.sum(beyond) / (n * (1.0 - self.share)))
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
+        sign, x = self._sign, self._sign * x
         # Of the sharp quantile, which counts as constant, as in `value`.
         value, n = quantile(x[good], self.share), np.count_nonzero(good)
         beyond = np.where(good, np.maximum(x - value, 0.0), 0.0) / (1.0 - self.share)
         mean = float(np.sum(beyond)) / n
-        return Measured(value + mean, np.where(good, beyond - mean, 0.0) / n)
+        return Measured(sign * (value + mean), sign * np.where(good, beyond - mean, 0.0) / n)
 
     def text(self) -> str:
+        if self.lower:
+            return f"mean of the lowest {100.0 * (1.0 - self.share):g} % of {self.output}"
         return f"mean of {self.output} beyond its {100.0 * self.share:g} % quantile"
+
+    @property
+    def _sign(self) -> float:
+        return -1.0 if self.lower else 1.0
 
     @property
     def tail(self) -> float | None:
@@ -359,25 +369,32 @@ class Violation(AbstractStatistic):
 class Worst(AbstractStatistic):
     """The greatest value of all runs.
 
+    - `lower`: whether small values are bad: the least one.
+
     Its derivative is that of one run, and jumps to another's: `CVaR` is easier to minimise."""
 
     output: str = eqx.field(static=True)
+    lower: bool = eqx.field(static=True, default=False)
 
     def value(self, x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> Float[Array, ""]:
-        # A failed run must not be the greatest, whatever its number is.
-        greatest = jnp.max(jnp.where(good, x, -jnp.inf))
-        return jnp.where(jnp.any(good), greatest, jnp.nan)
+        # A failed run must not be the worst, whatever its number is.
+        if self.lower:
+            worst = jnp.min(jnp.where(good, x, jnp.inf))
+        else:
+            worst = jnp.max(jnp.where(good, x, -jnp.inf))
+        return jnp.where(jnp.any(good), worst, jnp.nan)
 
     def measured(self, x: Float[np.ndarray, " runs"], good: Bool[np.ndarray, " runs"]) -> Measured:
-        # What is above the greatest value of a sample is not known from the sample.
-        return Measured(float(np.max(x[good])), np.full(x.shape, np.nan))
+        worst = np.min(x[good]) if self.lower else np.max(x[good])
+        # What is beyond the extreme value of a sample is not known from the sample.
+        return Measured(float(worst), np.full(x.shape, np.nan))
 
     @property
     def of_few(self) -> bool:
         return True
 
     def text(self) -> str:
-        return f"greatest {self.output}"
+        return f"{'least' if self.lower else 'greatest'} {self.output}"
 
 
 def _moments(x: Float[Array, " runs"], good: Bool[Array, " runs"]) -> tuple[Array, Array, Array]:

@@ -167,8 +167,34 @@ def test_every_statistic_of_a_file(tmp_path):
     found = load(path).optimize_design()
     margins = np.asarray(found.criterion.non_negative)
     assert np.all(np.abs(margins - exact) < tolerances)
-    # Of what is greatest the search has the least negative.
-    np.testing.assert_allclose(found.value, -(100.0 - 2.0 * 10.0), atol=0.05)
+    np.testing.assert_allclose(found.value, 100.0 - 2.0 * 10.0, atol=0.05)
+
+
+@pytest.mark.parametrize(
+    ("take", "limit", "words"),
+    [
+        ("95 %", "99 %", "5 % quantile of final.velocity.0"),
+        ("beyond 95 %", "beyond 95 %", "mean of the lowest 5 % of final.velocity.0"),
+        ("worst", "worst", "least final.velocity.0"),
+    ],
+)
+def test_what_is_greatest_has_its_own_words_and_sign(tmp_path, take, limit, words):
+    """The table, the histograms and the progress of a search that maximises, or has a least
+    value: of the output itself, and not of its negative."""
+    text = STATISTICS.replace("mean - 2 std", take)
+    text += f"""[[optimize.constraint]]
+output = "final.velocity.1"
+take = "{limit}"
+at_least = 0.0
+"""
+    path = tmp_path / "greatest.toml"
+    path.write_text(text)
+    seen = []
+    found = load(path).optimize_design(progress=lambda *row: seen.append(row))
+    assert 50.0 < found.value < 90.0 and all(row[1] == found.value for row in seen)
+    assert words in repr(found) and "minus" not in repr(found)
+    assert found.problem.outputs == ("final.velocity.0", "final.velocity.1")
+    assert set(found.runs.outputs) == set(found.problem.outputs)
 
 
 @pytest.mark.sweep

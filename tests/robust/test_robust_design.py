@@ -417,3 +417,35 @@ def test_the_nominal_optimum():
     )
     np.testing.assert_allclose(found.x, 1.0, atol=1e-3)
     assert repr(found).startswith("Nominal design")
+
+
+def test_small_values_may_be_bad():
+    """The lower side of a sample is the upper one of its negative, and what is to be greatest is
+    the least of the negative, each in its own sign and words."""
+    x = jnp.asarray(np.random.default_rng(1).normal(3.0, 1.0, 2048))
+    good = jnp.arange(x.size) > 9
+    for upper, lower in (
+        (CVaR("y", 0.95), CVaR("y", 0.95, lower=True)),
+        (Worst("y"), Worst("y", lower=True)),
+    ):
+        np.testing.assert_allclose(lower.value(x, good), -upper.value(-x, good), rtol=1e-14)
+        mine, other = (
+            s.measured(np.asarray(v), np.asarray(good)) for s, v in ((lower, x), (upper, -x))
+        )
+        np.testing.assert_allclose(mine.value, -other.value, rtol=1e-14)
+        np.testing.assert_allclose(mine.influence, -other.influence, rtol=1e-14)
+    assert CVaR("y", 0.95, lower=True).text() == "mean of the lowest 5 % of y"
+    assert Worst("y", lower=True).text() == "least y"
+    own = algebraic(lambda x, w: w - (x - 0.3) ** 2, {"w": Normal(5.0, 1.0)})
+    seen = []
+    found = optimise_design(
+        own,
+        jnp.asarray(0.9),
+        maximise=Quantile("y", 0.05),
+        progress=lambda *row: seen.append(row),
+    )
+    np.testing.assert_allclose(found.x, 0.3, atol=1e-3)
+    assert found.value > 3.0 and found.converged and seen[-1][1] == pytest.approx(found.value)
+    assert "5 % quantile of y" in repr(found)
+    with pytest.raises(InputError, match="one of minimise and maximise"):
+        optimise_design(own, jnp.asarray(0.9))

@@ -24,7 +24,6 @@ from ...robust.statistics import (
     Violation,
     Worst,
 )
-from ...simulation import MissionTrajectory
 from .._file_content import FileContent
 from .._kinds.kind import Values
 from .._mission.building import replaced
@@ -38,8 +37,6 @@ from .optimise import size_of
 
 # The kernel of a quantile has corners of this size.
 TOLERANCE = 1e-4
-# Before the name of an output of which less is worse.
-NEGATIVE = "minus_"
 AVERAGE = RunStatistic(MEAN)
 
 
@@ -58,7 +55,7 @@ def optimise_over_runs(
     campaign = campaign_function(file, task, base)
     start = {free.path: jnp.asarray(float(free.start)) for free in task.free}
     common: dict[str, Any] = {
-        "minimise": _objective(task),
+        **_goal(task),
         "subject_to": [_constraint(demand) for demand in task.demands],
         "bounds": (
             {free.path: jnp.asarray(free.low) for free in task.free},
@@ -85,21 +82,19 @@ class CampaignOfFile(eqx.Module):
 
     - `parsed`, `values`: of the file.
     - `base`: the campaign of the file with the settings of the search.
-    - `specs`: the outputs that count; `negative`: the names of those whose negative counts."""
+    - `specs`: the outputs that count."""
 
     parsed: Parsed = eqx.field(static=True)
     values: Values
     base: Campaign
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
-    negative: tuple[str, ...] = eqx.field(static=True)
 
     def __call__(self, x: Mapping[str, Array]) -> Campaign:
         values = replaced(self.values, x)
-        outputs = Outputs(self.parsed, self.specs, values, None)
         return dataclasses.replace(
             self.base,
             build=BuildOfFile(self.parsed, values),
-            outputs=OutputsOfDesign(outputs, self.negative),
+            outputs=Outputs(self.parsed, self.specs, values, None),
         )
 
 
@@ -117,49 +112,23 @@ def campaign_function(file: FileContent, task: Task, base: Campaign) -> Campaign
         )
     base = dataclasses.replace(
         base,
-        units=base.units
-        | {spec.name: spec.unit for spec in specs}
-        | {NEGATIVE + spec.name: spec.unit for spec in specs},
+        units=base.units | {spec.name: spec.unit for spec in specs},
         requirements=(),
         # Without extremes no states along the run are saved, which would fill the memory.
         along=file.dispersion["extreme_samples"] if extremes else 2,
     )
-    return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs, _negative_of(task))
+    return CampaignOfFile(file.parsed, replaced(file.values, {}), base, specs)
 
 
-@final
-class OutputsOfDesign(eqx.Module):
-    """The `outputs` of a campaign, and the negatives of those named `negative`."""
-
-    outputs: Outputs
-    negative: tuple[str, ...] = eqx.field(static=True)
-
-    def __call__(self, result: MissionTrajectory, samples: dict[str, Array]) -> dict[str, Array]:
-        numbers = dict(self.outputs(result, samples))
-        return numbers | {NEGATIVE + name: -numbers[name] for name in self.negative}
-
-
-def _negative_of(task: Task) -> tuple[str, ...]:
-    """The outputs whose negative has a statistic of the task."""
-    statistics = [_objective(task), *(_constraint(demand).statistic for demand in task.demands)]
-    names = [task.objective.name, *(demand.spec.name for demand in task.demands)]
-    pairs = zip(statistics, names, strict=True)
-    return tuple(dict.fromkeys(name for statistic, name in pairs if statistic.output != name))
-
-
-def _objective(task: Task) -> AbstractStatistic:
-    """The statistic that is to be least."""
+def _goal(task: Task) -> dict[str, AbstractStatistic]:
+    """The statistic that is to be least or greatest."""
     name, taken = task.objective.name, task.of_runs or AVERAGE
     if task.sign > 0.0:
-        return _statistic(name, taken)
+        return {"minimise": _statistic(name, taken)}
     if taken.is_share:
         # Few runs below are many above.
-        return _share_of_bad(name, taken, 1.0)
-    if taken.kind == SPREAD:
-        # The negative of mean + 3 std is that of the mean, less 3 std.
-        taken = RunStatistic(SPREAD, -taken.number)
-    # The search minimises: of the greatest quantile it takes the least of the negative.
-    return _statistic(NEGATIVE + name, taken)
+        return {"minimise": _share_of_bad(name, taken, 1.0)}
+    return {"maximise": _lower(name, taken)}
 
 
 def _constraint(demand: Demand) -> Constraint:
@@ -175,13 +144,17 @@ def _constraint(demand: Demand) -> Constraint:
     limit = spec.factor * demand.target
     if upper:
         return _statistic(spec.name, taken).at_most(limit)
+    return _lower(spec.name, taken).at_least(limit)
+
+
+def _lower(name: str, taken: RunStatistic) -> AbstractStatistic:
+    """The statistic of an output of which less is worse."""
     if taken.kind == QUANTILE:
         # What 99 % of the runs exceed is the quantile of 1 %.
-        taken = RunStatistic(QUANTILE, 1.0 - taken.number)
-    if taken.kind in (BEYOND, WORST):
-        # Those of small values are those of the negative.
-        return _statistic(NEGATIVE + spec.name, taken).at_most(-limit)
-    return _statistic(spec.name, taken).at_least(limit)
+        return Quantile(name, 1.0 - taken.number)
+    if taken.kind == BEYOND:
+        return CVaR(name, taken.number, lower=True)
+    return Worst(name, lower=True) if taken.kind == WORST else _statistic(name, taken)
 
 
 def _statistic(name: str, taken: RunStatistic) -> AbstractStatistic:
