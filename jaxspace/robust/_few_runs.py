@@ -10,9 +10,9 @@
 
 All runs are computed block by block. Then those with a weight are computed again, with their
 derivatives. Of a quantile, of the mean beyond it and of the greatest value these are a few percent,
-and the gradient costs little beside the runs. Both are turns of one loop, whose program has the
-runs once and takes half as long to compile as one for each. The number of turns is known only while
-the program runs, so that one program serves every design.
+and the gradient costs little beside the runs. Both are sweeps of one loop, whose program has the
+runs once and takes less time to compile than with one for each. The number of blocks is known only
+while the program runs, so that one program serves every design.
 """
 
 from collections.abc import Callable
@@ -112,11 +112,10 @@ class _Chosen(NamedTuple):
         return group, cut(self.places), cut(self.weights)
 
 
-class _Turns(NamedTuple):
-    """What the turns of the loop fill: first the `runs`, behind which a block of space takes those
-    that are computed again; then the `numbers` and which runs are `chosen`; then the `jacobian`."""
+class _Sweep(NamedTuple):
+    """What the two sweeps fill: first the `runs`, behind which a block of space takes those that
+    are computed again, with the `numbers` and which runs are `chosen`; then the `jacobian`."""
 
-    k: Int[Array, ""]
     runs: PyTree
     numbers: Float[Array, " rows"]
     chosen: _Chosen
@@ -139,31 +138,33 @@ def _with_jacobian(
         # Forward, a run gives the slopes of all its outputs at once, whichever rows they count in.
         return numbers, _chosen(weights[None] if forward else weights[:, None], size)
 
-    def turn(s: _Turns) -> _Turns:
-        again = s.k >= blocks
-        group, few, weights = s.chosen.block(s.k - blocks, size)
-        each = jnp.minimum(s.k * size + jnp.arange(size), count - 1)
-        of_block = _forwards if forward else _backwards
-        found, slopes = of_block(runs_at, flat, jnp.where(again, few, each), rows)
-        start = size * jnp.minimum(s.k, blocks)
-        put = lambda into, x: lax.dynamic_update_slice(into, x, (start,))  # noqa: E731
-        runs = jax.tree.map(put, s.runs, found)
-        added = lambda: s.jacobian + slopes(group, weights)  # noqa: E731
-        last = lambda: weighted(runs)  # noqa: E731
-        numbers, chosen = lax.cond(s.k == blocks - 1, last, lambda: (s.numbers, s.chosen))
-        jacobian = lax.cond(again, added, lambda: s.jacobian)
-        return _Turns(s.k + 1, runs, numbers, chosen, jacobian)
+    def sweep(second: Array, s: _Sweep) -> _Sweep:
+        again = second > 0
 
-    def unfinished(s: _Turns) -> Array:
-        return s.k < blocks + s.chosen.ends[-1]
+        def turn(k: Array, filled: tuple[PyTree, Array]) -> tuple[PyTree, Array]:
+            runs, jacobian = filled
+            group, few, weights = s.chosen.block(k, size)
+            each = jnp.minimum(k * size + jnp.arange(size), count - 1)
+            of_block = _forwards if forward else _backwards
+            found, slopes = of_block(runs_at, flat, jnp.where(again, few, each), rows)
+            start = size * jnp.where(again, blocks, k)
+            put = lambda into, x: lax.dynamic_update_slice(into, x, (start,))  # noqa: E731
+            added = lambda: jacobian + slopes(group, weights)  # noqa: E731
+            return jax.tree.map(put, runs, found), lax.cond(again, added, lambda: jacobian)
+
+        turns = jnp.where(again, s.chosen.ends[-1], blocks)
+        runs, jacobian = lax.fori_loop(0, turns, turn, (s.runs, s.jacobian))
+        # Not within the turns, each of which would copy what is chosen.
+        known = lambda: (s.numbers, s.chosen)  # noqa: E731
+        numbers, chosen = lax.cond(again, known, lambda: weighted(runs))
+        return _Sweep(runs, numbers, chosen, jacobian)
 
     one = jax.eval_shape(lambda: runs_at(flat, jnp.arange(size))[1])
     space = jax.tree.map(lambda x: jnp.zeros((blocks + 1) * size, x.dtype), one)
     shapes = jax.eval_shape(weighted, space)
     numbers, chosen = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), shapes)
     jacobian = jnp.zeros((rows.size, flat.size), flat.dtype)
-    begin = _Turns(jnp.asarray(0), space, numbers, chosen, jacobian)
-    end = lax.while_loop(unfinished, turn, begin)
+    end = lax.fori_loop(0, 2, sweep, _Sweep(space, numbers, chosen, jacobian))
     return end.numbers, end.jacobian, jax.tree.map(lambda x: x[:count], end.runs)
 
 
