@@ -157,7 +157,10 @@ class StepTaken(NamedTuple):
 
 def lengths(tolerance: Tolerance, tangents: PyTree) -> Lengths:
     """The length of each block of tangents, or of their errors."""
-    return jax.tree.map(jax.vmap(tolerance.length), tangents, is_leaf=is_in_parts)
+    # One after the other: of blocks in a vector all of them would be a product of matrices, by a
+    # library, and a loop with such a call is not compiled as one kernel.
+    along = partial(jax.lax.map, tolerance.length)
+    return jax.tree.map(along, tangents, is_leaf=is_in_parts)
 
 
 def _direction(x: Array, axes: int, seed: int) -> Array:
