@@ -8,6 +8,7 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple
 
+import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -17,7 +18,7 @@ from ..core import AbstractRegularised, AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
-from ..solvers.protocol import bind, field_of_step, solver_traits
+from ..solvers.protocol import bind, field_of_step, for_second_order, solver_traits
 from ..solvers.regularised_step import evaluations_of
 from ..solvers.step_control import FIRST_STEP
 from ..solvers.tolerances import Tolerance
@@ -28,6 +29,7 @@ from ._exact import at_once, by_closed_form, joined
 from ._in_turn import in_turn
 from ._loop_settings import LoopSettings
 from ._save_times import at_save_times
+from ._selection import is_second_order
 from ._solve import solve, solve_individual_steps
 from .config import IntegrationConfig
 from .events import Event
@@ -132,7 +134,8 @@ def _by_steps(
     if request.until:
         start, y = jax.tree.map(jax.lax.stop_gradient, (t0, y0))
         sought = SoughtEvents.of(request.until, system, start, y, run_axes, request.start_known)
-    settings = _settings(config, segments, landing, run_axes, request, sought)
+    method = _method(config, system, y0)
+    settings = _settings(config, method, segments, landing, run_axes, request, sought)
     field = ScaledVectorField(system, segments)
     outcome, form = _outcome(field, y0, config, settings, request, landing)
     result = result_of(outcome, field, y0, settings, config, fractions if landing else None)
@@ -195,8 +198,15 @@ def searches_steps(config: IntegrationConfig) -> bool:
     return dense and not traits.lands_on_save_times
 
 
+def _method(config: IntegrationConfig, system: AbstractSystem, y0: State) -> diffrax.AbstractSolver:
+    """The method, in its form for second-order systems where the system is one."""
+    form = for_second_order(config.solver)
+    return form if form is not config.solver and is_second_order(system, y0) else config.solver
+
+
 def _settings(
     config: IntegrationConfig,
+    method: diffrax.AbstractSolver,
     segments: Segments,
     landing: bool,
     run_axes: int,
@@ -217,7 +227,7 @@ def _settings(
     tolerance = Tolerance(config.rtol, config.atol, run_axes)
     # The search for events reads the polynomial of every step.
     method = bind(
-        config.solver,
+        method,
         tolerance=tolerance,
         save_ts=save_ts,
         run_axes=run_axes,
@@ -297,7 +307,8 @@ def take_step(
     segments = Segments(u, t0, t1 - t0, breaks_of(system) is not None)
     field = ScaledVectorField(system, segments)
     request = _Request(None, False, False, False, (), None)
-    settings = _settings(config, field.segments, False, run_axes, request)
+    method = _method(config, system, y)
+    settings = _settings(config, method, field.segments, False, run_axes, request)
     method = settings.method
     seen = field_of_step(method, field, u[0], u[1])
     state = method.init(TERM, u[0], u[1], y, seen)

@@ -19,6 +19,7 @@ from .protocol import (
     Step,
     bind,
     check_steps,
+    for_second_order,
     small_program,
     solver_traits,
 )
@@ -76,6 +77,9 @@ class FixedSteps(AbstractFixedStep):
 
     def small_program(self) -> "FixedSteps":
         return FixedSteps(small_program(self.solver), self.steps)
+
+    def for_second_order(self) -> "FixedSteps":
+        return FixedSteps(for_second_order(self.solver), self.steps)
 
     def refined(self, factor: int) -> "FixedSteps":
         return FixedSteps(self.solver, factor * self.steps)

@@ -5,7 +5,9 @@ velocity.
     r_1 = r + h v + h^2 sum_i b_i k_i            v_1 = v + h sum_i b'_i k_i
 
 Every Runge-Kutta method becomes a Runge-Kutta-Nystrom method for such a system: its matrix is
-squared, and b = b' a.
+squared, and b = b' a. The velocities at its stages are nowhere needed: what it sums of them is
+
+    sum_i w_i v_i = (sum_i w_i) v + h sum_j (w a)_j k_j
 
 Source: Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, II.14.
 """
@@ -16,7 +18,7 @@ import jax
 import numpy as np
 from jaxtyping import Array, Float
 
-from ..core import Scalar
+from ..core import Scalar, State
 from ..core.barrier import barrier
 from . import tableaus as tableau
 from .second_order import SecondOrder, Vectors
@@ -60,7 +62,20 @@ def from_runge_kutta(c: tuple[float, ...], a: tuple[Weights, ...], b: Weights) -
     return NystromTableau(c, rows, position=_row(weights @ matrix), velocity=b)
 
 
+def row_of_rates(weights: Weights, a: tuple[Weights, ...]) -> tuple[float, Weights]:
+    """sum_i w_i and the row w a: the velocities at the stages of the Runge-Kutta method with rows
+    `a`, summed with these weights, by the velocity at the start and the accelerations."""
+    (row,) = dense_rows((weights,), len(a))
+    total = float(row.sum())
+    return (total if abs(total) > ROUNDING else 0.0), _row(row @ dense_rows(a, len(a)))
+
+
 DOP853_NYSTROM = from_runge_kutta(tableau.DOP853_C, tableau.DOP853_A, tableau.DOP853_B)
+# With the stages of the dense output, the first of which is at the end.
+DOP853_DENSE_ROWS = (*tableau.DOP853_A, tableau.DOP853_B, *tableau.DOP853_DENSE_A)
+DOP853_NYSTROM_DENSE = from_runge_kutta(
+    (*tableau.DOP853_C, 1.0, *tableau.DOP853_DENSE_C), DOP853_DENSE_ROWS, tableau.DOP853_B
+)
 RKN12 = NystromTableau(
     tableau.RKN1210_C, tableau.RKN1210_A, tableau.RKN1210_POSITION, tableau.RKN1210_VELOCITY
 )
@@ -112,3 +127,19 @@ def nystrom_step(
     mean = barrier(v + h * weighted(method.position, ks))
     r1, v1 = barrier((r + h * system.position_rate(mean), v + h * weighted(method.velocity, ks)))
     return NystromStep(r1, v1, mean, ks)
+
+
+def stage_sum(
+    system: SecondOrder,
+    a: tuple[Weights, ...],
+    h: Float[Array, ""],
+    ks: list[Array] | Array,
+    weights: Weights,
+) -> State:
+    """h sum_i w_i k_i of the derivatives of the state at the stages of the Runge-Kutta method with
+    rows `a`, of which the accelerations `ks` are known."""
+    h = h.astype(system.r.dtype)
+    total, row = row_of_rates(weights, a)
+    mean = h * weighted(row, ks)
+    mean = mean if total == 0.0 else total * system.v + mean
+    return system.state(h * system.position_rate(mean), h * weighted(weights, ks))

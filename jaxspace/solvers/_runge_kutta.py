@@ -12,6 +12,7 @@ that jumps there has the value of this step.
 """
 
 import dataclasses
+import functools
 from typing import ClassVar, final
 
 import diffrax
@@ -23,9 +24,17 @@ from jaxtyping import Array, Float
 from ..core import State
 from ..core.barrier import barrier
 from . import tableaus as tableau
+from ._nystrom import (
+    DOP853_DENSE_ROWS,
+    DOP853_NYSTROM,
+    DOP853_NYSTROM_DENSE,
+    nystrom_step,
+    stage_sum,
+)
 from .dense_output import AbstractDenseOutput
 from .embedded_errors import EmbeddedErrors, whole_error
 from .protocol import AbstractFieldSolver, Advance, SolverTraits
+from .second_order import parts_of, second_order
 from .stages import Weights, combine, dense_rows, stages, weighted_rows
 from .tolerances import Tolerance
 from .vector_field import StepField
@@ -133,16 +142,23 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     - `in_loop`: whether the stages are a loop of the program, which compiles sooner and runs
       slower. Set for derivatives of single runs.
     - `in_parts`: whether the error of a step is returned as its `EmbeddedErrors`. Set for the
-      errors of tangents."""
+      errors of tangents.
+    - `second_order`: whether the system is known to be r' = v, v' = a(t, r). A step then sums the
+      accelerations at its stages alone, which takes less time and gives the same
+      numbers up to rounding. `simulate` sets it."""
 
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
     in_parts: bool = eqx.field(static=True, default=False)
+    second_order: bool = eqx.field(static=True, default=False)
     term_structure: ClassVar = diffrax.ODETerm
     interpolation_cls: ClassVar = _NestedProducts
 
     def linear_errors(self) -> "DOP853":
         return dataclasses.replace(self, in_parts=True)
+
+    def for_second_order(self) -> "DOP853":
+        return dataclasses.replace(self, second_order=True)
 
     @property
     def traits(self) -> SolverTraits:
@@ -155,6 +171,9 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State, carried: None
     ) -> Advance:
         del carried
+        # The state of a small program may be packed into one vector.
+        if self.second_order and parts_of(y0) is not None:
+            return self._second_order(f, t0, t1, y0)
         h = t1 - t0
         c, a = tableau.DOP853_C, tableau.DOP853_A
         if self.dense and self.in_loop:
@@ -177,6 +196,32 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             rest = tableau.DOP853_DENSE_C, tableau.DOP853_DENSE_A
             ks = stages(f, t0, h, y0, *rest, [*ks, *last])
         within = within_step(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
+        return Advance(y1, error, within)
+
+    def _second_order(
+        self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
+    ) -> Advance:
+        """The step of a system r' = v, v' = a(t, r), whose stages have no velocity."""
+        system = second_order(f.terms, t0, t1, y0, f.args, "DOP853")
+        h = t1 - t0
+        method, a = DOP853_NYSTROM, tableau.DOP853_A
+        if self.dense:
+            method, a = DOP853_NYSTROM_DENSE, DOP853_DENSE_ROWS
+        step = nystrom_step(system, method, t0, h, system.r, system.v, self.in_loop)
+        sums = functools.partial(stage_sum, system, a, h, step.ks)
+        fifth, third = sums(tableau.DOP853_ERROR_5), sums(tableau.DOP853_ERROR_3)
+        error = jax.tree.map(EmbeddedErrors, fifth, third)
+        if not self.in_parts:
+            error = whole_error(error)
+        y1 = system.state(step.r, step.v)
+        within: dict[str, object] = dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
+        if self.dense:
+            k0, k1 = (
+                system.state(system.position_rate(v), step.ks[i])
+                for v, i in ((system.v, 0), (step.v, 12))
+            )
+            rest = [sums(row) for row in tableau.DOP853_DENSE]
+            within = dict(y0=y0, y1=y1, k0=k0, k1=k1, rest=rest)
         return Advance(y1, error, within)
 
 

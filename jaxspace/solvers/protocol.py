@@ -11,6 +11,7 @@ __all__ = [
     "SolverTraits",
     "bind",
     "field_of_step",
+    "for_second_order",
     "forward_mode",
     "refine",
     "small_program",
@@ -91,6 +92,11 @@ class AbstractDeclaredSolver(diffrax.AbstractSolver):
     def linear_errors(self) -> diffrax.AbstractSolver:
         """The same method with an estimate of the error that is linear in what the step does; as by
         default."""
+        return self
+
+    def for_second_order(self) -> diffrax.AbstractSolver:
+        """The same method for a system that is known to be r' = v, v' = a(t, r), with less
+        arithmetic, if it has such a form."""
         return self
 
     def longer(self, carried: PyTree, factor: Float[Array, "*runs"]) -> PyTree:
@@ -312,6 +318,14 @@ def linear_errors(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
     if isinstance(solver, diffrax.AbstractWrappedSolver):
         return _wrapping(solver, linear_errors(solver.solver))
     return solver.linear_errors() if isinstance(solver, AbstractDeclaredSolver) else solver
+
+
+def for_second_order(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
+    """The same method for a system that is known to be r' = v, v' = a(t, r), with less arithmetic,
+    if it has such a form."""
+    if isinstance(solver, diffrax.AbstractWrappedSolver):
+        return _wrapping(solver, for_second_order(solver.solver))
+    return solver.for_second_order() if isinstance(solver, AbstractDeclaredSolver) else solver
 
 
 def forward_mode(solver: diffrax.AbstractSolver) -> diffrax.AbstractSolver:
