@@ -61,8 +61,8 @@ def test_the_gains_of_a_law_are_its_hermite_coefficients():
 
 
 def shifted(x, w):
-    """Minus a normal number with the mean x and the deviation 0.4."""
-    return -(x + SCATTER * w)
+    """A normal number with the mean x and the deviation 0.4."""
+    return x + SCATTER * w
 
 
 def test_a_limit_is_kept_by_its_multiplier():
@@ -70,8 +70,8 @@ def test_a_limit_is_kept_by_its_multiplier():
     found = train_design(
         algebraic(shifted, STANDARD),
         jnp.asarray(0.0),
-        minimise=Mean("y"),
-        subject_to=[Quantile("y", 0.2).at_least(-1.0)],
+        maximise=Mean("y"),
+        subject_to=[Quantile("y", 0.8).at_most(1.0)],
         optimiser=ADAM,
         batch=128,
         max_steps=300,
@@ -79,13 +79,13 @@ def test_a_limit_is_kept_by_its_multiplier():
     )
     # The quantile of one batch has the error 0.05; ten of them at falling rates a third of it.
     np.testing.assert_allclose(found.x, 1.0 - 0.8416 * SCATTER, atol=0.03)
-    # The objective falls by 1 for each 1 of x, and so does the quantile: both are scaled to 1.
+    # The objective grows by 1 for each 1 of x, and so does the quantile: both are scaled to 1.
     np.testing.assert_allclose(found.minimum.multipliers, 1.0, rtol=0.3)
 
 
 def test_why_a_search_ends():
     campaign = algebraic(shifted, STANDARD)
-    settings = {"minimise": Mean("y"), "optimiser": optax.sgd(0.1), "batch": 64}
+    settings = {"maximise": Mean("y"), "optimiser": optax.sgd(0.1), "batch": 64}
     limits = (-1.0, 1.0)
     held = train_design(campaign, jnp.asarray(0.0), bounds=limits, patience=20, **settings)
     # At its bound after ten steps, where nothing is left but noise; the average lags behind.
@@ -93,8 +93,10 @@ def test_why_a_search_ends():
     assert "Settled after" in held.sentence()
     short = train_design(campaign, jnp.asarray(0.0), max_steps=3, average=0.0, **settings)
     assert int(short.minimum.reason) == StopReason.STEP_LIMIT
-    # The slope is -1, and three steps of a tenth go there.
+    # The slope is 1, and three steps of a tenth go there.
     np.testing.assert_allclose(short.x, 0.3, rtol=1e-6)
+    # A sample of its own has the mean 0.3 to a hundredth, in the sign of the output.
+    np.testing.assert_allclose(short.value, 0.3, atol=0.05)
     assert short.minimum.history.shape == (3, 3)
 
     def interrupt(step, objective, violation, gradient):
