@@ -177,7 +177,9 @@ def test_error_is_estimated_and_honest():
     exact = simulate(TwoBody(1.0), start(0.5), ts).final
     true = float(jnp.linalg.norm(run.final.position - exact.position))
     told = float(jnp.linalg.norm(run.error().position))
-    assert 1e-10 < true < 1e-5 and 0.5 * true < told < 2.0 * true
+    # Far above the roundings of 45 steps. It is the sum of terms that nearly cancel: 1.3e-9 or
+    # 3.9e-11, as the processor rounds the lengths of the steps.
+    assert 1e-12 < true < 1e-5 and 0.5 * true < told < 2.0 * true
     assert float(simulate(TwoBody(1.0), start(0.5), ts).error().position.max()) < 1e-13
 
 
