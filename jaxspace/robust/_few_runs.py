@@ -108,7 +108,8 @@ class _Chosen(NamedTuple):
         """The group of block k, its places and its weights."""
         group = jnp.searchsorted(self.ends, k, side="right")
         first = jnp.where(group > 0, self.ends[group - 1], 0)
-        cut = lambda x: lax.dynamic_slice_in_dim(x[group], (k - first) * size, size, -1)  # noqa: E731
+        start = (k - first) * size
+        cut = lambda x: lax.dynamic_slice_in_dim(x[group], start, size, axis=-1)  # noqa: E731
         return group, cut(self.places), cut(self.weights)
 
 

@@ -86,8 +86,7 @@ def within_step(
     end is number `last`, and `rows` are the weights of the coefficients r_i."""
     y0, y1 = ends
     if not dense:
-        # Not left for the compiler to remove, because each first call would trace and lower it.
-        return dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
+        return _start_alone(y0)
     if isinstance(ks, list):
         rest = [combine(None, h, row, ks) for row in rows]
         return dict(y0=y0, y1=y1, k0=ks[0], k1=ks[last], rest=rest)
@@ -105,6 +104,12 @@ def within_step(
     sums = jax.tree.map(leaf, ks)
     rest = [number(i, sums) for i in range(len(rows))]
     return dict(y0=y0, y1=y1, k0=number(0, ks), k1=number(last, ks), rest=rest)
+
+
+def _start_alone(y0: State) -> dict[str, object]:
+    """What is kept of a step within which no state is needed."""
+    # Not left for the compiler to remove, because each first call would trace and lower it.
+    return dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
 
 
 class _AbstractStages(AbstractFieldSolver):
@@ -144,8 +149,8 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
     - `in_parts`: whether the error of a step is returned as its `EmbeddedErrors`. Set for the
       errors of tangents.
     - `second_order`: whether the system is known to be r' = v, v' = a(t, r). A step then sums the
-      accelerations at its stages alone, which takes less time and gives the same
-      numbers up to rounding. `simulate` sets it."""
+      accelerations at its stages alone, which takes less time and gives the same numbers up to
+      rounding. `simulate` sets it."""
 
     dense: bool = eqx.field(static=True, default=True)
     in_loop: bool = eqx.field(static=True, default=False)
@@ -214,15 +219,14 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         if not self.in_parts:
             error = whole_error(error)
         y1 = system.state(step.r, step.v)
-        within: dict[str, object] = dict(y0=y0, y1=None, k0=None, k1=None, rest=None)
-        if self.dense:
-            k0, k1 = (
-                system.state(system.position_rate(v), step.ks[i])
-                for v, i in ((system.v, 0), (step.v, 12))
-            )
-            rest = [sums(row) for row in tableau.DOP853_DENSE]
-            within = dict(y0=y0, y1=y1, k0=k0, k1=k1, rest=rest)
-        return Advance(y1, error, within)
+        if not self.dense:
+            return Advance(y1, error, _start_alone(y0))
+        k0, k1 = (
+            system.state(system.position_rate(v), step.ks[i])
+            for v, i in ((system.v, 0), (step.v, 12))
+        )
+        rest = [sums(row) for row in tableau.DOP853_DENSE]
+        return Advance(y1, error, dict(y0=y0, y1=y1, k0=k0, k1=k1, rest=rest))
 
 
 @final
