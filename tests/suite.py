@@ -28,9 +28,9 @@ MOST_SECONDS = 0.6
 # What a case takes beyond this, alone but not beside the others, is the program that they share.
 SHARED_SECONDS = 2.0 * MOST_SECONDS
 
-# Of the tests of a file that take more than this, s, the dearer two thirds wait for the weekly run:
-# with every one of them a change would wait an hour on a slow machine, and each file keeps some.
-MOST_SECONDS_OF_A_CHANGE = 1.5
+# Of the tests of a file that take more than this, s, the dearer three quarters wait for the weekly
+# run: with every one a change would wait an hour on a slow machine, and each file keeps some.
+MOST_SECONDS_OF_A_CHANGE = 1.0
 # What a newcomer types first never waits, nor what no cheaper test of its file looks at.
 NEVER_WAITS = (
     "tests/test_manual.py::test_code_of_the_page_runs[README.md]",
@@ -76,12 +76,12 @@ def is_quick(test: str, costs: dict[str, float]) -> bool:
 
 
 def waits_for_the_week(tests: list[str], costs: dict[str, float]) -> set[str]:
-    """Of the long tests of each file the dearer two thirds: the cheapest always stays."""
+    """Of the long tests of each file the dearer three quarters: the cheapest always stays."""
     long = [t for t in tests if cost(t, costs) > MOST_SECONDS_OF_A_CHANGE and t not in NEVER_WAITS]
     files = {}
     for test in sorted(long, key=lambda t: (cost(t, costs), t)):
         files.setdefault(test.partition("::")[0], []).append(test)
-    return {test for file in files.values() for test in file[-(-len(file) // 3) :]}
+    return {test for file in files.values() for test in file[-(-len(file) // 4) :]}
 
 
 def cost(test: str, costs: dict[str, float]) -> float:

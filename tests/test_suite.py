@@ -60,15 +60,16 @@ def test_a_test_leaves_by_what_it_was_measured_to_take():
     assert not is_quick("tests/test_a.py::test_b[3]", costs)
 
 
-def test_the_dearer_two_thirds_of_the_long_tests_of_a_file_wait():
+def test_the_dearer_three_quarters_of_the_long_tests_of_a_file_wait():
     costs = {
-        "a::short": 1.5,
+        "a::short": 1.0,
         "a::long[1]": 9.0,
         "a::long[2]": 8.0,
+        "a::long[3]": 7.0,
         "a::middle": 4.0,
         "b::one": 50.0,
     }
-    assert waits_for_the_week(list(costs), costs) == {"a::long[1]", "a::long[2]"}
+    assert waits_for_the_week(list(costs), costs) == {"a::long[1]", "a::long[2]", "a::long[3]"}
     readme = NEVER_WAITS[0]
     assert not waits_for_the_week([readme, "a::x"], {readme: 99.0, "a::x": 4.0})
 
