@@ -74,20 +74,56 @@ def polygon(
     - `x`: any shape.
     - `nodes`, `values`: (nodes,) or (nodes, *runs)."""
     rank = max(jnp.ndim(x), nodes.ndim - 1, values.ndim - 1)
-    nodes, values = with_rank(nodes, rank), with_rank(values, rank)
+    return _polygon(x, with_rank(nodes, rank), with_rank(values, rank))
+
+
+@jax.custom_jvp
+def _polygon(x: Scalar, nodes: Array, values: Array) -> Array:
+    """As `polygon`, of nodes and values with axes for the runs."""
     widths = nodes[1:] - nodes[:-1]
-    slopes = (values[1:] - values[:-1]) / widths
     # A sum over all intervals: a search and a gather for each run cost more than a few
     # multiplications for each node.
-    passed = within(x - nodes[:-1], 0.0, widths)
-    if slopes.size > slopes.shape[0]:
-        return values[0] + jnp.sum(slopes * passed, axis=0)
+    return values[0] + _sum(
+        (values[1:] - values[:-1]) / widths, within(x - nodes[:-1], 0.0, widths)
+    )
+
+
+@functools.partial(_polygon.defjvp, symbolic_zeros=True)
+def _polygon_rule(
+    primals: tuple[Scalar, Array, Array], tangents: tuple[Array | SymbolicZero, ...]
+) -> tuple[Array, Array]:
+    """df = s (dx - dn(x)) + dv(x), with s the slope at x, and dn and dv the polygons through the
+    changes of the nodes and of the values. The formula itself, differentiated term by term, has
+    four times as many operations for each node."""
+    x, nodes, values = primals
+    dx, dn, dv = (None if isinstance(d, SymbolicZero) else d for d in tangents)
+    widths = nodes[1:] - nodes[:-1]
+    ahead = x - nodes[:-1]
+    # At a node the mean of both sides, as of `within`.
+    there = 0.5 * (jnp.sign(ahead) - jnp.sign(ahead - widths))
+    slope = _sum((values[1:] - values[:-1]) / widths, there)
+    passed = within(ahead, 0.0, widths) / widths
+
+    def at_x(change: Array) -> Array:
+        return change[0] + _sum(change[1:] - change[:-1], passed)
+
+    moves = [
+        *([] if dx is None else [slope * dx]),
+        *([] if dn is None else [-slope * at_x(dn)]),
+        *([] if dv is None else [at_x(dv)]),
+    ]
+    value = _polygon(x, nodes, values)
+    return value, functools.reduce(jnp.add, moves, jnp.zeros_like(value))
+
+
+def _sum(weights: Array, x: Array) -> Array:
+    """The sum of the products over all intervals, on the first axis of both."""
+    if weights.size > weights.shape[0]:
+        return jnp.sum(weights * x, axis=0)
     # As a product of matrices where all runs share the table: the compiler vectorises that,
-    # and none of a sum over a leading axis.
-    line = slopes.reshape(-1)
-    # An accelerator would by default round the factors of a product of matrices to fewer digits.
-    risen = jnp.tensordot(line, passed, 1, precision=lax.Precision.HIGHEST)
-    return values[0] + risen
+    # and none of a sum over a leading axis. An accelerator would by default round the factors of a
+    # product of matrices to fewer digits.
+    return jnp.tensordot(weights.reshape(-1), x, 1, precision=lax.Precision.HIGHEST)
 
 
 class AbstractTable(eqx.Module):

@@ -12,7 +12,7 @@ from scipy.interpolate import CubicSpline
 from jaxspace import BodyState, Scene, simulate, simulate_batch
 from jaxspace.bodies import Load
 from jaxspace.core import AbstractSystem, InputError, Spline, Table
-from jaxspace.core.tables import breaks_of, within
+from jaxspace.core.tables import breaks_of, polygon, within
 from jaxspace.orbits import PointGravity
 from jaxspace.scene import Custom
 from jaxspace.simulation import Accuracy, Status
@@ -20,6 +20,7 @@ from jaxspace.solvers import DOP853
 
 TIMES = np.array([0.0, 0.7, 1.0, 2.5, 4.0])
 VALUES = np.array([1.0, -2.0, 0.5, 3.0, 0.0])
+DATA = TIMES, VALUES
 
 
 @pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
@@ -52,6 +53,40 @@ def test_values_between_nodes_and_beyond_them():
         np.testing.assert_allclose(shared, found, rtol=1e-13)
         assert make(np.float32(TIMES), np.float32(VALUES))(jnp.float32(0.8)).dtype == jnp.float32
     assert Spline([0.0, 1.0], [1.0, 2.0])(0.25) == 1.25
+
+
+@pytest.mark.parametrize("mode", [jax.jacfwd, jax.jacrev])
+@pytest.mark.parametrize("own", [False, True])
+def test_derivatives_of_a_polygon_are_those_of_its_sum(mode, own):
+    """By the place, the nodes and the values, of tables that the runs share and of their own; first
+    and second ones, against the sum over all intervals differentiated term by term."""
+    x = jnp.array([-0.5, 0.3, 0.7, 1.9, 4.0, 4.5])
+    grow = 1.0 + 0.1 * jnp.arange(6.0) if own else 1.0
+    nodes, values = (jnp.asarray(a)[:, None] * grow if own else jnp.asarray(a) for a in DATA)
+    weights = jnp.linspace(1.0, 2.0, 6)
+
+    def by_terms(x, nodes, values):
+        nodes, values = (a.reshape(5, -1) for a in (nodes, values))
+        widths = jnp.diff(nodes, axis=0)
+        terms = jnp.diff(values, axis=0) / widths * within(x - nodes[:-1], 0.0, widths)
+        return jnp.sum(weights * (values[0] + jnp.sum(terms, axis=0)) ** 2)
+
+    def whole(x, nodes, values):
+        return jnp.sum(weights * polygon(x, nodes, values) ** 2)
+
+    every = (0, 1, 2)
+    # At a node a second derivative is none: there it is looked at beside it.
+    for wrap, at in (
+        (mode, x),
+        (lambda f, argnums: jax.jacfwd(mode(f, argnums), argnums), x + 1e-3),
+    ):
+        found, expected = (wrap(f, argnums=every)(at, nodes, values) for f in (whole, by_terms))
+        # Sums of some dozen terms of about ten, in another order.
+        jax.tree.map(lambda a, b: np.testing.assert_allclose(a, b, atol=1e-12), found, expected)
+    # One of them alone, in single precision.
+    x, nodes, values = (jnp.asarray(a, jnp.float32) for a in (x, nodes, values))
+    slopes = mode(lambda x: jnp.sum(polygon(x, nodes, values)))(x)
+    assert slopes.dtype == jnp.float32 and np.isfinite(slopes).all()
 
 
 class Push(eqx.Module):
