@@ -12,9 +12,9 @@ therefore integrated beside the motion (`_tangents.py`), and have errors as it h
 
 Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
 steps by the motion alone, and looks at the tangents at the third of them, at every 24th after it,
-and where the motion does not limit a step, which is then longer than those that it did limit.
-Between these places a probe rests. Only if an error is `ALARM` times what is allowed, the run is
-repeated with the tangents in the control of every step.
+and where the motion does not limit a step, which is then longer than those that it did limit and
+those that were looked at. Between these places a probe rests. Only if an error is `ALARM` times
+what is allowed, the run is repeated with the tangents in the control of every step.
 """
 
 from collections.abc import Callable
@@ -41,8 +41,9 @@ length leave more."""
 LONG = 0.02
 """Shortest of the steps that the motion does not limit at which the tangents are looked at, as a
 fraction of a segment. Shorter ones are on their way to longer ones."""
-MOST_FREE = 16
-"""Number of such steps. More of them are limited by something else, such as `Accuracy.max_step`."""
+LONGER = 1.1
+"""How much longer than all before it such a step is. Steps of one length are limited by something
+else, such as `Accuracy.max_step` or the nodes of a table."""
 ALARM = 300.0
 """Error of a tangent, in units of what is allowed, at which the run is repeated. That of tangents
 whose steps the motion chooses well is up to about ten."""
@@ -85,16 +86,17 @@ class TangentControl(eqx.Module):
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
         # In single precision the time may have double precision.
-        duration = jnp.abs(field.duration(step.s, step.length)).astype(state.limited.dtype)
-        free = (step.motion < FREE) & (step.length > LONG) & (state.count < MOST_FREE)
+        duration = jnp.abs(field.duration(step.s, step.length)).astype(state.known.dtype)
+        free = (step.motion < FREE) & (step.length > LONG)
         # The last steps of a segment are cut short, and free for that reason alone.
-        some = (step.number % EVERY == SINCE) | free & (duration > state.limited)
+        some = (step.number % EVERY == SINCE) | free & (duration > LONGER * state.known)
         # Nothing happens in a segment of no duration, whose ends a derivative would part.
         good = going & alive & (duration != 0.0) & (step.motion <= 1.0)
         due = good & (state.always | some)
-        limiting = good & (step.motion >= FREE)
-        limited = jnp.where(limiting, jnp.maximum(state.limited, duration), state.limited)
-        state = state._replace(limited=limited)
+        known = due | good & (step.motion >= FREE)
+        state = state._replace(
+            known=jnp.where(known, jnp.maximum(state.known, duration), state.known)
+        )
 
         def looked() -> tuple[ProbeState, Array]:
             return self._looked(field, step, due, state)

@@ -40,14 +40,14 @@ class ProbeState(NamedTuple):
 
     - `tangents`: of the state, with the probes on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
-    - `limited`: the longest step that the motion has limited so far, s.
+    - `known`: the longest step so far that the motion has limited or that was looked at, s.
     - `count`: the number of steps of each run that were looked at.
     - `always`: whether every step of it is, and is controlled by it."""
 
     tangents: State
     sizes: Lengths
     errors: Lengths
-    limited: Float[Array, "*runs"]
+    known: Float[Array, "*runs"]
     count: Int[Array, "*runs"]
     always: Bool[Array, "*runs"]
 
@@ -104,8 +104,8 @@ class Probes(eqx.Module):
         sizes = lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
         always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
-        limited = jnp.zeros(always.shape)
-        return ProbeState(self.start, sizes, none, limited, always.astype(int), always)
+        known = jnp.zeros(always.shape)
+        return ProbeState(self.start, sizes, none, known, always.astype(int), always)
 
     def after(
         self,
