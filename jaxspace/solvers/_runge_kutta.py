@@ -13,13 +13,14 @@ that jumps there has the value of this step.
 
 import dataclasses
 import functools
+from collections.abc import Callable
 from typing import ClassVar, final
 
 import diffrax
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
@@ -188,13 +189,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
         ks = stages(f, t0, h, y0, c, a, [], self.in_loop)
         # Behind a barrier, because the dense output and the error read it too.
         y1 = barrier(combine(y0, h, tableau.DOP853_B, ks))
-        error = jax.tree.map(
-            EmbeddedErrors,
-            combine(None, h, tableau.DOP853_ERROR_5, ks),
-            combine(None, h, tableau.DOP853_ERROR_3, ks),
-        )
-        if not self.in_parts:
-            error = whole_error(error)
+        error = self._error(lambda row: combine(None, h, row, ks))
         if self.dense and isinstance(ks, list):
             # Four evaluations in every step, also if few states are saved.
             last = stages(f, t0, h, y1, (1.0,), ((),), [])
@@ -202,6 +197,14 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             ks = stages(f, t0, h, y0, *rest, [*ks, *last])
         within = within_step(self.dense, h, (y0, y1), ks, 12, tableau.DOP853_DENSE)
         return Advance(y1, error, within)
+
+    def _error(self, sums: Callable[[Weights], State]) -> PyTree:
+        """The estimate of the error, by the `sums` of the derivatives at the stages."""
+        # Behind a barrier: in one loop with the length of the error, all sums at once would need
+        # several times as many registers as there are.
+        fifth, third = barrier((sums(tableau.DOP853_ERROR_5), sums(tableau.DOP853_ERROR_3)))
+        error = jax.tree.map(EmbeddedErrors, fifth, third)
+        return error if self.in_parts else whole_error(error)
 
     def _second_order(
         self, f: StepField, t0: Float[Array, ""], t1: Float[Array, ""], y0: State
@@ -214,10 +217,7 @@ class DOP853(_AbstractStages, diffrax.AbstractAdaptiveSolver):
             method, a = DOP853_NYSTROM_DENSE, DOP853_DENSE_ROWS
         step = nystrom_step(system, method, t0, h, system.r, system.v, self.in_loop)
         sums = functools.partial(stage_sum, system, a, h, step.ks)
-        fifth, third = sums(tableau.DOP853_ERROR_5), sums(tableau.DOP853_ERROR_3)
-        error = jax.tree.map(EmbeddedErrors, fifth, third)
-        if not self.in_parts:
-            error = whole_error(error)
+        error = self._error(sums)
         y1 = system.state(step.r, step.v)
         if not self.dense:
             return Advance(y1, error, _start_alone(y0))
