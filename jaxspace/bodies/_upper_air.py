@@ -1,22 +1,23 @@
-"""Density and molar mass of the U.S. Standard Atmosphere, 1976, above 86 km, as cubic splines.
+"""Density and molar mass of the U.S. Standard Atmosphere, 1976, above 80 km, in pieces.
 
-The nodes are the solution of the standard's equations for six gases (Eqs. 32 to 41: diffusion of
-nitrogen, oxygen, argon, helium and hydrogen, with eddies below 115 km), integrated in steps of
-5 m. The helium is raised by 0.12 percent, which reproduces the printed table within its last digit
-up to 1000 km. Nodes are denser at 100 and 110 km, where its coefficients have kinks.
+Up to 86 km the molar mass is linear between the heights of table 8. Above, the logarithm of the
+density and the molar mass are cubic splines, whose nodes are the solution of the standard's
+equations for six gases (Eqs. 32 to 41: diffusion of nitrogen, oxygen, argon, helium and hydrogen,
+with eddies below 115 km), integrated in steps of 5 m. The helium is raised by 0.12 percent, which
+reproduces the printed table within its last digit up to 1000 km. Nodes are denser at 100 and
+110 km, where its coefficients have kinks.
 
 Source: U.S. Standard Atmosphere, 1976 (NOAA-S/T 76-1562), 1.3.
 """
 
-from typing import final
-
 import jax.numpy as jnp
 import numpy as np
-from jax import lax
-from jaxtyping import Array
+from jaxtyping import Float
 
 from ..core import Scalar
-from ..core.tables import within
+from .atmosphere import MOLAR_MASS
+
+MIXED = 80e3  # m, up to which M = M_0
 
 # Height, km; density, kg/m^3; molar mass, kg/kmol.
 _NODES = np.array(
@@ -38,79 +39,70 @@ _NODES = np.array(
         *((900, 5.76044e-15, 4.4044), (1000, 3.56155e-15, 3.9409)),
     ]
 )
-# Slopes at both ends, 1/km and kg/kmol/km.
+# Slopes at both ends of ln rho, 1/km, and of the molar mass, kg/kmol/km.
 _SLOPES = np.array([(-0.177943, -4.22136e-3), (-4.1312e-3, -2.95301e-3)])
+# Table 8: 1 - M / M_0 at each kilometre from 80 to 86.
+_LOSSES = np.array([0.0, 1.1e-5, 5.9e-5, 1.30e-4, 2.14e-4, 3.06e-4, 4.21e-4])
 
 
-def summed(weights: np.ndarray, terms: Array) -> Scalar:
-    """sum_k w_k x_k of `terms`, (terms, *runs)."""
-    # As a product of a vector and a matrix, which the compiler vectorises, unlike a sum over a
-    # leading axis; a product of two matrices would call a library.
-    return jnp.tensordot(weights.astype(terms.dtype), terms, 1, precision=lax.Precision.HIGHEST)
+def _spline(values: np.ndarray, slopes: np.ndarray) -> Float[np.ndarray, "4 intervals"]:
+    """The coefficients, by powers of the way into each interval, of the twice differentiable cubic
+    spline through the `values` at the nodes with the `slopes` at its ends."""
+    widths = np.diff(_NODES[:, 0])
+    mean = np.diff(values) / widths
+    # Equal curvatures on both sides of each inner node; the slopes at the ends are given.
+    matrix = np.eye(values.size)
+    right = np.empty_like(values)
+    right[0], right[-1] = slopes
+    for k in range(1, values.size - 1):
+        before, after = 1.0 / widths[k - 1], 1.0 / widths[k]
+        matrix[k, k - 1 : k + 2] = before, 2.0 * (before + after), after
+        right[k] = 3.0 * (mean[k - 1] * before + mean[k] * after)
+    m = np.linalg.solve(matrix, right)
+    second = (3.0 * mean - 2.0 * m[:-1] - m[1:]) / widths
+    third = (m[:-1] + m[1:] - 2.0 * mean) / widths**2
+    return np.stack([values[:-1], m[:-1], second, third])
 
 
-@final
-class Climb:
-    """Cubic splines of the height at the same nodes, as sums: each interval adds its change."""
-
-    def __init__(self, nodes: np.ndarray, values: np.ndarray, slopes: np.ndarray):
-        """The twice differentiable splines through the `values`, (splines, nodes), with the
-        `slopes`, (splines, 2), at their ends; they start at zero, and end with the last node."""
-        widths = np.diff(nodes)
-        mean = np.diff(values) / widths
-        # Equal curvatures on both sides of each inner node; the slopes at the ends are given.
-        matrix = np.eye(nodes.size)
-        right = np.empty_like(values)
-        right[:, 0], right[:, -1] = slopes.T
-        for k in range(1, nodes.size - 1):
-            before, after = 1.0 / widths[k - 1], 1.0 / widths[k]
-            matrix[k, k - 1 : k + 2] = before, 2.0 * (before + after), after
-            right[:, k] = 3.0 * (mean[:, k - 1] * before + mean[:, k] * after)
-        m = np.linalg.solve(matrix, right.T).T
-        self.nodes = nodes
-        self.widths = widths
-        second = (3.0 * mean - 2.0 * m[:, :-1] - m[:, 1:]) / widths
-        third = (m[:, :-1] + m[:, 1:] - 2.0 * mean) / widths**2
-        # Of the powers of what is passed of each interval.
-        self.weights = np.concatenate([m[:, :-1], second, third], axis=1)
-
-    def __call__(self, x: Scalar) -> list[Scalar]:
-        """The changes from the first node to `x`, (*runs,), of each spline; zero before it."""
-        dtype = jnp.result_type(x, float)
-        starts, widths = (
-            a.reshape(-1, *(1,) * jnp.ndim(x)).astype(dtype) for a in (self.nodes[:-1], self.widths)
-        )
-        # A search and a gather for each run cost more than the few operations of each interval.
-        passed = within(x - starts, 0.0, widths)
-        square = passed * passed
-        powers = jnp.concatenate([passed, square, square * passed])
-        return [summed(row, powers) for row in self.weights]
+def _pieces() -> tuple[Float[np.ndarray, " joints"], Float[np.ndarray, "9 pieces"]]:
+    """Where each piece but the first begins, km above 80 km, and the numbers of each: the height
+    from which it counts, and the coefficients of the change of ln rho and of M / M_0."""
+    start = _NODES[0]
+    logarithms = np.log(_NODES[:, 1] / start[1])
+    ratios = 1.0 - _LOSSES[-1] + (_NODES[:, 2] - start[2]) / MOLAR_MASS
+    mixing = np.zeros((8, _LOSSES.size - 1))
+    mixing[4:6] = 1.0 - _LOSSES[:-1], -np.diff(_LOSSES)
+    splines = np.concatenate(
+        [_spline(logarithms, _SLOPES[0]), _spline(ratios, _SLOPES[1] / MOLAR_MASS)]
+    )
+    # Below 80 km nothing changes. Beyond the last node the density has its last slope; the molar
+    # mass is constant there, because a linear one would become negative.
+    below, beyond = np.zeros((2, 8, 1))
+    below[4] = 1.0
+    beyond[[0, 1, 4], 0] = logarithms[-1], _SLOPES[0, 1], ratios[-1]
+    begins = np.concatenate([np.arange(80.0, 86.0), _NODES[:, 0]]) - 80.0
+    from_heights = np.append(0.0, begins)
+    rows = np.concatenate([below, mixing, splines, beyond], axis=1)
+    return begins, np.concatenate([from_heights[None], rows])
 
 
-# By the height above 86 km, km: the changes of ln rho and of the molar mass, kg/kmol.
-_ABOVE = _NODES[:, 0] - 86.0
-_CLIMB = Climb(_ABOVE, np.stack([np.log(_NODES[:, 1]), _NODES[:, 2]]), _SLOPES)
+_BEGINS, _PIECES = _pieces()
 
 
-def upper_changes(above: Scalar) -> tuple[Scalar, Scalar]:
-    """The changes of ln rho and of the molar mass, kg/kmol, from 86 km to a height `above` it, km,
-    (*runs,).
+def upper_changes(height: Scalar) -> tuple[Scalar, Scalar]:
+    """The change of ln rho from 86 km on, and M / M_0, at a `height`, m, (*runs,).
 
-    Beyond the last node the density has its last slope. The molar mass is constant there, because a
-    linear one would become negative."""
-    log_density, molar_mass = _CLIMB(above)
-    beyond = jnp.maximum(above - _ABOVE[-1].item(), 0.0)
-    return log_density + _SLOPES[0, 1].item() * beyond, molar_mass
-
-
-# Table 8: 1 - M / M_0 from 80 to 86 km.
-_RATIO_HEIGHTS = np.arange(80e3, 87e3, 1e3)
-_RATIO_LOSSES = np.array([0.0, 1.1e-5, 5.9e-5, 1.30e-4, 2.14e-4, 3.06e-4, 4.21e-4])
-
-
-def molar_mass_ratio(height: Scalar) -> Scalar:
-    """M / M_0 up to 86 km, linear between the heights, m, of table 8; then its last value."""
-    dtype = jnp.result_type(height, float)
-    starts = _RATIO_HEIGHTS[:-1].reshape(-1, *(1,) * jnp.ndim(height)).astype(dtype)
-    passed = within(height - starts, 0.0, 1e3)
-    return 1.0 - summed(np.diff(_RATIO_LOSSES) / 1e3, passed)
+    At a joint of two pieces the slope is that of the upper one."""
+    x = (height - MIXED) * 1e-3
+    begins = _BEGINS.astype(x.dtype).reshape(-1, *(1,) * x.ndim)
+    # The piece of each run. A sum over all pieces, which needs no search, is a program of twice the
+    # length, and every derivative of a flight through the air holds several of them.
+    number = jnp.sum(x >= begins, axis=0)
+    start, *powers = (
+        jnp.asarray(_PIECES.astype(x.dtype)).at[:, number].get(mode="promise_in_bounds")
+    )
+    passed = x - start
+    logarithm, ratio = (
+        a + passed * (b + passed * (c + passed * d)) for a, b, c, d in (powers[:4], powers[4:])
+    )
+    return logarithm, ratio

@@ -24,34 +24,30 @@ standard gives no speed of sound above 86 km: c is continued. Above 1000 km ln r
 its last slope and M is constant; below the ground the first layer continues to a depth of 100 km.
 
 Every value is continuous. Slopes jump at the bases of the layers (11, 20, 32, 47, 51, 71 km of H),
-that of the density by up to a fifth, where the derivative is that of the layer above, and at 86 km,
-where it is the mean of both sides.
+that of the density by up to a fifth, and at 86 km; the derivative there is that of the air above.
 Adaptive steps shorten where a run passes such a height; across it, fixed steps are of second order.
 """
 
 __all__ = ["geometric_height", "geopotential_height", "standard_atmosphere"]
 
 import math
-from collections.abc import Callable
 from typing import final
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import PyTree
 
 from ..core import Choice, NumberField, Scalar, constructor, quantity
 from ..core.formula import formula
 from ..core.square_roots import sqrt
 from ..core.tables import within
-from ._upper_air import molar_mass_ratio, upper_changes
+from ._upper_air import MIXED, upper_changes
 from .atmosphere import GAS_CONSTANT, GRAVITY, HEAT_RATIO, MOLAR_MASS, AbstractAtmosphere, Air
 
 RADIUS = 6356766.0  # m, r_0
 PRESSURE = 101325.0  # Pa, at H = 0
 TOP = 86e3  # m, where the layers end
-MIXED = 80e3  # m, up to which M = M_0
 BOTTOM = -1e5  # m, below which the air stays as it is
 # Of each layer: H_k, m, L_k, K/m, and T_k, K.
 LAYERS = (
@@ -89,57 +85,52 @@ def standard_atmosphere(height: Scalar) -> Air:
     return _air(jnp.asarray(height, jnp.result_type(height, float)))
 
 
-@jax.custom_jvp
-def _air(height: Scalar) -> Air:
-    return _by_height(height, lambda air, given: air(*given), (height, *_layers(height)))
+def _of_height(height: Scalar) -> Air:
+    logarithm, temperature = _layers(height)
+    # The upper air is most of the work, and is skipped where all runs are below. What follows is
+    # outside, although the values then pass through memory: it would stand in both branches.
+    logarithm, temperature, ratio = lax.cond(
+        jnp.any(height > MIXED), _every_air, _mixed_air, height, logarithm, temperature
+    )
+    density = jnp.exp(logarithm)
+    per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
+    return Air(ratio * temperature, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
+
+
+_air = jax.custom_jvp(_of_height)
 
 
 @_air.defjvp
 def _air_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Air, Air]:
     # By the slope, because reverse mode would hold the way back through both branches as well.
-    (height,) = primals
     (d_height,) = tangents
-    ahead = jnp.ones_like(height)
-    layers, d_layers = jax.jvp(_layers, (height,), (ahead,))
-    air, slope = _by_height(height, jax.jvp, (height, *layers), (ahead, *d_layers))
+    air, slope = jax.jvp(_of_height, primals, (jnp.ones_like(primals[0]),))
     return air, Air(*(s * d_height for s in slope))
 
 
-def _by_height(height: Scalar, apply: Callable, *given: tuple) -> PyTree:
-    """`apply(air, *given)` for the function of the air at these heights."""
-    # The splines of the upper air are most of the work, and are skipped where all runs are below.
-    return lax.cond(
-        jnp.any(height > MIXED),
-        lambda: apply(_all_air, *given),
-        lambda: apply(_lower_air, *given),
-    )
+def _mixed_air(
+    height: Scalar, logarithm: Scalar, temperature: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """ln rho, T_M and M / M_0 from those of the layers, up to 80 km, where the gases are mixed as
+    on the ground."""
+    return logarithm, temperature, jnp.ones_like(height)
 
 
-def _lower_air(height: Scalar, logarithm: Scalar, temperature: Scalar) -> Air:
-    """The air up to 80 km, where its gases are mixed as on the ground."""
-    del height
-    density = jnp.exp(logarithm)
-    per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
-    return Air(temperature, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
-
-
-def _all_air(height: Scalar, logarithm: Scalar, of_layers: Scalar) -> Air:
-    """The air at every height."""
-    above = jnp.maximum(height - TOP, 0.0) * 1e-3
-    rarer, lighter = upper_changes(above)
-    density = jnp.exp(logarithm + rarer)
-    molar_mass = MOLAR_MASS * molar_mass_ratio(height) + lighter
-    warm = height > TOP
-    kinetic = jnp.where(warm, _upper_temperature(above), of_layers * molar_mass / MOLAR_MASS)
-    per_mass = GAS_CONSTANT / MOLAR_MASS * of_layers
-    # The layers' own quotient where it holds, so that no digit is lost to the molar mass.
-    per_mass = jnp.where(warm, GAS_CONSTANT * kinetic / molar_mass, per_mass)
-    return Air(kinetic, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
+def _every_air(
+    height: Scalar, logarithm: Scalar, temperature: Scalar
+) -> tuple[Scalar, Scalar, Scalar]:
+    """The same at every height."""
+    rarer, ratio = upper_changes(height)
+    upper = _upper_temperature((height - TOP) * 1e-3) / ratio
+    return logarithm + rarer, jnp.where(height >= TOP, upper, temperature), ratio
 
 
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     """ln rho and T_M of the layers; above their top those at the top."""
-    level = geopotential_height(within(height, BOTTOM, TOP))
+    # Not `within`: at the top the slope is that above it, as of the upper air. Nor a selection,
+    # whose constants a derivative would hold for each effect anew.
+    above = (height >= TOP).astype(height.dtype) * (height - TOP)
+    level = geopotential_height(jnp.maximum(height - above, BOTTOM))
     dtype = jnp.result_type(level, float)
     level = jnp.asarray(level, dtype)
     table = _CONSTANTS.astype(dtype)
@@ -148,8 +139,10 @@ def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
     of_runs = jnp.asarray(table).at[:, number].get(mode="promise_in_bounds")
     base, at_base, warming, logarithm, power, decay = of_runs
     climbed = level - base
-    warmed = warming * climbed
-    return logarithm + power * jnp.log1p(warmed) + decay * climbed, at_base * (1.0 + warmed)
+    warmer = 1.0 + warming * climbed
+    # Not `log1p` and `expm1`, whose programs are several times as long: of the logarithm, up to 12,
+    # this loses a rounding or two.
+    return logarithm + power * jnp.log(warmer) + decay * climbed, at_base * warmer
 
 
 def _of_layers() -> np.ndarray:
@@ -173,14 +166,14 @@ _CONSTANTS = _of_layers()
 
 def _upper_temperature(above: Scalar) -> Scalar:
     """T, K, at the height `above` 86 km, km (Eqs. 25, 27, 29, 31)."""
-    z = 86.0 + above
+    z = 86.0 + jnp.maximum(above, 0.0)
     # The ellipse ends at 111 km; beyond 110 km it is not taken.
     x = (within(z, 91.0, 110.0) - 91.0) / 19.9429
     ellipse = 263.1905 - 76.3232 * jnp.sqrt(1.0 - x * x)
     straight = 12.0 * within(z - 110.0, 0.0, 10.0)
     far = jnp.maximum(z, 120.0)
     reduced = (far - 120.0) * (6356.766 + 120.0) / (6356.766 + far)
-    return ellipse + straight - 640.0 * jnp.expm1(-0.01875 * reduced)
+    return ellipse + straight + 640.0 * (1.0 - jnp.exp(-0.01875 * reduced))
 
 
 @final
