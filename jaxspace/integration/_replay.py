@@ -318,12 +318,13 @@ class Replay(eqx.Module):
             y = _select(forwards, y, get_row(buffer, jnp.where(forwards, -1, to + step)))
             (y1, dense_info), pull = self._linearised(moving, n + step, y)
             row = jnp.where(forwards & ((i + 1) % apart == 0), to + (i + 1) // apart, -1)
-            total = jax.lax.cond(
-                forwards,
-                lambda total: total,
-                lambda total: self._pulled(pull, dense_info, n + step, cotangent, total),
-                total,
-            )
+
+            # A loop of one pass or none, as that of `TangentControl.look`.
+            def back_once(carry: tuple[Array, PyTree]) -> tuple[Array, PyTree]:
+                go, total = carry
+                return ~go, self._pulled(pull, dense_info, n + step, cotangent, total)
+
+            _, total = jax.lax.while_loop(lambda carry: carry[0], back_once, (~forwards, total))
             return total, put_row(buffer, row, y1), y1
 
         return jax.lax.fori_loop(0, ahead + back, one, (total, buffer, y))[:2]
@@ -337,7 +338,9 @@ class Replay(eqx.Module):
     ) -> tuple[PyTree, ...]:
         """The cotangents before step `n`, which starts at the state `y`."""
         (_, dense_info), pull = self._linearised(moving, n, y)
-        return self._pulled(pull, dense_info, n, cotangent, total)
+        # Behind a barrier, because the compiler would take parts of the step once more for every
+        # result that uses them.
+        return self._pulled(barrier(pull), dense_info, n, cotangent, total)
 
     def _pulled(
         self,
@@ -352,9 +355,7 @@ class Replay(eqx.Module):
         of_dense = None
         if self.settings.save_ts is not None:
             k, of_dense = self._saved_vjp(n, dense_info, cotangent, k)
-        # Behind a barrier, because the compiler would take parts of the step once more for every
-        # result that uses them.
-        more, of_y = barrier(pull)((of_y, of_dense))
+        more, of_y = pull((of_y, of_dense))
         return _add(of_moving, more), of_y, k
 
     def _saved_vjp(

@@ -98,13 +98,15 @@ class TangentControl(eqx.Module):
             known=jnp.where(known, jnp.maximum(state.known, duration), state.known)
         )
 
-        def looked() -> tuple[ProbeState, Array]:
-            return self._looked(field, step, due, state)
+        # A loop of one pass or none: of a condition the compiler does not know which arrays are
+        # constant, and compiles twice what the effects compute from equal ones, such as the air.
+        def looked(carry: tuple[Array, ProbeState, Array]) -> tuple[Array, ProbeState, Array]:
+            go, state, _ = carry
+            return ~go, *self._looked(field, step, due, state)
 
-        def skipped() -> tuple[ProbeState, Array]:
-            return state, jnp.zeros_like(step.motion)
-
-        return jax.lax.cond(jnp.any(due), looked, skipped)
+        start = jnp.any(due), state, jnp.zeros_like(step.motion)
+        _, state, control = jax.lax.while_loop(lambda carry: carry[0], looked, start)
+        return state, control
 
     def _looked(
         self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: ProbeState

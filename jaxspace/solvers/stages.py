@@ -116,7 +116,9 @@ def stage_loop(
 
     # Evaluated again in reverse mode, because storing what it computes at every stage takes more
     # time. The sum is outside: it is linear, and reverse mode needs nothing of it.
-    rate = jax.checkpoint(derivative)
+    # Between the passes of a loop nothing is common, and a barrier would hide which arrays are
+    # constant: what two effects compute from equal ones would be there twice.
+    rate = jax.checkpoint(derivative, prevent_cse=False)
 
     def stage(ks: State, row: tuple[Array, Array, Array]) -> tuple[State, None]:
         i, ci, weights = row
