@@ -89,12 +89,12 @@ def _of_height(height: Scalar) -> Air:
     logarithm, temperature = _layers(height)
     # The upper air is most of the work, and is skipped where all runs are below. What follows is
     # outside, although the values then pass through memory: it would stand in both branches.
-    logarithm, temperature, ratio = lax.cond(
+    logarithm, molecular, kinetic = lax.cond(
         jnp.any(height > MIXED), _every_air, _mixed_air, height, logarithm, temperature
     )
     density = jnp.exp(logarithm)
-    per_mass = GAS_CONSTANT / MOLAR_MASS * temperature
-    return Air(ratio * temperature, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
+    per_mass = GAS_CONSTANT / MOLAR_MASS * molecular
+    return Air(kinetic, density * per_mass, density, sqrt(HEAT_RATIO * per_mass))
 
 
 _air = jax.custom_jvp(_of_height)
@@ -111,9 +111,10 @@ def _air_rule(primals: tuple[Scalar], tangents: tuple[Scalar]) -> tuple[Air, Air
 def _mixed_air(
     height: Scalar, logarithm: Scalar, temperature: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """ln rho, T_M and M / M_0 from those of the layers, up to 80 km, where the gases are mixed as
-    on the ground."""
-    return logarithm, temperature, jnp.ones_like(height)
+    """ln rho, T_M and T from those of the layers, up to 80 km, where the gases are mixed as on the
+    ground."""
+    del height
+    return logarithm, temperature, temperature
 
 
 def _every_air(
@@ -121,8 +122,13 @@ def _every_air(
 ) -> tuple[Scalar, Scalar, Scalar]:
     """The same at every height."""
     rarer, ratio = upper_changes(height)
-    upper = _upper_temperature((height - TOP) * 1e-3) / ratio
-    return logarithm + rarer, jnp.where(height >= TOP, upper, temperature), ratio
+    upper = _upper_temperature((height - TOP) * 1e-3)
+    # T itself, and not T_M M / M_0: its slope is small in the thin air, where that of M is not.
+    molecular, kinetic = (
+        jnp.where(height >= TOP, *pair)
+        for pair in ((upper / ratio, temperature), (upper, ratio * temperature))
+    )
+    return logarithm + rarer, molecular, kinetic
 
 
 def _layers(height: Scalar) -> tuple[Scalar, Scalar]:
