@@ -5,7 +5,6 @@ because a reduction over an axis of length three hinders the compiler's fusion.
 """
 
 __all__ = [
-    "along_axis",
     "axis",
     "components",
     "cross",
@@ -229,19 +228,7 @@ def axis(index: int, like: Scalar) -> Vector:
     - `index`: 0, 1 or 2.
     - `like`: a scalar that gives the shape of the runs and the precision.
     """
-    return along_axis(index, jnp.ones_like(like))
-
-
-def along_axis(index: int, component: Scalar) -> Vector:
-    """The vector of this `component` along an axis, (3, *runs).
-
-    Less work than a multiple of the unit vector: the compiler computes the component for this axis
-    alone, and reads no unit vector.
-
-    **Arguments**
-
-    - `index`: 0, 1 or 2.
-    - `component`: a number, (*runs,)."""
-    component = jnp.asarray(component)
-    zero = jnp.zeros_like(component)
-    return jnp.stack([component if i == index else zero for i in range(3)])
+    like = jnp.asarray(like)
+    one = jnp.ones_like(like)
+    zero = jnp.zeros_like(like)
+    return jnp.stack([one if i == index else zero for i in range(3)])

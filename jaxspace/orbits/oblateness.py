@@ -28,7 +28,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.barrier import barrier
 from ..core.formula import BELOW_ONE, POSITIVE, formula
-from ..core.vectors import along_axis, inverse_norm, scale
+from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 from .secular_rates import secular_rates
 
@@ -56,7 +56,7 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     c = (-1.5 * j2 * mu * (per_r2 * per_r)) * (radius * radius * per_r2)
     k = 2.0 * c * z
     # `scale` has a derivative that does not compute the scalar again for every component.
-    return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + along_axis(2, k)
+    return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))
 
 
 @formula(radius=POSITIVE)

@@ -28,7 +28,7 @@ from jaxtyping import Array, Float
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.formula import POSITIVE, formula
-from ..core.vectors import along_axis, inverse_norm, scale
+from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 
 
@@ -64,7 +64,7 @@ def zonals(
         before, slope = slope, after
     weight = (mu / radius**2) * inverse_norm(u, 2)
     down = -weight * across
-    return scale(weight * along * ratio, u) + along_axis(2, down)
+    return scale(weight * along * ratio, u) + scale(down, axis(2, down))
 
 
 @formula(radius=POSITIVE)
