@@ -21,6 +21,7 @@ from jaxspace import (
     simulate_mission,
 )
 from jaxspace.bodies import Load, RigidBody
+from jaxspace.core import Table
 from jaxspace.integration._tangents import Probes
 from jaxspace.orbits import PointGravity, UniformGravity
 from jaxspace.rotations import Quaternion
@@ -207,9 +208,9 @@ def test_it_is_switched_off_by_name():
     assert abs(off - SHAKEN) > 1.0
 
 
-def test_an_orbit_is_looked_at_once_in_some_dozen_steps(monkeypatch):
-    """The motion limits its steps; the last ones are short because the run ends, and tell nothing
-    of a derivative: each look takes as long as ten steps."""
+@pytest.fixture
+def looks(monkeypatch):
+    """Has a number for each time that a run looks at its tangents."""
     looks, after = [], Probes.after
 
     def counted(*args):
@@ -217,6 +218,27 @@ def test_an_orbit_is_looked_at_once_in_some_dozen_steps(monkeypatch):
         return after(*args)
 
     monkeypatch.setattr(Probes, "after", counted)
+    return looks
+
+
+def test_steps_that_nodes_keep_short_are_looked_at_once(looks):
+    """A table of 61 nodes ends all steps of a motion that would need one or two between them."""
+
+    def end(values):
+        table = Table(np.linspace(0.0, SPAN, 61), values)
+        push = Custom(lambda t, y, body: Load(acceleration_N=table(t) * ALONG_X))
+        accuracy = Accuracy(1e-9, method=DOP853())
+        return simulate(Scene([push]), REST, TS, accuracy=accuracy).final.position[0]
+
+    jax.block_until_ready(jax.grad(end)(jnp.ones(61)))
+    jax.effects_barrier()
+    # Of some sixty steps the third, the 27th and the 51st, and before them while they grow.
+    assert 1 <= len(looks) <= 6
+
+
+def test_an_orbit_is_looked_at_once_in_some_dozen_steps(looks):
+    """The motion limits its steps; the last ones are short because the run ends, and tell nothing
+    of a derivative: each look takes as long as ten steps."""
     # Orbits of several sizes end at several places of a step.
     r = np.linspace(1.0, 1.2, 16)
     y0 = BodyState(
