@@ -56,7 +56,7 @@ test-all: lint types docs  ## every test, with shapes and types checked; of a lo
 	@$(PYTEST) $(CHECKED) --no-programs
 
 # The same functions pass the checks of shapes and types in `unit`; here they would add a sixth.
-beyond: $(VENV)/.test  ## the tests beyond `test` but for the longest, compiled as users do
+beyond: $(VENV)/.test  ## the tests that `test` leaves out, compiled as users do
 	@$(PYTEST) --part rest --optimised
 
 processors: $(VENV)/.test  ## every test, compiled as users do, with the instructions of other processors

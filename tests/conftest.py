@@ -33,9 +33,9 @@ MAX_REGIONS = 20_000
 def pytest_addoption(parser):
     parser.addoption(
         "--part",
-        choices=("quick", "rest", "week", "all"),
+        choices=("quick", "rest", "all"),
         default="all",
-        help="tests that run: after every change, before it lands, once a week, or all",
+        help="tests that run: the fast ones, the others, or all",
     )
     parser.addoption(
         "--sweep",

@@ -1,6 +1,7 @@
-"""Which tests run after every change, before it lands and once a week, and where their compiled
-programs are stored. Plugins of pytest choose by marks and split by wall clock; here the measured
-processor time chooses, a basic test of each package stays, and a long list of cases is sampled.
+"""Which tests are fast, and where the compiled programs of the tests are stored.
+
+Plugins of pytest select by marks and split by elapsed time. Here the measured processor time
+selects, basic tests of each package are always fast, and a long list of cases is sampled.
 
 A test leaves the part that runs after every change (`--part quick`) only by its measured cost: the
 file `costs.csv` holds the processor time of each test that took long, and `make costs` writes it
@@ -28,15 +29,6 @@ MOST_SECONDS = 0.6
 # What a case takes beyond this, alone but not beside the others, is the program that they share.
 SHARED_SECONDS = 2.0 * MOST_SECONDS
 
-# Of the tests of a file that take more than this, s, the dearer three quarters wait for the weekly
-# run: with every one a change would wait an hour on a slow machine, and each file keeps some.
-MOST_SECONDS_OF_A_CHANGE = 1.0
-# What a newcomer types first never waits, nor what no cheaper test of its file looks at.
-NEVER_WAITS = (
-    "tests/test_manual.py::test_code_of_the_page_runs[README.md]",
-    "tests/solvers/test_solvers_adaptive_regularised.py::test_derivatives_agree_with_differences",
-)
-
 # Starts of the names of files whose tests look at commands, files, pages and pictures, where no
 # digit decides: they compile as quickly as may be also where the others compile as users do.
 WITHOUT_DIGITS = (
@@ -53,19 +45,13 @@ LEAST_SECONDS = 0.5
 
 
 def selected(items, part: str, sweep: str) -> list:
-    """Of all tests those of `part`, and of the long sweeps a sample or all cases. What runs after
-    every change is "quick", what is tried before it lands "rest", what waits for the weekly run
-    "week": together "all"."""
+    """The tests of one part: the fast ones ("quick"), the others ("rest") or both ("all"). `sweep`
+    selects a sample of the long sweeps, or all of their cases."""
     kept = list(items) if sweep == "all" else list(sample(items))
     if part == "all":
         return kept
     costs = read_costs()
-    waiting = waits_for_the_week([item.nodeid for item in kept], costs)
-
-    def part_of(test):
-        return "quick" if is_quick(test, costs) else "week" if test in waiting else "rest"
-
-    return [item for item in kept if part_of(item.nodeid) == part]
+    return [item for item in kept if is_quick(item.nodeid, costs) is (part == "quick")]
 
 
 def is_quick(test: str, costs: dict[str, float]) -> bool:
@@ -73,15 +59,6 @@ def is_quick(test: str, costs: dict[str, float]) -> bool:
     # No two files of tests have one name, whichever folder they are in.
     basic = test[test.partition("::")[0].rfind("/") + 1 :].startswith(BASIC_TESTS)
     return basic or cost(test, costs) <= MOST_SECONDS
-
-
-def waits_for_the_week(tests: list[str], costs: dict[str, float]) -> set[str]:
-    """Of the long tests of each file the dearer three quarters: the cheapest always stays."""
-    long = [t for t in tests if cost(t, costs) > MOST_SECONDS_OF_A_CHANGE and t not in NEVER_WAITS]
-    files = {}
-    for test in sorted(long, key=lambda t: (cost(t, costs), t)):
-        files.setdefault(test.partition("::")[0], []).append(test)
-    return {test for file in files.values() for test in file[-(-len(file) // 4) :]}
 
 
 def cost(test: str, costs: dict[str, float]) -> float:

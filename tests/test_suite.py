@@ -4,19 +4,19 @@ import ast
 import re
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
 import jax
 import pytest
 from jax.experimental.compilation_cache import compilation_cache
 from suite import (
     MOST_SECONDS,
-    NEVER_WAITS,
     WITHOUT_DIGITS,
     is_quick,
     looks_at_digits,
     program_folder,
     read_costs,
-    waits_for_the_week,
+    selected,
     write_costs,
 )
 from suite_basics import BASICS
@@ -60,20 +60,6 @@ def test_a_test_leaves_by_what_it_was_measured_to_take():
     assert not is_quick("tests/test_a.py::test_b[3]", costs)
 
 
-def test_the_dearer_three_quarters_of_the_long_tests_of_a_file_wait():
-    costs = {
-        "a::short": 1.0,
-        "a::long[1]": 9.0,
-        "a::long[2]": 8.0,
-        "a::long[3]": 7.0,
-        "a::middle": 4.0,
-        "b::one": 50.0,
-    }
-    assert waits_for_the_week(list(costs), costs) == {"a::long[1]", "a::long[2]", "a::long[3]"}
-    readme = NEVER_WAITS[0]
-    assert not waits_for_the_week([readme, "a::x"], {readme: 99.0, "a::x": 4.0})
-
-
 def test_costs_name_tests_that_exist():
     for test in read_costs():
         file, _, name = test.partition("::")
@@ -110,10 +96,46 @@ def test_files_without_digits_are_named_as_they_are():
     assert not idle and looks_at_digits(TESTS / "orbits/test_orbits_kepler.py")
 
 
+def test_both_parts_together_are_every_test():
+    """`.ci/run` calls `make test` and `make beyond`: no test may be missing from both."""
+    items = [SimpleNamespace(nodeid=f"tests/test_a.py::test_{k}") for k in range(4)]
+    for item in items:
+        item.get_closest_marker = lambda name: None
+    parts = [selected(items, part, "sample") for part in ("quick", "rest")]
+    assert sum(parts, []) == selected(items, "all", "sample") == items
+    script = (TESTS.parent / ".ci/run").read_text()
+    called = re.findall(r"make --no-print-directory (\w+)", script)
+    makefile = (TESTS.parent / "Makefile").read_text()
+    parts_run = {
+        part for target in reached(called, makefile) for part in parts_of(target, makefile)
+    }
+    assert parts_run == {"quick", "rest"}
+
+
+def recipe_of(target: str, makefile: str) -> str:
+    """The line of a target of the Makefile and its recipe."""
+    (found,) = re.findall(rf"^({target}:.*\n(?:\t.*\n)*)", makefile, re.MULTILINE)
+    return found
+
+
+def reached(targets: list[str], makefile: str) -> set[str]:
+    """The targets, and those that their recipes call."""
+    called = set(targets)
+    for target in targets:
+        calls = re.findall(r"\$\(MAKE\) --no-print-directory (\w+)", recipe_of(target, makefile))
+        called |= reached(calls, makefile)
+    return called
+
+
+def parts_of(target: str, makefile: str) -> list[str]:
+    """The parts of the tests that the recipe of a target runs."""
+    return re.findall(r"--part (\w+)", recipe_of(target, makefile))
+
+
 @pytest.mark.parametrize("target", ["beyond", "processors", "sweep", "faults"])
 def test_what_takes_longest_runs_the_programs_of_users(target):
     makefile = (TESTS.parent / "Makefile").read_text()
-    (recipe,) = re.findall(rf"^{target}:.*\n((?:\t.*\n)+)", makefile, re.MULTILINE)
+    recipe = recipe_of(target, makefile)
     assert "--optimised" in recipe or "--sweep all" in recipe
 
 
