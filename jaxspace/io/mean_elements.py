@@ -19,13 +19,14 @@ from typing import Any, NamedTuple
 from xml.etree import ElementTree
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from ..bodies import BodyState
 from ..core import InputError
 from ..core.extras import extra
 from ..core.files import read_text
 from ..core.printing import printed
+from ._decay import first_failure, states_by_sgp4
 from ._two_line import element_lines
 from .ephemeris import Ephemeris
 
@@ -53,31 +54,46 @@ class CataloguedOrbit(NamedTuple):
 
         **Arguments**
 
-        - `ts`: s after the epoch of the elements, (times,).
+        - `ts`: s after the epoch of the elements, (times,); negative ones are before it.
 
-        **Raises** `InputError` where the theory has no state, as after a decay."""
-        # Imported where it is used, because the library is an extra.
-        with extra("ephemerides"):
-            from sgp4.api import SGP4_ERRORS
-
+        **Raises** `InputError` where the theory has no state, and for every time beyond: a
+        satellite that decayed stays so, whatever SGP4 computes of a later time alone."""
         times = np.atleast_1d(np.asarray(ts, float))
-        # Day and fraction stay apart: in one double a Julian date is known to 40 microseconds only.
-        days = np.full(times.shape, self.record.jdsatepoch)
-        status, r, v = self.record.sgp4_array(days, self.record.jdsatepochF + times / 86400.0)
-        if np.any(status):
-            first = int(np.flatnonzero(status)[0])
-            raise InputError(
-                f"SGP4 has no state of {self.name or self.identifier} {times[first]:g} s after its "
-                f"epoch: {SGP4_ERRORS[int(status[first])]}."
-            )
+        if times.ndim != 1 or not np.all(np.isfinite(times)):
+            raise InputError(f"ts is {times.tolist()}: it must be finite numbers, (times,).")
+        self._check_reached(times)
+        _, r, v = states_by_sgp4(self.record, times)
         # The library works in km.
         return Ephemeris(
             self.epoch, times, 1e3 * r.T, 1e3 * v.T, self.name, self.identifier, frame="TEME"
         )
 
     def state(self, t: float = 0.0) -> BodyState:
-        """Position and velocity `t`, s, after the epoch, to begin a run with."""
+        """Position and velocity `t`, s, after the epoch, to begin a run with. Raises `InputError`
+        as `ephemeris` does."""
         return self.ephemeris([t]).state()
+
+    def _check_reached(self, times: NDArray[np.float64]) -> None:
+        """Raise `InputError` for the first of the `times`, s, that SGP4 does not reach from the
+        epoch on, forwards or backwards."""
+        # Imported where it is used, because the library is an extra.
+        with extra("ephemerides"):
+            from sgp4.api import SGP4_ERRORS
+
+        for side, word in ((1.0, "after"), (-1.0, "before")):
+            asked = times[times >= 0.0] if side > 0.0 else times[times < 0.0]
+            if not asked.size:
+                continue
+            failure = first_failure(self.record, side * float(np.max(np.abs(asked))))
+            if failure is None:
+                continue
+            end, code = failure
+            beyond = asked[side * asked >= side * end]
+            if beyond.size:
+                raise InputError(
+                    f"SGP4 has no state of {self.name or self.identifier} {abs(beyond[0]):g} s "
+                    f"{word} its epoch: from {abs(end):.6g} s {word} it on, {SGP4_ERRORS[code]}."
+                )
 
 
 def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:

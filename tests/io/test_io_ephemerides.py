@@ -78,6 +78,48 @@ def test_faults_of_two_line_sets(tmp_path):
         read_tle(decayed)[0].ephemeris(np.arange(0.0, 8e3, 100.0))
 
 
+# Each that decays within 42 days among the verification cases of SGP4: the side of the epoch, and
+# the first minute for which SGP4 alone reports an error, by calls at every second.
+DECAYS = {
+    "11801": (1, 63338.0), "16925": (1, 54377.9), "22312": (1, 489.2), "23333": (1, 20078.9),
+    "28350": (1, 1472.2), "28872": (1, 51.6), "29141": (-1, 670.2), "28623": (-1, 54551.4),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("number", DECAYS)
+def test_a_satellite_that_decayed_has_no_state_at_any_later_time(number):
+    """Before it the states are those of SGP4; beyond, every one is refused, also where SGP4 by
+    itself returns to 6,478 km or to 2e13 m, alone, among others and in another order."""
+    sgp4 = pytest.importorskip("sgp4")
+    lines = (Path(sgp4.__file__).parent / "SGP4-VER.TLE").read_text().splitlines()
+    k = next(k for k, line in enumerate(lines) if line[2:7] == number)
+    (satellite,) = read_tle("\n".join(line[:69] for line in lines[k : k + 2]) + "\n")
+    side, end = DECAYS[number]
+    before = side * 60.0 * np.linspace(0.0, end - 0.4, 7)
+    run = satellite.ephemeris(before)
+    status, r, _ = satellite.record.sgp4_tsince(before[-1] / 60.0)
+    assert status == 0
+    np.testing.assert_allclose(run.position[:, -1], 1e3 * np.array(r), rtol=1e-6)
+    later = side * 60.0 * np.append(end + 0.4, end * np.array([1.01, 1.1, 1.5, 3.0]))
+    for t in later:
+        with pytest.raises(InputError, match=f"no state of .* {'after' if side > 0 else 'before'}"):
+            satellite.state(t)
+    with pytest.raises(InputError, match="no state"):
+        satellite.ephemeris(np.append(later[-1], before))
+    # Away from the decay, on the other side of the epoch, there are states.
+    assert np.isfinite(satellite.state(-side * 60.0).position).all()
+
+
+def test_times_of_an_ephemeris():
+    pytest.importorskip("sgp4")
+    (satellite,) = read_tle(TLE)
+    # Far away: no decay, and no search without an end.
+    assert np.isfinite(satellite.state(-1e8).position).all()
+    for wrong in ([np.nan], [0.0, np.inf], np.zeros((2, 2))):
+        with pytest.raises(InputError, match="ts is .*finite numbers"):
+            satellite.ephemeris(wrong)
+
+
 NAME, FIRST, SECOND = TLE.splitlines()
 OF_ANOTHER = "2 00006  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413668"
 
