@@ -1,6 +1,9 @@
-"""Reading of text files that a user names, up to a limit of their size."""
+"""Text files that a user names: their content, up to a limit of their size, and the numbers in it.
+"""
 
+import math
 import os
+import re
 import stat
 from pathlib import Path
 
@@ -8,13 +11,28 @@ from .checks import InputError
 
 LARGEST = 64_000_000
 """Bytes of a file that are read: a campaign keeps the text of what it names in its store."""
+# `float` also reads "1_000", "infinity" and the digits of other scripts.
+NUMBER = re.compile(r"[-+]?([0-9]+(\.[0-9]*)?|\.[0-9]+)([eE][-+]?[0-9]+)?")
+LONGEST = 1000
+"""Characters of a number: to read one takes the square of its length."""
+UTF_16 = (b"\xff\xfe", b"\xfe\xff")
+
+
+def finite_number(text: str) -> float | None:
+    """The decimal number that a text is, with blanks around it; `None` for any other text, and for
+    a number beyond the range of a float, such as 1e999."""
+    text = text.strip()
+    if len(text) > LONGEST or not NUMBER.fullmatch(text):
+        return None
+    value = float(text)
+    return value if math.isfinite(value) else None
 
 
 def read_text(path: str | os.PathLike[str]) -> str:
-    """The text of a file, without the mark of Unicode that spreadsheets write before it.
+    """The text of a file in UTF-8, in UTF-16 with its byte order mark, or else in Windows-1252,
+    which contains Latin-1; without the byte order mark that spreadsheets write.
 
-    Bytes that are not UTF-8 are replaced: a comment may be in any encoding. A path that a scene
-    file gives has its `text`, which may be that of a store, and is not opened.
+    A path that a scene file gives has its `text`, which may be that of a store, and is not opened.
 
     **Raises** `OSError` for a file that cannot be opened, and `InputError` for one that is no
     regular file, as a device or a pipe, which may have no end, and for one of more than 64 MB."""
@@ -31,4 +49,10 @@ def read_text(path: str | os.PathLike[str]) -> str:
             f"{path} cannot be read: it has {result.st_size / 1e6:.0f} MB, and at most "
             f"{LARGEST / 1e6:.0f} MB are read."
         )
-    return path.read_bytes().decode("utf-8-sig", errors="replace")
+    content = path.read_bytes()
+    if content.startswith(UTF_16):
+        return content.decode("utf-16", errors="replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", errors="replace")

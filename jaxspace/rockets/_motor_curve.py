@@ -6,6 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core import InputError, check
+from ..core.files import finite_number
 
 
 class Point(NamedTuple):
@@ -18,11 +19,8 @@ class Point(NamedTuple):
 
 def numbers(fields: list[str]) -> list[float] | None:
     """The numbers that the fields are; `None` where one is other text, or is not finite."""
-    try:
-        values = [float(field) for field in fields]
-    except ValueError:
-        return None
-    return values if np.all(np.isfinite(values)) else None
+    values = [value for field in fields if (value := finite_number(field)) is not None]
+    return values if len(values) == len(fields) else None
 
 
 def wrong_line(path: Path, number: int, line: str, what: str) -> InputError:

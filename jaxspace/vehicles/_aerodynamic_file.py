@@ -6,8 +6,8 @@
                                                           the tip); CD and CL where no CA is there
     Missile DATCOM   for042.csv of release 2011, and      MACH, ALPHA, PHI (deg), CA, CN, CM, CY,
                      tables with the names of for006      CLN, CLL, CMQ, CMAD, CLLP
-    OpenRocket       data of a simulation, with a         Mach number, and axial or drag coefficient
-                     heading `# Time (s),...`             of the ascent, with and without thrust
+    OpenRocket       data of a simulation, with a         Mach number, and drag coefficient of the
+                     heading `# Time (s),...`             ascent, with and without thrust
 
 A user's own table may have any of these names. Columns in degrees are called so, all others are as
 the programs write them: `CP (m)` and `CP (cm)` are not inches. Columns of other names are left out.
@@ -26,8 +26,8 @@ import re
 import numpy as np
 
 from ..core import InputError
-from ..core.files import read_text
-from ._separated import separated
+from ..core.files import finite_number, read_text
+from ._separated import Sheet, separated
 
 DEGREE = np.pi / 180.0
 INCH = 0.0254
@@ -84,35 +84,29 @@ def read_columns(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
     """The columns of a file by the keys of `AerodynamicTable.of_columns`, in SI and radians.
 
     **Raises** `InputError` as `read_aerodynamics` does."""
-    heads, rows, numbers = _rows(str(path), read_text(path))
-    if TIME in heads:
-        return _of_flight(str(path), heads, rows, numbers)
-    return _of_table(str(path), heads, rows, numbers)
+    sheet = _sheet(str(path), read_text(path))
+    if TIME in sheet.names:
+        return _of_flight(str(path), sheet)
+    return _of_table(str(path), sheet)
 
 
-def _rows(path: str, text: str) -> tuple[list[str], list[list[str]], list[int]]:
-    """The names of the columns, the rows below them, and the numbers of their lines."""
-    lines = text.splitlines()
-    heads: list[str] = []
-    rows, numbers = [], []
-    for number, fields in enumerate(separated(lines, "mach"), 1):
-        names = [_name(field) for field in fields]
-        if any(name in ("mach", "mach number") for name in names):
-            # DATCOM repeats its heading before every block.
-            if heads and names != heads:
-                raise InputError(f"{path}, line {number} is another heading: it must be the first.")
-            heads = names
-        elif heads and any(names) and not fields[0].lstrip().startswith("#"):
-            # DATCOM gives the sizes of every block in a line of names and numbers.
-            if "sizes" in names[0]:
-                continue
-            rows.append([f.strip().replace(",", ".") for f in fields])
-            numbers.append(number)
-    if not heads:
+def _sheet(path: str, text: str) -> Sheet:
+    """The names of the columns and the rows below them."""
+
+    def is_heading(fields: list[str]) -> bool:
+        # A title such as "Mach" has no column beside it.
+        return len(fields) > 1 and any(_name(f) in ("mach", "mach number") for f in fields)
+
+    def is_note(fields: list[str]) -> bool:
+        # DATCOM gives the sizes of every block in a line of names and numbers.
+        return "sizes" in fields[0].lower()
+
+    sheet = separated(path, text.splitlines(), is_heading, is_note)
+    if sheet is None:
         raise InputError(f"{path} has no heading with Mach: it must name its columns.")
-    if not rows:
+    if not sheet.rows:
         raise InputError(f"{path} has no rows below its heading: it must have some.")
-    return heads, rows, numbers
+    return Sheet([_name(name) for name in sheet.names], sheet.rows)
 
 
 def _name(field: str) -> str:
@@ -122,40 +116,33 @@ def _name(field: str) -> str:
     return re.sub(r"\s*\(\W*\)$", "", name)
 
 
-def _column(
-    path: str,
-    heads: list[str],
-    rows: list[list[str]],
-    numbers: list[int],
-    k: int,
-    gaps: bool = False,
-) -> np.ndarray:
+def _column(path: str, sheet: Sheet, k: int, gaps: bool = False) -> np.ndarray:
     """The numbers of one column; with `gaps`, NaN where the file says so."""
-    result = np.empty(len(rows))
-    for i, row in enumerate(rows):
-        text = row[k] if k < len(row) else ""
+    result = np.empty(len(sheet.rows))
+    for i, (line, fields) in enumerate(sheet.rows):
+        text = fields[k]
         if gaps and text.lower() == "nan":
             result[i] = np.nan
             continue
-        try:
-            result[i] = float(text)
-        except ValueError:
-            result[i] = np.inf
-        if not np.isfinite(result[i]):
-            where = f"{path}, line {numbers[i]}: {heads[k]}"
-            raise InputError(f"{where} is {text[:40]!r}: it must be a finite number.")
+        value = finite_number(text.replace(",", "."))
+        if value is None:
+            raise InputError(
+                f"{path}, line {line}: {sheet.names[k]} is {text[:40]!r}: it must be a finite "
+                "number."
+            )
+        result[i] = value
     return result
 
 
-def _of_table(
-    path: str, heads: list[str], rows: list[list[str]], numbers: list[int]
-) -> dict[str, np.ndarray]:
+def _of_table(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     """The columns of a table by Mach number and angle."""
     result: dict[str, np.ndarray] = {}
-    for k, head in enumerate(heads):
-        key, unit = NAMES.get(head, ("", 1.0))
+    for k, name in enumerate(sheet.names):
+        key, unit = NAMES.get(name, ("", 1.0))
         if key and key not in result:
-            result[key] = unit * _column(path, heads, rows, numbers, k)
+            result[key] = unit * _column(path, sheet, k)
+    if "ca power-off" in sheet.names:
+        result = _with_last_row(result)
     if np.any(result.pop("sideslip", np.zeros(1)) != 0.0):
         raise InputError(f"{path} has angles of sideslip: it must have alpha and phi alone.")
     if "centre_ahead" in result:
@@ -176,20 +163,41 @@ def _of_table(
     return result
 
 
-def _of_flight(
-    path: str, heads: list[str], rows: list[list[str]], numbers: list[int]
-) -> dict[str, np.ndarray]:
+def _with_last_row(columns: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The columns of RASAero II with the row that it leaves out: that of the greatest Mach number
+    at the greatest angle.
+
+    The coefficients there change from the Mach number before as they do at the angle before. Any
+    other row that is missing is left to the check of the grid."""
+    machs, mach = np.unique(columns["mach"], return_inverse=True)
+    angles, angle = np.unique(columns.get("angle", np.zeros(mach.size)), return_inverse=True)
+    shape = machs.size, angles.size
+    place = mach * angles.size + angle
+    count = np.bincount(place, minlength=machs.size * angles.size)
+    if min(shape) < 2 or count[-1] != 0 or np.any(count[:-1] != 1):
+        return columns
+    row = np.argsort(place)
+    # Of the last Mach number at the angle before, and of the Mach number before at both.
+    beside, before, both = row[-1], row[-angles.size], row[-angles.size - 1]
+    last = {key: x[beside] + x[before] - x[both] for key, x in columns.items()}
+    # Without the roundings of a sum, which would make another point of the grid.
+    last |= {"mach": machs[-1], "angle": angles[-1]}
+    return {key: np.append(x, last[key]) for key, x in columns.items()}
+
+
+def _of_flight(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     """Mach number and axial coefficients of the ascent in simulation data of OpenRocket."""
 
-    def column(*starts: str) -> np.ndarray | None:
-        for start in starts:
-            for k, head in enumerate(heads):
-                if head.startswith(start):
-                    return _column(path, heads, rows, numbers, k, gaps=True)
+    def column(start: str) -> np.ndarray | None:
+        for k, name in enumerate(sheet.names):
+            if name.startswith(start):
+                return _column(path, sheet, k, gaps=True)
         return None
 
     mach = column("mach number")
-    coefficient = column("axial drag coefficient", "drag coefficient")
+    # Not the axial one, which is this times a polynomial of the angle of attack (1 at 0, 1.3 at 17
+    # and 0 at 90 degrees, negative beyond): the table has no other angle than zero.
+    coefficient = column("drag coefficient")
     thrust = column(THRUST)
     climb = column(CLIMB)
     height = column(HEIGHT)

@@ -242,19 +242,19 @@ DATCOM = """'SIZES',  'NVARS', 7, 'NALPHA', 3, 'NMACH', 2
 """
 
 OPENROCKET = """# Simulation 1 (Up to date)
-# 6 data points written for 6 variables.
+# 7 data points written for 7 variables of Mach Buster.
 # Time (s),Altitude (m),Vertical velocity (m/s),Mach number (\u200b),Thrust (N),\
-Axial drag coefficient (\u200b)
+Axial drag coefficient (\u200b),Drag coefficient (\u200b)
 # Event LAUNCH occurred at t=0 seconds
-0,0,1,0.0,100,NaN
-0.01,0,1,0.0,100,0.50
-1,50,100,0.3,100,0.40
-2,200,200,0.6,100,0.45
+0,0,1,0.0,100,NaN,NaN
+0.01,0,1,0.0,100,0.08,0.50
+1,50,100,0.3,100,0.41,0.40
+2,200,200,0.6,100,0.46,0.45
 # Event BURNOUT occurred at t=2 seconds
-3,400,150,0.45,0,0.52
-8,900,1,0.0,0,0.60
+3,400,150,0.45,0,0.55,0.52
+8,900,1,0.0,0,-0.20,0.60
 # Event APOGEE occurred at t=8 seconds
-9,890,-10,0.02,0,0.9
+9,890,-10,0.02,0,0.9,0.9
 """
 
 
@@ -275,6 +275,58 @@ def test_files_of_datcom_and_openrocket(tmp_path):
     np.testing.assert_allclose(c["axial_burning"], [0.50, 0.40, 0.45], rtol=1e-13)
     # Linear between the Mach numbers of the coast, constant beyond its greatest one.
     np.testing.assert_allclose(c["axial"], [0.60, 0.60 - 0.08 / 1.5, 0.52], rtol=1e-13)
+    # That of an angle of attack which the file may not have: negative from behind.
+    path.write_text(OPENROCKET.replace(",Drag coefficient", ",Base drag coefficient"))
+    with pytest.raises(InputError, match="must have Mach number, Drag coefficient, Thrust"):
+        read_aerodynamics(path, area=0.0127, length=0.127, station=0.0)
+
+
+def test_the_row_that_rasaero_leaves_out_is_extrapolated_along_the_mach_number(tmp_path):
+    """Of a table that is a sum of a function of the Mach number and one of the angle the missing
+    row is exact; any other row is missed."""
+    path = tmp_path / "rasaero.csv"
+    head = "Mach,Alpha,CA Power-Off,CA Power-On,CN,CP\n"
+    machs = [0.01, 0.02, 1.3, 24.99, 25.0]
+    rows = [
+        f"{m:.2f},{a},{0.3 + 0.1 * m + 0.01 * a},{0.2 + 0.1 * m + 0.01 * a},{0.2 * a},60"
+        for a in (0, 2, 4)
+        for m in machs
+    ]
+    path.write_text(head + "\n".join(rows[:-1]))
+    table = read_aerodynamics(path, **REFERENCE)
+    assert table.mach.shape == (5,) and table.angle.shape == (3,)
+    c = table.at(jnp.array([25.0, 25.0, 24.99]), jnp.array([2.0, 4.0, 4.0]) * DEG)
+    np.testing.assert_allclose(c["axial"], [2.82, 2.84, 2.839], rtol=1e-13)
+    np.testing.assert_allclose(c["axial_burning"], [2.72, 2.74, 2.739], rtol=1e-13)
+    normal = np.array([0.4, 0.8, 0.8]) / np.sin(np.array([2.0, 4.0, 4.0]) * DEG)
+    np.testing.assert_allclose(c["normal"], normal, rtol=1e-12)
+    for lost in (rows[:-2], [*rows[:4], *rows[5:]], [*rows[:7], *rows[8:-1]]):
+        path.write_text(head + "\n".join(lost))
+        with pytest.raises(InputError, match="has 0 rows for mach"):
+            read_aerodynamics(path, **REFERENCE)
+    # A table of another program that ends too soon has lost something.
+    path.write_text(head.replace(" Power-Off", "").replace(" Power-On", "2") + "\n".join(rows[:-1]))
+    with pytest.raises(InputError, match="has 0 rows for mach 25, angle"):
+        read_aerodynamics(path, **REFERENCE)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"Mach,CA\r\n0,0.4\r\n\r\n1,0.5\r\n",
+        b"# Mach,CA\n# a note\n0, 0.4\n1, 0.5\n",
+        b"Mach Buster, drag\n\nMach;CA;\n0;0,4;\n1;0,5;\n",
+        b"\xef\xbb\xbfMach\tCA\n0\t0,4\n1\t.5e0\n",
+        "Mach,CA,Länge (°)\n0,0.4,1\n1,0.5,1\n".encode("latin-1"),
+        "Mach;CA\n0;0.4\n1;0.5\n".encode("utf-16"),
+    ],
+    ids=["windows", "comment", "semicolons", "tabulators", "latin-1", "utf-16"],
+)
+def test_forms_of_a_table(tmp_path, content):
+    path = tmp_path / "table.csv"
+    path.write_bytes(content)
+    c = read_aerodynamics(path, **REFERENCE).at(jnp.array([0.0, 1.0]), 0.0)
+    np.testing.assert_allclose(c["axial"], [0.4, 0.5], rtol=1e-13)
 
 
 def test_a_table_of_all_angles_reaches_a_flow_from_behind():
@@ -328,6 +380,11 @@ def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, rasaero):
     assert "has 2 rows for mach 0.5, angle 0 rad" in refusal("\n".join([*rows, rows[1]]))
     text = "\n".join([*rows[:3], rows[3].replace("0.90", "n/a"), *rows[4:]])
     assert f"{path}, line 4: cn is 'n/a': it must be a finite number." in refusal(text)
+    for number in ("nan", "inf", "1e999", "1_0", "0x1", "", "٣"):
+        bad = refusal(f"Mach,CA\n0,0.4\n\n1,{number}\n")
+        assert f"{path}, line 4: ca is {number!r}: it must be a finite number." in bad
+    # With a decimal comma all columns behind it are shifted.
+    assert "line 2 has 3 fields: it must have 2" in refusal("Mach,CA\n0,0,4\n1,0,5\n")
     assert "no heading with Mach" in refusal("a,b\n1,2\n")
     assert "no rows below its heading" in refusal(rows[0])
     assert "1 Mach numbers: it must have two" in refusal("\n".join(rows[:4]))
