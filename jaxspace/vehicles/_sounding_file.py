@@ -11,23 +11,30 @@ Columns of other names are left out; without pressure and temperature, or withou
 speed, a file is one of a wind or of an atmosphere alone. The direction is that from which the wind
 blows, from north over east: 270 degrees is a wind from the west, which moves the air eastwards.
 
-`_sounding_lists` has the forms of the lists. Levels of these services with an empty field are left
-out of what the field is for, as their lists have them below the ground and where only a wind was
-measured; so are levels that do not rise above all before, where the balloon swung. In any other CSV
-both are errors. Heights of the services are geopotential ones, and become geometric here.
+`_sounding_lists` has the forms of the lists. A field is missing where it is empty, `nan`, `NA` or
+the like, or -9999: its level is left out of the profile that needs it. Lists of the services have
+such levels below the ground and where only a wind was measured. Their levels that do not rise above
+all before, where the balloon swung, are left out, too; in any other CSV they are errors. Heights of
+the services are geopotential ones, and become geometric here.
+
+The pressures of two levels may be equal where they are so close that rounding to a whole hPa can
+make them so. A gap without levels is an error only for what needs it: of a wind that ends below the
+air the air can be used.
 """
 
 import os
 import re
 from typing import NamedTuple
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 
+from ..bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from ..bodies.standard_atmosphere import geometric_height
 from ..core import InputError
-from ..core.files import read_text
-from ._separated import separated
+from ..core.files import finite_number, read_text
+from ._separated import Row, separated
 from ._sounding_lists import read_list
 
 # A list with a longer gap has lost levels: between them no interpolation would tell the air.
@@ -36,6 +43,11 @@ LARGEST_GAP = 6e3
 FASTEST = 150.0
 """m/s: no wind has been measured that is faster."""
 FREEZING = 273.15
+ROUNDING = 200.0
+"""Pa: services round or truncate each pressure to a whole hPa, or less."""
+# Of a missing value: no quantity can have one of these numbers.
+MISSING = ("", "nan", "na", "n/a", "null", "none", "-", "--", "---", "/", "//", "///", "////")
+MISSING_NUMBERS = (-9999.0, -8888.0, -999.0)
 
 # The quantity of a column and its units, by the beginning of the name.
 PRESSURES = {"hpa": 100.0, "mbar": 100.0, "mb": 100.0, "pa": 1.0}
@@ -76,17 +88,26 @@ class SoundingFile(NamedTuple):
     wind_heights: np.ndarray
     east: np.ndarray
     north: np.ndarray
+    air_gap: str = ""
+    wind_gap: str = ""
 
     def air_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Heights, pressures and temperatures. Raises `InputError` for fewer than two levels."""
-        return _two("a pressure and a temperature", self.heights, self.pressure, self.temperature)
+        """Heights, pressures and temperatures. Raises `InputError` for fewer than two levels or a
+        gap."""
+        levels = self.heights, self.pressure, self.temperature
+        return _usable("a pressure and a temperature", self.air_gap, *levels)
 
     def wind_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Heights and winds. Raises `InputError` for fewer than two levels."""
-        return _two("a direction and a speed", self.wind_heights, self.east, self.north)
+        """Heights and winds. Raises `InputError` for fewer than two levels or a gap."""
+        levels = self.wind_heights, self.east, self.north
+        return _usable("a direction and a speed", self.wind_gap, *levels)
 
 
-def _two(what: str, *levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _usable(
+    what: str, gap: str, *levels: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    if gap:
+        raise InputError(gap)
     heights, first, second = levels
     if heights.size < 2:
         raise InputError(
@@ -108,7 +129,7 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     """The content of the file; see `read_sounding`."""
     lines = read_text(path).splitlines()
     listed = read_list(str(path), lines)
-    levels = _csv(str(path), lines) if listed is None else _levels(str(path), *listed, service=True)
+    levels = _csv(str(path), lines) if listed is None else _levels(str(path), *listed, True)
     for name, x in levels.columns.items():
         what, within = ALLOWED[name]
         # NaN is an empty field, which is left out or refused by itself.
@@ -118,8 +139,11 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
             raise InputError(
                 f"{path}, line {levels.lines[k]}: {name} is {x[k]:.6g}: it must be {what}."
             )
-    heights, pressure, temperature = _profile(str(path), levels, "pressure", "temperature")
-    above, direction, speed = _profile(str(path), levels, "direction", "speed")
+    air = _profile(str(path), levels, "pressure", "temperature")
+    wind = _profile(str(path), levels, "direction", "speed")
+    _check_pressures(str(path), air)
+    heights, pressure, temperature = air.levels
+    above, direction, speed = wind.levels
     if heights.size == 0 and above.size == 0:
         raise InputError(
             f"{path} has no level of an atmosphere or a wind: it must have heights with pressure "
@@ -127,48 +151,49 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
         )
     # The direction is where the wind comes from: the air moves the other way.
     angle = np.radians(direction)
-    return SoundingFile(
-        heights, pressure, temperature, above, -speed * np.sin(angle), -speed * np.cos(angle)
-    )
+    east, north = -speed * np.sin(angle), -speed * np.cos(angle)
+    gaps = _gap(str(path), air), _gap(str(path), wind)
+    return SoundingFile(heights, pressure, temperature, above, east, north, *gaps)
 
 
 def _csv(path: str, lines: list[str]) -> Levels:
     """The levels of a CSV file with a heading."""
-    heads: list[str] = []
-    # The numbers of the lines, by which errors name a row, although notes and empty lines lie
-    # between.
-    rows, numbers = [], []
-    for number, fields in enumerate(separated(lines, "height", "altitude"), 1):
-        if not heads:
-            known = [_meaning(field)[0] for field in fields]
-            # What stands above the heading (a title, notes) names no height.
-            heads = fields if "height" in known else []
-        elif any(field.strip() for field in fields) and not fields[0].startswith(("#", "<")):
-            rows.append([field.strip() for field in fields])
-            numbers.append(number)
-    if not heads:
+
+    def is_heading(fields: list[str]) -> bool:
+        # A title with the word has no column beside it.
+        return len(fields) > 1 and any(_meaning(field)[0] == "height" for field in fields)
+
+    def is_note(fields: list[str]) -> bool:
+        # The page about a list.
+        return fields[0].startswith("<")
+
+    sheet = separated(path, lines, is_heading, is_note)
+    if sheet is None:
         raise InputError(
             f"{path} has no heading with a height: it must be a list of Wyoming, SPC or IGRA, or a "
             f"CSV with names and units such as height (m), pressure (hPa)."
         )
+    heads = sheet.names
     service = any(head.strip().lower() == "geopotential height_m" for head in heads)
-    return _levels(path, heads, rows, numbers, service)
+    return _levels(path, heads, sheet.rows, service)
 
 
 def _meaning(head: str) -> tuple[str, str, str]:
     """Meaning of a column, its name, and its unit as written; empty for an unknown column."""
-    match = re.match(r"\s*([^(_]*?)\s*(?:[(_]\s*([^)]*?)\s*\)?)?\s*$", head)
-    name, unit = (part or "" for part in match.groups()) if match else ("", "")
-    name = name.lower()
+    bracket = re.fullmatch(r"(.*?)\s*[(\[]([^()\[\]]*)[)\]]?", head.strip())
+    if bracket:
+        name, unit = bracket[1], bracket[2]
+    else:
+        # `geopotential height_m`, as Wyoming writes it, or a name alone.
+        name, _, unit = head.rpartition("_") if "_" in head else (head, "", "")
+    name = name.replace("_", " ").strip().lower()
     for key, (starts, _) in QUANTITIES.items():
         if name in starts:
-            return key, name, unit.lower()
+            return key, name, unit.strip().lower()
     return "", name, unit
 
 
-def _levels(
-    path: str, heads: list[str], rows: list[list[str]], numbers: list[int], service: bool
-) -> Levels:
+def _levels(path: str, heads: list[str], rows: list[Row], service: bool) -> Levels:
     """The columns in SI units."""
     columns: dict[str, np.ndarray] = {}
     for k, head in enumerate(heads):
@@ -181,46 +206,46 @@ def _levels(
             raise InputError(
                 f"{path}: the unit of {name} is {unit!r}: it must be one of {', '.join(units)}."
             )
-        x = np.array([_number(path, row, k, name, n) for row, n in zip(rows, numbers, strict=True)])
-        if not service and np.any(np.isnan(x)):
-            line = numbers[int(np.argmax(np.isnan(x)))]
-            raise InputError(f"{path}, line {line}: {name} is empty: it must be a number.")
-        x = x * units[unit]
+        x = units[unit] * np.array([_number(path, row, k, name) for row in rows])
         if key == "temperature" and unit != "k":
             x = x + FREEZING
         if key == "height" and name in ("geopotential height", "hght"):
             # A geopotential height is smaller, by 140 m at 30 km.
-            x = np.asarray(geometric_height(jnp.asarray(x)))
+            # A scene file is built within a trace, where a result would be traced, too.
+            with jax.ensure_compile_time_eval():
+                x = np.asarray(geometric_height(jnp.asarray(x)))
         columns[key] = x
     if "height" not in columns:
         raise InputError(f"{path} has no column of heights: it must have one.")
-    return Levels(columns, np.array(numbers), service)
+    return Levels(columns, np.array([row.line for row in rows]), service)
 
 
-def _number(path: str, row: list[str], k: int, name: str, line: int) -> float:
+def _number(path: str, row: Row, k: int, name: str) -> float:
+    """The number of a field, NaN where it is missing."""
     # Semicolons part the fields of a file with decimal commas, so that a comma here is a point.
-    text = row[k].replace(",", ".") if k < len(row) else ""
-    if not text:
+    text = row.fields[k].replace(",", ".")
+    if text.lower() in MISSING:
         return np.nan
-    try:
-        value = float(text)
-    except ValueError:
-        # As the text "inf", which `float` reads: one sentence refuses both.
-        value = np.inf
-    if not np.isfinite(value):
+    value = finite_number(text)
+    if value is None:
         raise InputError(
-            f"{path}, line {line}: {name} is {text[:40]!r}: it must be a finite number."
+            f"{path}, line {row.line}: {name} is {text[:40]!r}: it must be a finite number."
         )
-    return value
+    return np.nan if value in MISSING_NUMBERS else value
 
 
-def _profile(
-    path: str, levels: Levels, first: str, second: str
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Heights and two quantities, of the levels that have them; checked."""
+class Profile(NamedTuple):
+    """Heights and two quantities, (3, levels), and the `lines` that they stand in."""
+
+    levels: np.ndarray
+    lines: np.ndarray
+
+
+def _profile(path: str, levels: Levels, first: str, second: str) -> Profile:
+    """Heights and two quantities, of the levels that have them; the heights ascend."""
     columns = levels.columns
     if first not in columns or second not in columns:
-        return np.empty(0), np.empty(0), np.empty(0)
+        return Profile(np.empty((3, 0)), np.empty(0, int))
     x = np.stack([columns["height"], columns[first], columns[second]])
     # A level without one of both says nothing of this profile, and may say all of the other.
     whole = np.all(np.isfinite(x), axis=0)
@@ -230,21 +255,42 @@ def _profile(
         # again through heights that it has passed.
         rising = np.append(True, x[0, 1:] > np.maximum.accumulate(x[0])[:-1])
         x, lines = x[:, rising], lines[rising]
-    steps = np.diff(x[0])
-    for wrong, what in (
-        (steps <= 0.0, "above that of the row before"),
-        (steps > LARGEST_GAP, f"at most {LARGEST_GAP:g} m above that of the row before"),
-    ):
-        if np.any(wrong):
-            k = int(np.argmax(wrong)) + 1
-            raise InputError(
-                f"{path}, line {lines[k]}: height is {x[0, k]:.6g} after {x[0, k - 1]:.6g}: it "
-                f"must be {what}."
-            )
-    if first == "pressure" and np.any(np.diff(x[1]) >= 0.0):
-        k = int(np.argmax(np.diff(x[1]) >= 0.0)) + 1
+    profile = Profile(x, lines)
+    wrong = _step(path, profile, np.diff(x[0]) <= 0.0, "above that of the row before")
+    if wrong:
+        raise InputError(wrong)
+    return profile
+
+
+def _gap(path: str, profile: Profile) -> str:
+    """The sentence of a gap without levels; nothing where there is none."""
+    what = f"at most {LARGEST_GAP:g} m above that of the row before"
+    return _step(path, profile, np.diff(profile.levels[0]) > LARGEST_GAP, what)
+
+
+def _step(path: str, profile: Profile, wrong: np.ndarray, what: str) -> str:
+    """The sentence of the first wrong step of the height."""
+    if not np.any(wrong):
+        return ""
+    k = int(np.argmax(wrong)) + 1
+    height = profile.levels[0]
+    return (
+        f"{path}, line {profile.lines[k]}: height is {height[k]:.6g} after {height[k - 1]:.6g}: it "
+        f"must be {what}."
+    )
+
+
+def _check_pressures(path: str, air: Profile) -> None:
+    """Raise `InputError` for a pressure that does not fall as that of air must."""
+    height, pressure, temperature = air.levels
+    fall = -np.diff(pressure)
+    # What air in equilibrium falls by, and a rounding may hide.
+    scale = GAS_CONSTANT / (GRAVITY * MOLAR_MASS) * temperature[1:]
+    hidden = (fall == 0.0) & (pressure[:-1] * -np.expm1(-np.diff(height) / scale) <= ROUNDING)
+    wrong = (fall <= 0.0) & ~hidden
+    if np.any(wrong):
+        k = int(np.argmax(wrong)) + 1
         raise InputError(
-            f"{path}, line {lines[k]}: pressure is {x[1, k]:.6g} Pa after {x[1, k - 1]:.6g}: it "
-            f"must fall with the height."
+            f"{path}, line {air.lines[k]}: pressure is {pressure[k]:.6g} Pa after "
+            f"{pressure[k - 1]:.6g}: it must fall with the height."
         )
-    return x[0], x[1], x[2]

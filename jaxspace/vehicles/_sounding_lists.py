@@ -14,9 +14,9 @@ Source: sharppy.io.spc_decoder; IGRA v2.2 Format Description, NOAA (2023).
 """
 
 import re
-from typing import NamedTuple
 
 from ..core import InputError
+from ._separated import Row, Sheet
 
 # Characters of a column in lists of Wyoming, which part empty fields by their place alone.
 WIDTH = 7
@@ -31,17 +31,10 @@ IGRA_COLUMNS = (
     ("SPED (m/s)", slice(46, 51), True),
 )
 """Heading of a column, where it stands in a row, and whether it is in tenths."""
+IGRA_MISSING = ("-9999", "-8888")
 
 
-class Rows(NamedTuple):
-    """The `heads` of columns, the `rows` of their fields, and the `lines` that they stand in."""
-
-    heads: list[str]
-    rows: list[list[str]]
-    lines: list[int]
-
-
-def read_list(path: str, lines: list[str]) -> Rows | None:
+def read_list(path: str, lines: list[str]) -> Sheet | None:
     """The rows of a list; `None` for a file that is none of these.
 
     **Arguments**
@@ -59,13 +52,13 @@ def read_list(path: str, lines: list[str]) -> Rows | None:
     return None
 
 
-def _wyoming(lines: list[str], head: int) -> Rows:
+def _wyoming(lines: list[str], head: int) -> Sheet:
     names = [lines[head][k : k + WIDTH].strip() for k in range(0, len(lines[head]), WIDTH)]
     # A page that ends with its heading has no units.
     below = lines[head + 1] if head + 1 < len(lines) else ""
     units = [below[k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)]
     heads = [f"{name} ({unit})" for name, unit in zip(names, units, strict=True)]
-    result = Rows(heads, [], [])
+    result = Sheet(heads, [])
     for number, line in enumerate(lines[head + 2 :], head + 3):
         if not line.strip() or set(line.strip()) == {"-"}:
             if result.rows:
@@ -76,13 +69,12 @@ def _wyoming(lines: list[str], head: int) -> Rows:
             if "<" in line or line.lstrip()[:7] == "Station":
                 break
         row = [line[k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)]
-        result.rows.append(row)
-        result.lines.append(number)
+        result.rows.append(Row(number, row))
     return result
 
 
-def _spc(path: str, lines: list[str], start: int) -> Rows:
-    result = Rows(list(SPC), [], [])
+def _spc(path: str, lines: list[str], start: int) -> Sheet:
+    result = Sheet(list(SPC), [])
     for number, line in enumerate(lines[start + 1 :], start + 2):
         if line.strip() == "%END%":
             return result
@@ -94,14 +86,12 @@ def _spc(path: str, lines: list[str], start: int) -> Rows:
                 f"{path}, line {number} has {len(fields)} numbers: it must have {len(SPC)}, "
                 "pressure, height, temperature, dew point, direction and speed, with commas."
             )
-        # SPC writes -9999 where it has nothing.
-        result.rows.append([_known(field, -9999.0) for field in fields])
-        result.lines.append(number)
+        result.rows.append(Row(number, fields))
     raise InputError(f"{path} has no line %END%: it must have one below its levels.")
 
 
-def _igra(path: str, lines: list[str], head: int) -> Rows:
-    result = Rows([name for name, _, _ in IGRA_COLUMNS], [], [])
+def _igra(path: str, lines: list[str], head: int) -> Sheet:
+    result = Sheet([name for name, _, _ in IGRA_COLUMNS], [])
     for number, line in enumerate(lines[head + 1 :], head + 2):
         if line.startswith("#"):
             # Files of a station hold all soundings of its history.
@@ -112,26 +102,14 @@ def _igra(path: str, lines: list[str], head: int) -> Rows:
             )
         if line.strip():
             # Fields touch each other where they are full: they are found by their places.
-            result.rows.append(
-                [
-                    _tenth(field) if tenths else field
-                    for _, place, tenths in IGRA_COLUMNS
-                    for field in [_known(line[place].strip(), -9999.0, -8888.0)]
-                ]
-            )
-            result.lines.append(number)
+            fields = [(line[place].strip(), tenths) for _, place, tenths in IGRA_COLUMNS]
+            row = [_tenth(text) if tenths else text for text, tenths in fields]
+            result.rows.append(Row(number, row))
     return result
 
 
-def _known(field: str, *empty: float) -> str:
-    """The field, or nothing where it stands for nothing."""
-    try:
-        return "" if float(field) in empty else field
-    except ValueError:
-        # Refused by its name where the field is read.
-        return field
-
-
 def _tenth(field: str) -> str:
-    """A whole number of tenths as a number; what is none stays as it is."""
-    return f"{field[:-1]}.{field[-1]}" if re.fullmatch(r"-?\d+", field) else field
+    """A whole number of tenths as a number; what is none, or is missing, stays as it is."""
+    if field in IGRA_MISSING or not re.fullmatch(r"-?[0-9]+", field):
+        return field
+    return f"{field[:-1]}.{field[-1]}"

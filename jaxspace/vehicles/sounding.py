@@ -17,16 +17,19 @@ class Sounding(SoundingFile):
     - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
     - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.
 
-    Empty where the file has none of these."""
+    Empty where the file has none of these. `air_gap` and `wind_gap` say why a gap without levels
+    allows no atmosphere or no wind; they are empty without one."""
 
     __slots__ = ()
 
     def atmosphere(self) -> MeasuredAtmosphere:
-        """The atmosphere of its pressures and temperatures. Raises `InputError` without them."""
+        """The atmosphere of its pressures and temperatures. Raises `InputError` without them, and
+        for a gap of more than 6 km."""
         return MeasuredAtmosphere(*self.air_levels())
 
     def wind(self) -> MeasuredWind:
-        """The wind of its directions and speeds. Raises `InputError` without them."""
+        """The wind of its directions and speeds. Raises `InputError` without them, and for a gap
+        of more than 6 km."""
         return MeasuredWind(*self.wind_levels())
 
 
@@ -39,8 +42,11 @@ def read_sounding(path: str | os.PathLike[str]) -> Sounding:
     - `path`: of the file, at most 64 MB.
 
     **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
-    number, values out of range, heights that do not ascend, pressures that do not fall, a gap of
-    more than 6 km, an empty field where the format has none, and several soundings in one file.
-    `OSError` for a file that cannot be opened.
+    number, values out of range, heights that do not ascend, pressures that do not fall, and several
+    soundings in one file. `OSError` for a file that cannot be opened.
+
+    A level where a value is missing (an empty field, `nan`, -9999) is left out of the atmosphere or
+    of the wind. Pressures may be equal at two levels that are so close that rounding hides the
+    difference.
     """
     return Sounding(*read_sounding_file(path))

@@ -1,5 +1,7 @@
 """Air as it is: soundings, a wind with its uncertainty, gusts by the spectra of Dryden."""
 
+import re
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -9,7 +11,7 @@ from scipy.interpolate import CubicHermiteSpline
 
 from jaxspace import Scene, load, simulate
 from jaxspace.bodies import BodyState, RigidBody
-from jaxspace.bodies.standard_atmosphere import standard_atmosphere
+from jaxspace.bodies.standard_atmosphere import geometric_height, standard_atmosphere
 from jaxspace.core import InputError
 from jaxspace.dispersion import disperse
 from jaxspace.vehicles import (
@@ -270,12 +272,15 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
         "90,10", "90,200"
     )
     assert "line 4: direction is 400: it must be from 0 to 360" in changed("180,20", "400,20")
-    assert "line 3: temperature is empty: it must be a number." in changed("8.5", "")
+    assert "line 3 has 6 fields: it must have 5, as many" in changed("8.5", "8,5")
+    for number in ("inf", "1e999", "1_0"):
+        bad = changed("8.5", number)
+        assert f"line 3: temperature is {number!r}: it must be a finite number." in bad
     assert "line 3: pressure is 'x': it must be a finite number." in changed("898.75", "x")
     assert "line 3: height is 0 after 0: it must be above" in changed("\n1000", "\n0")
-    far = changed("\n2000", "\n9000")
-    assert "line 4: height is 9000 after 1000: it must be at most 6000 m above" in far
     assert "line 4: pressure is 90000 Pa after 89875: it must fall" in changed("794.95", "900")
+    # A rounding to whole hPa hides no 100 hPa.
+    assert "line 4: pressure is 89875 Pa after 89875: it must fall" in changed("794.95", "898.75")
     assert "the unit of speed is 'furlong'" in changed("(m/s)", "(furlong)")
     assert "no heading with a height" in refusal("a,b\n1,2\n")
     assert "no level of an atmosphere or a wind" in refusal("height (m),speed (m/s)\n1,2\n")
@@ -286,6 +291,72 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
         read_sounding(path).atmosphere()
     with pytest.raises(InputError, match=r"MeasuredWind\.heights .* ascending"):
         MeasuredWind([0.0, 0.0], [1.0, 1.0], [1.0, 1.0])
+
+
+def test_a_gap_is_an_error_for_what_needs_its_levels_alone(tmp_path):
+    path = tmp_path / "gap.csv"
+    rows = [f"{h},{1013.25 * np.exp(-h / 8e3):.2f},{15 - 0.006 * h:.1f}" for h in range(0, 8001, 2000)]
+    wind = [",90,5", ",nan,NA", ",,", ",90,-9999", ",90,9"]
+    path.write_text(CSV.splitlines()[0] + "\n" + "\n".join(map(str.__add__, rows, wind)))
+    sounding = read_sounding(path)
+    assert sounding.heights.size == 5 and sounding.wind_heights.size == 2
+    np.testing.assert_allclose(sounding.atmosphere().temperature[4], 240.15)
+    assert MeasuredAtmosphere.of_sounding(path).heights.size == 5
+    sentence = f"{path}, line 6: height is 8000 after 0: it must be at most 6000 m above"
+    for use in (sounding.wind, lambda: MeasuredWind.of_sounding(path)):
+        with pytest.raises(InputError, match=re.escape(sentence)):
+            use()
+    path.write_text(CSV.replace("\n2000", "\n9000"))
+    for use in (read_sounding(path).wind, read_sounding(path).atmosphere):
+        with pytest.raises(InputError, match="line 4: height is 9000 after 1000: it must be at"):
+            use()
+
+
+def test_levels_whose_pressures_a_rounding_makes_equal_are_read(tmp_path):
+    """The standard, rounded to whole hPa at levels that are close, as a balloon reports each second
+    and SPC merges two lists: read at every level, within a rounding of the standard."""
+    path = tmp_path / "spc.txt"
+    heights = np.concatenate([np.arange(0.0, 25e3, 250.0), 100.0 + np.arange(10.0)])
+    heights = np.sort(np.concatenate([heights, [502.0, 12003.0, 20020.0, 20050.0]]))
+    geometric = geometric_height(jnp.asarray(heights))
+    known = standard_atmosphere(geometric)
+    rows = zip(heights, np.asarray(known.pressure), np.asarray(known.temperature), strict=True)
+    lines = [f"{p / 100:.0f}.00, {h}, {t - 273.15:.2f}, -9999.00, 270, 10" for h, p, t in rows]
+    path.write_text("%RAW%\n" + "\n".join(lines) + "\n%END%\n")
+    sounding = read_sounding(path)
+    assert sounding.heights.size == heights.size
+    assert np.sum(np.diff(sounding.pressure) == 0.0) >= 9
+    found = sounding.atmosphere().air_at(geometric)
+    # Half a rounding at a level, and a quarter of the change next to it between levels.
+    np.testing.assert_allclose(found.pressure, known.pressure, atol=50.0 + 1e-6)
+    # Half of the temperature's last digit, too.
+    np.testing.assert_allclose(found.temperature, known.temperature, atol=0.005 + 1e-9)
+    between = jnp.asarray(0.5 * (geometric[1:] + geometric[:-1]))
+    found = sounding.atmosphere().air_at(between)
+    np.testing.assert_allclose(found.pressure, standard_atmosphere(between).pressure, atol=100.0)
+    # A scene file is built within a trace.
+    traced = jax.eval_shape(lambda: MeasuredAtmosphere.of_sounding(path).temperature)
+    assert traced.shape == heights.shape
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "# " + CSV,
+        "# Heights of a flight; metres\n\n# note\n" + CSV.replace(",", ";").replace(".", ","),
+        CSV.replace(",", "\t").replace("\n", "\r\n"),
+        CSV.replace("(", "[").replace(")", "]"),
+        CSV.replace(" (", "_").replace(")", "").replace("direction", "wind_direction"),
+        CSV + "3000,nan,1.0,NaN,10\n4000,,,,\n5000\n",
+        "%" + CSV.replace("1000", "% off\n1000"),
+    ],
+    ids=["comment", "semicolons", "tabulators", "brackets", "strokes", "missing", "percent"],
+)
+def test_forms_of_a_sounding(tmp_path, text):
+    path, plain = tmp_path / "form.csv", tmp_path / "plain.csv"
+    path.write_text(text)
+    plain.write_text(CSV)
+    np.testing.assert_array_equal(read_sounding(path)[:6], read_sounding(plain)[:6])
 
 
 def test_the_errors_of_a_wind_have_their_covariance():
