@@ -1,5 +1,6 @@
 """Points of a thrust curve as they stand in the lines of a file, and the curve that they make."""
 
+from itertools import groupby, pairwise
 from pathlib import Path
 from typing import NamedTuple
 
@@ -29,10 +30,10 @@ def wrong_line(path: Path, number: int, line: str, what: str) -> InputError:
 
 
 def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending times, s, and thrusts, N.
+    """Ascending times, s, and thrusts, N; a time stands twice where the thrust jumps.
 
-    A point that stands twice is taken once. Where the thrust jumps at the first or the last time,
-    the side of the burn is taken, because the other one adds no impulse.
+    At the first and the last time the side of the burn is taken, because the other one adds no
+    impulse.
 
     **Arguments**
 
@@ -41,22 +42,22 @@ def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
 
     **Raises** `InputError` for fewer than two points, times that do not ascend, and values out of
     their range."""
-    kept: list[Point] = []
-    for point in points:
-        same = bool(kept) and point.time == kept[-1].time
-        if same and len(kept) == 1:
-            # At the ignition the second of two points is the side of the burn.
-            kept = [point]
-        # At the burnout the first one is; a jump between them has no side, and is refused below.
-        elif same and (point.thrust == kept[-1].thrust or point.time == points[-1].time):
-            continue
-        elif kept and point.time <= kept[-1].time:
+    groups = [list(group) for _, group in groupby(points, lambda point: point.time)]
+    for before, after in pairwise(groups):
+        if not after[0].time > before[0].time:
             raise InputError(
-                f"{path} has times that do not ascend: {point.time:.9g} s in line {point.line} "
-                f"comes after {kept[-1].time:.9g} s in line {kept[-1].line}."
+                f"{path} has times that do not ascend: {after[0].time:.9g} s in line "
+                f"{after[0].line} comes after {before[-1].time:.9g} s in line {before[-1].line}."
             )
+    kept: list[Point] = []
+    for k, group in enumerate(groups):
+        first, last = group[0], group[-1]
+        if k == 0:
+            kept.append(last)
+        elif k == len(groups) - 1 or first.thrust == last.thrust:
+            kept.append(first)
         else:
-            kept.append(point)
+            kept += [first, last]
     if len(kept) < 2:
         raise InputError(f"{path} has {len(kept)} points of a thrust curve: it must have two.")
     times = np.array([point.time for point in kept])

@@ -22,6 +22,9 @@ from ..core.checks import is_concrete
 from ..core.tables import polygon
 from ..core.types import as_float
 
+RAMP = 1e-6
+"""Share of the burn time over which a thrust jumps: in single precision, too, its ends differ."""
+
 
 @final
 class ThrustProfile(AbstractParameters):
@@ -72,7 +75,8 @@ class ThrustProfile(AbstractParameters):
 
         **Arguments**
 
-        - `times`: ascending, in any unit.
+        - `times`: ascending, in any unit; a time that stands twice is a jump of the thrust, which
+          becomes a ramp over a millionth of the burn time.
         - `thrusts`: at these times, in any unit.
 
         **Returns** the profile, the burn time and the mean thrust, in the units of the table.
@@ -86,17 +90,27 @@ class ThrustProfile(AbstractParameters):
                 f"as many."
             )
         xp = jnp
+        jumps = np.empty(0, int)
         if is_concrete(t) and is_concrete(f):
             # In NumPy, because `jax.numpy` traces what is known, too, within `jit`.
             xp = np
-            t = np.asarray(times, float)
+            t = np.array(times, float)
             f = np.asarray(thrusts, float)
-            check(np.diff(t) > 0.0, "ThrustProfile.times", t, "ascending")
+            steps = np.diff(t)
+            jumps = np.flatnonzero(steps == 0.0)
+            # Within the burn, and of two points each.
+            inside = (jumps > 0) & (jumps < steps.size - 1) & np.all(np.diff(jumps) > 1)
+            allowed = "ascending, or twice the same where the thrust jumps within the burn"
+            check(np.all(steps >= 0.0) & np.all(inside), "ThrustProfile.times", t, allowed)
             check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         # By trapezoids, which are exact for the polygon that `at` evaluates.
         burn_time = t[-1] - t[0]
         mean = xp.sum(0.5 * (f[1:] + f[:-1]) * xp.diff(t)) / burn_time
-        profile = cls(as_float((t - t[0]) / burn_time), as_float(f / mean))
+        for k in jumps:
+            t[k + 1] = t[k] + min(RAMP * burn_time, 0.5 * (t[k + 2] - t[k]))
+        # Its mean is one with the ramps.
+        level = f / (xp.sum(0.5 * (f[1:] + f[:-1]) * xp.diff(t)) / burn_time)
+        profile = cls(as_float((t - t[0]) / burn_time), as_float(level))
         return profile, burn_time, mean
 
     # What the declarations of the fields cannot say: how the two tables belong together.

@@ -8,13 +8,23 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace import BodyState, Scene
+from jaxspace import BodyState, Scene, simulate
+from jaxspace.bodies import RigidBody
 from jaxspace.core import InputError
 from jaxspace.dispersion import disperse
 from jaxspace.io import SceneError, listing, schema, stored_scene
 from jaxspace.orbits import PointGravity
-from jaxspace.rockets import Gimbal, GimballedThrust, Motor, SteeredThrust, Thrust, read_motor
+from jaxspace.rockets import (
+    Gimbal,
+    GimballedThrust,
+    Motor,
+    SteeredThrust,
+    Thrust,
+    ThrustProfile,
+    read_motor,
+)
 from jaxspace.rockets.steering import AlongVelocity
+from jaxspace.rotations import Quaternion
 
 ENG = """; a comment
 A8 18 70 3-5 0.00312 0.0162 Someone
@@ -190,7 +200,10 @@ def test_columns_are_found_by_their_headings(tmp_path, kind):
         (",time,thrust\n0,0,0\n1,2\n", "line 3 is '1,2': it must be a time, s, and a thrust, N"),
         ("time,thrust\n0,0\nnan,5\n1,0\n", "line 3 is 'nan,5': it must be a time, s, and"),
         ("0,0\n1,5\n\n0.5,3\n2,0\n", "times that do not ascend: 0.5 s in line 4 comes after 1 s"),
-        ("0,0\n1,5\n1,6\n2,0\n", "times that do not ascend: 1 s in line 3 comes after 1 s in li"),
+        ("0,0\n1,5\n1,6\n0.9,1\n2,0\n", "0.9 s in line 4 comes after 1 s in line 3"),
+        ("1,5\n1,6\n", "has 1 points of a thrust curve: it must have two."),
+        ("0,0\n1e999,5\n2,0\n", "line 2 is '1e999,5': it must be a time, s, and a thrust, N"),
+        ("0,0\n1_0,5\n20,0\n", "line 2 is '1_0,5': it must be a time, s, and a thrust, N"),
     ],
 )
 def test_headings_and_times_that_are_refused(tmp_path, text, sentence):
@@ -207,6 +220,60 @@ def test_points_that_stand_twice_are_taken_once(tmp_path):
     motor = read_motor(path)
     np.testing.assert_array_equal(motor.times, [0.0, 1.0, 2.0])
     np.testing.assert_array_equal(motor.thrusts, [9.0, 8.0, 4.0])
+
+
+@pytest.mark.parametrize("kind", ["eng", "rse", "csv"])
+def test_a_time_that_stands_twice_is_a_jump_of_the_thrust(tmp_path, kind):
+    """10 N up to 1 s, then 4 N down to 2 N at 3 s: 16 N s by hand, and the thrust on both sides.
+    Of three points at one time the middle one says nothing."""
+    points = [(0.0, 10.0), (1.0, 10.0), (1.0, 99.0), (1.0, 4.0), (3.0, 2.0)]
+    data = "".join(f'<eng-data t="{t}" f="{f}"/>' for t, f in points)
+    engine = '<engine code="X" dia="24." len="70." initWt="50." propWt="20.">'
+    rows = "\n".join(f"{t} {f}" for t, f in points)
+    path = tmp_path / f"jump.{kind}"
+    path.write_text(
+        {"eng": HEAD + rows, "csv": rows, "rse": f"<d>{engine}<data>{data}</data></engine></d>"}[kind]
+    )
+    motor = read_motor(path)
+    np.testing.assert_array_equal(motor.times, [0.0, 1.0, 1.0, 3.0])
+    np.testing.assert_array_equal(motor.thrusts, [10.0, 10.0, 4.0, 2.0])
+    assert (motor.total_impulse, motor.burn_time) == (16.0, 3.0)
+    thrust = motor.thrust(0.02)
+    at, mass = jnp.array([0.5, 1.0, 1.0 + 3.1e-6, 2.0]), jnp.array(1.0)
+    # The mean is that of the jump, the levels that of a ramp over a millionth of the burn.
+    np.testing.assert_allclose(thrust.thrust(at, mass), [10.0, 10.0, 4.0, 3.0], rtol=3e-6)
+    np.testing.assert_allclose(thrust.mean_thrust * thrust.burn_time, 16.0, rtol=1e-14)
+    profile = thrust.profile
+    assert np.all(np.diff(np.float32(profile.fraction)) > 0.0)
+    # Next to another point the ramp is shorter.
+    close = ThrustProfile.of_table([0.0, 1.0, 1.0, 1.0 + 1e-9, 3.0], [1.0, 1.0, 2.0, 2.0, 2.0])
+    assert np.all(np.diff(close.fraction) > 0.0)
+    for times in ([0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0, 2.0]):
+        with pytest.raises(InputError, match=r"ThrustProfile\.times .* ascending, or twice"):
+            ThrustProfile.of_table(times, np.ones(len(times)))
+
+
+def test_a_run_through_a_jump_of_the_thrust_is_exact(tmp_path):
+    """v(3 s) in closed form: the speed of the exhaust times the logarithm of the mass ratio, and
+    x(3 s) by the law of either part: 10 N for 1 s, 4 N for 2 s."""
+    path = tmp_path / "jump.csv"
+    path.write_text("0,10\n1,10\n1,4\n3,4\n")
+    motor = read_motor(path).thrust(0.02)
+    u = 18.0 / 0.02
+    y0 = BodyState(jnp.zeros(3), jnp.zeros(3), Quaternion.identity(), jnp.zeros(3), jnp.array(0.1))
+    end = simulate(Scene((motor,), RigidBody(0.1, [1e-3] * 3)), y0, jnp.array([0.0, 3.0])).final
+    np.testing.assert_allclose(end.mass, 0.08, rtol=1e-12)
+    np.testing.assert_allclose(end.velocity[2], u * np.log(0.1 / 0.08), rtol=2e-6)
+
+    def climb(m, v, flow, t):
+        """By a flow from the mass m and the speed v on."""
+        left = m - flow * t
+        return v * t + u * (t - left / flow * np.log(m / left))
+
+    after = 0.1 - 10.0 / u
+    expected = climb(0.1, 0.0, 10.0 / u, 1.0) + climb(after, u * np.log(0.1 / after), 4.0 / u, 2.0)
+    # The ramp ends 3e-6 s late, by half of 6 N of 0.09 kg.
+    np.testing.assert_allclose(end.position[2], expected, rtol=2e-6)
 
 
 def test_columns_begin_at_their_first_point(tmp_path):
@@ -252,7 +319,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
             "A 18 70 0 1900 3100 X\n1 2000\n2 0\n",
             "mass is 1900: it must be below 200, in kg, so th",
         ),
-        (HEAD + "1 2\n1 3\n2 0\n", "times that do not ascend: 1 s in line 3 comes after 1 s in l"),
+        (HEAD + "1 2\n1 3\n.5 0\n", "times that do not ascend: 0.5 s in line 4 comes after 1 s"),
         (HEAD + "1 2\n2 -3\n3 0\n", "thrust is -3: it must be zero or positive, in N"),
         (HEAD + "1 0\n2 0\n", "thrust is 0: it must be above zero somewhere, in N"),
         (HEAD + "-1 2\n2 0\n", "time is -1: it must be zero or positive, in s"),
