@@ -1,5 +1,4 @@
-"""Text files that a user names: their content, up to a limit of their size, and the numbers in it.
-"""
+"""Text files that a user names: their content, up to a limit of its size, and numbers in them."""
 
 import math
 import os

@@ -60,9 +60,11 @@ def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
             kept += [first, last]
     if len(kept) < 2:
         raise InputError(f"{path} has {len(kept)} points of a thrust curve: it must have two.")
+    for point in kept:
+        where = f"{path}, line {point.line}"
+        check(point.time >= 0.0, f"{where}: time", point.time, "zero or positive, in s")
+        check(point.thrust >= 0.0, f"{where}: thrust", point.thrust, "zero or positive, in N")
     times = np.array([point.time for point in kept])
     thrusts = np.array([point.thrust for point in kept])
-    check(times[0] >= 0.0, f"{path}: time", times[0], "zero or positive, in s")
-    check(thrusts >= 0.0, f"{path}: thrust", np.min(thrusts), "zero or positive, in N")
     check(np.any(thrusts > 0.0), f"{path}: thrust", np.max(thrusts), "above zero somewhere, in N")
     return times, thrusts

@@ -91,29 +91,37 @@ def read_motor_file(path: str | os.PathLike[str]) -> MotorFile:
     if path.suffix.lower() == ".eng":
         head, points = _rasp(path, lines)
         motor = MotorFile(*curve(path, _from_zero(points)))
-        return _with_head(path, head, motor) if head else motor._replace(name=path.stem)
+        return _with_head(path, head, motor) if head.fields else motor._replace(name=path.stem)
     if path.suffix.lower() == ".rse":
         engine = read_engine(path, text)
         motor = MotorFile(*curve(path, _from_zero(engine.points)), name=engine.code or path.stem)
         masses = 1e-3 * engine.propellant, 1e-3 * engine.loaded
-        return _with_measures(path, motor, engine.diameter, engine.length, *masses)
+        where = f"{path}, line {engine.line}"
+        return _with_measures(where, motor, engine.diameter, engine.length, *masses)
     return MotorFile(*curve(path, read_columns(path, lines)), name=path.stem)
 
 
-def _rasp(path: Path, lines: list[str]) -> tuple[list[str], list[Point]]:
+class Head(NamedTuple):
+    """The `fields` of the head of a RASP file and the number of its `line`."""
+
+    line: int
+    fields: list[str]
+
+
+def _rasp(path: Path, lines: list[str]) -> tuple[Head, list[Point]]:
     """Head and points of the first motor of a RASP file."""
-    head: list[str] = []
+    head = Head(0, [])
     points: list[Point] = []
     for number, line in enumerate(lines, 1):
         # A comment of RASP begins with a semicolon, also behind a point.
         fields = line.split(";")[0].split()
         if not fields or fields[0].startswith("#"):
             continue
-        if not head:
+        if not head.fields:
             if len(fields) < HEAD:
                 what = "a head: name, diameter, length, delays, propellant mass, mass, maker"
                 raise wrong_line(path, number, line, what)
-            head = fields
+            head = Head(number, fields)
         # By their number and not by what they are: the name of a motor may be a number.
         elif len(fields) >= HEAD or len(fields) > 2 and numbers(fields[:1]) is None:
             break
@@ -134,16 +142,17 @@ def _from_zero(points: list[Point]) -> list[Point]:
     return points
 
 
-def _with_head(path: Path, head: list[str], motor: MotorFile) -> MotorFile:
+def _with_head(path: Path, head: Head, motor: MotorFile) -> MotorFile:
     """The motor with what the head of its RASP file says, checked."""
-    values = numbers([head[k] for k in (1, 2, 4, 5)])
+    where = f"{path}, line {head.line}"
+    values = numbers([head.fields[k] for k in (1, 2, 4, 5)])
     if values is None:
-        raise InputError(f"{path} has the head {' '.join(head)!r}: it is not RASP.")
-    return _with_measures(path, motor._replace(name=head[0]), *values)
+        raise InputError(f"{where} has the head {' '.join(head.fields)!r}: it is not RASP.")
+    return _with_measures(where, motor._replace(name=head.fields[0]), *values)
 
 
 def _with_measures(
-    path: Path,
+    where: str,
     motor: MotorFile,
     diameter: float,
     length: float,
@@ -152,20 +161,20 @@ def _with_measures(
 ) -> MotorFile:
     """The motor with its diameter and length, given in mm, and its masses, kg, checked."""
     for name, value in (("diameter", diameter), ("length", length)):
-        check(value >= 0.0, f"{path}: {name}", value, "zero or positive, in mm")
-    check(propellant > 0.0, f"{path}: propellant mass", propellant, "above zero, in kg")
-    check(loaded >= 0.0, f"{path}: loaded mass", loaded, "zero or positive, in kg")
+        check(value >= 0.0, f"{where}: {name}", value, "zero or positive, in mm")
+    check(propellant > 0.0, f"{where}: propellant mass", propellant, "above zero, in kg")
+    check(loaded >= 0.0, f"{where}: loaded mass", loaded, "zero or positive, in kg")
     allowed = f"at most the loaded mass, {loaded:.6g} kg"
-    check(propellant <= loaded, f"{path}: propellant mass", propellant, allowed)
+    check(propellant <= loaded, f"{where}: propellant mass", propellant, allowed)
     allowed = f"at most {HEAVIEST:g} times the propellant, {propellant:.6g} kg"
-    check(loaded <= HEAVIEST * propellant, f"{path}: loaded mass", loaded, allowed)
+    check(loaded <= HEAVIEST * propellant, f"{where}: loaded mass", loaded, allowed)
     allowed = (
         f"below {motor.total_impulse / SLOWEST:.6g}, in kg, so that an impulse of "
         f"{motor.total_impulse:.6g} N s has an exhaust above {SLOWEST:g} m/s"
     )
     # Masses in grams in the place of kilograms pass every other check.
     fast = motor.total_impulse > SLOWEST * propellant
-    check(fast, f"{path}: propellant mass", propellant, allowed)
+    check(fast, f"{where}: propellant mass", propellant, allowed)
     return motor._replace(
         propellant_mass=propellant,
         loaded_mass=loaded,

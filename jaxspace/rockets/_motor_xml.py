@@ -25,9 +25,10 @@ POINT = ("t", "f")
 
 
 class Engine(NamedTuple):
-    """The first engine of a file: its `code`; diameter and length, mm; propellant and loaded mass,
-    g; its `points`."""
+    """The first engine of a file: the number of its `line`; its `code`; diameter and length, mm;
+    propellant and loaded mass, g; its `points`."""
 
+    line: int
     code: str
     diameter: float
     length: float
@@ -41,7 +42,7 @@ class _Reader:
 
     def __init__(self, path: Path):
         self.path = path
-        self.head: tuple[str, list[float]] | None = None
+        self.head: tuple[int, str, list[float]] | None = None
         self.points: list[Point] = []
         self.done = False
         # The parser itself and not a tree: it stops at an entity, and a tree would hold every
@@ -55,7 +56,8 @@ class _Reader:
         if self.done:
             return
         if name == "engine":
-            self.head = attributes.get("code", ""), self.values(name, attributes, HEAD)
+            values = self.values(name, attributes, HEAD)
+            self.head = self.parser.CurrentLineNumber, attributes.get("code", ""), values
         elif name == "eng-data" and self.head is not None:
             values = self.values(name, attributes, POINT)
             self.points.append(Point(self.parser.CurrentLineNumber, *values))
@@ -108,5 +110,5 @@ def read_engine(path: Path, text: str) -> Engine:
             ) from None
     if reader.head is None:
         raise InputError(f"{path} has no element <engine>: it must be a file of RockSim.")
-    code, (diameter, length, propellant, loaded) = reader.head
-    return Engine(code, diameter, length, propellant, loaded, reader.points)
+    line, code, (diameter, length, propellant, loaded) = reader.head
+    return Engine(line, code, diameter, length, propellant, loaded, reader.points)

@@ -103,9 +103,7 @@ class SoundingFile(NamedTuple):
         return _usable("a direction and a speed", self.wind_gap, *levels)
 
 
-def _usable(
-    what: str, gap: str, *levels: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _usable(what: str, gap: str, *levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     if gap:
         raise InputError(gap)
     heights, first, second = levels

@@ -108,7 +108,7 @@ def test_a_file_of_rocksim_is_that_of_rasp(tmp_path):
         (
             'propWt="3.12"',
             'propWt="0.00312"',
-            "loaded mass is 0.0162: it must be at most 100 times",
+            "line 5: loaded mass is 0.0162: it must be at most 100 times",
         ),
         (
             "<engine-database>",
@@ -230,10 +230,9 @@ def test_a_time_that_stands_twice_is_a_jump_of_the_thrust(tmp_path, kind):
     data = "".join(f'<eng-data t="{t}" f="{f}"/>' for t, f in points)
     engine = '<engine code="X" dia="24." len="70." initWt="50." propWt="20.">'
     rows = "\n".join(f"{t} {f}" for t, f in points)
+    xml = f"<d>{engine}<data>{data}</data></engine></d>"
     path = tmp_path / f"jump.{kind}"
-    path.write_text(
-        {"eng": HEAD + rows, "csv": rows, "rse": f"<d>{engine}<data>{data}</data></engine></d>"}[kind]
-    )
+    path.write_text({"eng": HEAD + rows, "csv": rows, "rse": xml}[kind])
     motor = read_motor(path)
     np.testing.assert_array_equal(motor.times, [0.0, 1.0, 1.0, 3.0])
     np.testing.assert_array_equal(motor.thrusts, [10.0, 10.0, 4.0, 2.0])
@@ -308,7 +307,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
 @pytest.mark.parametrize(
     "text, sentence",
     [
-        ("A8 18 70 0 0 0.02 X\n1 2\n2 0\n", "propellant mass is 0: it must be above zero, in kg"),
+        ("A8 18 70 0 0 0.02 X\n1 2\n2 0\n", "line 1: propellant mass is 0: it must be above zero"),
         ("A8 18 70 0 -1 0.02 X\n1 2\n2 0\n", "propellant mass is -1: it must be above zero"),
         ("A8 -18 70 0 1 2 X\n1 2\n2 0\n", "diameter is -18: it must be zero or positive, in mm"),
         ("A8 18 -70 0 1 2 X\n1 2\n2 0\n", "length is -70: it must be zero or positive, in mm"),
@@ -320,7 +319,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
             "mass is 1900: it must be below 200, in kg, so th",
         ),
         (HEAD + "1 2\n1 3\n.5 0\n", "times that do not ascend: 0.5 s in line 4 comes after 1 s"),
-        (HEAD + "1 2\n2 -3\n3 0\n", "thrust is -3: it must be zero or positive, in N"),
+        (HEAD + "1 2\n2 -3\n3 0\n", "line 3: thrust is -3: it must be zero or positive, in N"),
         (HEAD + "1 0\n2 0\n", "thrust is 0: it must be above zero somewhere, in N"),
         (HEAD + "-1 2\n2 0\n", "time is -1: it must be zero or positive, in s"),
         (HEAD + "1 2\n2 inf\n", "line 3 is '2 inf': it must be a time, s, and a thrust, N"),
@@ -328,7 +327,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
         (HEAD + "1 2\n0,5 3\n", "line 3 is '0,5 3': it must be a time, s, and a thrust, N"),
         (HEAD + "1 2\nend\n", "line 3 is 'end': it must be a time, s, and a thrust, N"),
         ("0.1 2\n1 0\n", "line 1 is '0.1 2': it must be a head: name, diameter"),
-        ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "has the head 'A 8b 18 70 0 1 2 X': it is not RASP"),
+        ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "line 1 has the head 'A 8b 18 70 0 1 2 X': it is"),
     ],
 )
 def test_motors_that_are_refused(tmp_path, text, sentence):
@@ -476,7 +475,7 @@ def test_files_of_motors_that_are_refused(folder):
         jaxspace.load(path)
     path.write_text(FLIGHT)
     motor.write_text(ENG.replace("2.0", "-2.0"))
-    with pytest.raises(SceneError, match="effects.steered_thrust: .*a8.eng: thrust is -2: it must"):
+    with pytest.raises(SceneError, match="effects.steered_thrust: .*a8.eng, line 3: thrust is -2:"):
         jaxspace.load(path)
     (folder / "motors" / "a8.csv").write_text("0,0\n1,2\n2,0\n")
     path.write_text(FLIGHT.replace("a8.eng", "a8.csv"))

@@ -295,7 +295,8 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
 
 def test_a_gap_is_an_error_for_what_needs_its_levels_alone(tmp_path):
     path = tmp_path / "gap.csv"
-    rows = [f"{h},{1013.25 * np.exp(-h / 8e3):.2f},{15 - 0.006 * h:.1f}" for h in range(0, 8001, 2000)]
+    heights = range(0, 8001, 2000)
+    rows = [f"{h},{1013.25 * np.exp(-h / 8e3):.2f},{15 - 0.006 * h:.1f}" for h in heights]
     wind = [",90,5", ",nan,NA", ",,", ",90,-9999", ",90,9"]
     path.write_text(CSV.splitlines()[0] + "\n" + "\n".join(map(str.__add__, rows, wind)))
     sounding = read_sounding(path)
