@@ -14,13 +14,16 @@ Source: IEEE Std 952-1997, annex C.
 
 __all__ = ["allan_of_walks", "allan_variance", "gyro_noise"]
 
+import functools
+import operator
 from collections.abc import Sequence
 
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar
+from ..core import InputError, Scalar
+from ..core.compensated import running_sums, two_sum
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.square_roots import sqrt
 
@@ -57,19 +60,49 @@ def allan_variance(
 
     - `rates`: rad/s, at equal steps, (samples, *runs).
     - `step`: dt, s.
-    - `factors`: samples in each average, below half of their number.
+    - `factors`: samples in each average, whole numbers from 1 to half of the samples.
 
     **Returns** half the mean square of the difference of adjacent averages, (rad/s)^2,
     (times, *runs).
+
+    **Raises** `InputError` for no factor, and for one that is out of this range.
     """
-    start = jnp.zeros_like(rates[:1])
-    angle = jnp.concatenate([start, jnp.cumsum(rates * step, axis=0)])
+    return _variance(rates, step, _checked_factors(factors, rates.shape[0]))
+
+
+@functools.partial(jax.jit, static_argnames="factors")
+def _variance(rates: Array, step: Scalar, factors: tuple[int, ...]) -> Array:
+    # With the digits that a rounded angle has lost: its second differences are as small as the
+    # noise, while the angle grows with the mean rate and the length of the log.
+    angle, missing = (
+        jnp.concatenate([jnp.zeros_like(rates[:1]), sums]) for sums in running_sums(rates)
+    )
+    # One, and NaN where the step is: the averages do not depend on it.
+    unit = jnp.asarray(step, angle.dtype) / step
     result = []
     for m in factors:
         # Second differences of the angle: overlapping averages without a loop over them.
-        second = angle[2 * m :] - 2.0 * angle[m:-m] + angle[: -2 * m]
-        result.append(jnp.mean(second**2, axis=0) / (2.0 * (m * step) ** 2))
+        later, lost_later = two_sum(angle[2 * m :], -angle[m:-m])
+        former, lost_former = two_sum(angle[m:-m], -angle[: -2 * m])
+        rest = missing[2 * m :] - 2.0 * missing[m:-m] + missing[: -2 * m]
+        second = (later - former) + (lost_later - lost_former + rest)
+        result.append(unit * jnp.mean((second / m) ** 2, axis=0) / 2.0)
     return jnp.stack(result)
+
+
+def _checked_factors(factors: Sequence[int], samples: int) -> tuple[int, ...]:
+    """The factors as whole numbers. Raises `InputError` as `allan_variance` does."""
+    allowed = f"they must be whole numbers from 1 to {samples // 2}, half of the {samples} rates"
+    try:
+        wholes = tuple(operator.index(m) for m in factors)
+    except TypeError:
+        raise InputError(f"factors are {factors!r}: {allowed}.") from None
+    if not wholes:
+        raise InputError(f"factors are empty: {allowed}.")
+    for m in wholes:
+        if not 1 <= m <= samples // 2:
+            raise InputError(f"factors hold {m}: {allowed}.")
+    return wholes
 
 
 @formula(time=POSITIVE, angle_walk=NOT_NEGATIVE, rate_walk=NOT_NEGATIVE)

@@ -10,6 +10,7 @@ import scipy.linalg
 from numpy.testing import assert_allclose
 
 from jaxspace import simulate
+from jaxspace.core import InputError
 from jaxspace.gyros import (
     Gyrocompass,
     GyrocompassState,
@@ -209,6 +210,45 @@ def test_allan_variance_is_that_of_the_walks(key):
     # Of 200 independent averages of the longest: about 8 per cent.
     assert_allclose(found, expected, rtol=0.25)
     assert_allclose(found[:2], expected[:2], rtol=0.1)
+
+
+def by_longdouble(rates, m):
+    """The Allan variance by second differences of the sums, in extended precision."""
+    sums = np.cumsum(np.insert(rates.astype(np.longdouble), 0, 0.0, axis=0), axis=0)
+    second = (sums[2 * m :] - sums[m:-m]) - (sums[m:-m] - sums[: -2 * m])
+    return np.mean((second / m) ** 2, axis=0).astype(float) / 2.0
+
+
+def test_allan_variance_of_a_long_log_in_single_precision():
+    """Noise of 1e-5 rad/s on a constant rate, a ramp and a slow wave of up to 5 rad/s, and the
+    constant rate alone. What the log itself has rounded is in both."""
+    samples, factors = 40_000, (1, 7, 100, 3000, 20_000)
+    time = np.linspace(0.0, 1.0, samples)[:, None]
+    noise = 1e-5 * np.random.default_rng(3).normal(size=(samples, 4)) * [1.0, 1.0, 1.0, 0.0]
+    rates = (5.0 * np.hstack([time**0, time, np.sin(9.0 * time), time**0]) + noise).astype("f4")
+    variance = jax.jit(lambda x: allan_variance(x, np.float32(0.01), factors))
+    found = variance(jnp.asarray(rates))
+    assert found.dtype == jnp.float32
+    expected = [by_longdouble(rates, m) for m in factors]
+    # Some roundings of each difference of averages.
+    assert_allclose(found, expected, rtol=1e-5, atol=1e-17)
+    # d(variance)/d(rates) is linear in them: along the rates themselves it is twice the variance.
+    x = jnp.asarray(rates[:, 2])
+    _, forward = jax.jvp(lambda x: allan_variance(x, 0.01, (7, 100)), (x,), (x,))
+    reverse = jax.grad(lambda x: allan_variance(x, 0.01, (7, 100))[1])(x)
+    assert_allclose(forward, 2.0 * np.array(expected)[1:3, 2], rtol=1e-4)
+    assert_allclose(np.float64(reverse) @ rates[:, 2], forward[1], rtol=1e-3)
+
+
+@pytest.mark.parametrize("factors", [(0,), (1, -3), (6,), (1.5,), (), "a"])
+def test_factors_of_the_allan_variance(factors):
+    """Up to half of the samples, where one difference is left."""
+    rates = jnp.array([1.0, 2.0, 4.0, 7.0, 11.0, 16.0, 22.0, 29.0, 37.0, 46.0, 56.0])
+    first = 0.5 * (np.mean(rates[5:10]) - np.mean(rates[:5])) ** 2
+    second = 0.5 * (np.mean(rates[6:11]) - np.mean(rates[1:6])) ** 2
+    assert_allclose(allan_variance(rates, 1.0, (5,)), [0.5 * (first + second)])
+    with pytest.raises(InputError, match="factors .* from 1 to 5, half of the 11 rates"):
+        allan_variance(rates, 1.0, factors)
 
 
 def test_the_exponential_is_that_of_scipy_between_powers_of_two():
