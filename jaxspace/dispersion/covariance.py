@@ -135,6 +135,14 @@ def moments(
         if method == "unscented"
         else _expanded(campaign, accuracy, method)
     )
+    # A sigma point may be infinite although its run ends well.
+    lost = [name for name in result.names if not math.isfinite(result.std(name))]
+    if lost and method == "unscented":
+        warnings.warn(
+            f"unscented leaves out {', '.join(lost)}: not finite at a sigma point; Monte Carlo "
+            f"tells it.",
+            stacklevel=2,
+        )
     if check == 0:
         return result
     result = result._replace(warnings=_warnings(campaign, accuracy, result, check))
@@ -287,6 +295,8 @@ def _unscented(campaign: Campaign, accuracy: Accuracy) -> Moments:
     names = tuple(in_order(campaign, result.outputs))
     y = np.stack([result.outputs[name].astype(float) for name in names])[:, weights > 0.0]
     weights = weights[weights > 0.0]
+    # An infinite output has no mean and no covariance with any other.
+    y = np.where(np.isfinite(y).all(axis=1, keepdims=True), y, math.nan)
     mean = y @ weights
     away = y - mean[:, None]
     inputs = tuple(campaign.inputs)
@@ -310,24 +320,13 @@ def input_moments(
     for a, name in enumerate(names):
         d = inputs[name]
         if not isinstance(d, Component):
-            covariance[a, a] = _variance(d)
+            covariance[a, a] = float(d.variance)
             continue
         for b, other in enumerate(names):
             e = inputs[other]
             if isinstance(e, Component) and e.source == d.source:
                 covariance[a, b] = float(d.joint.covariance[d.index, e.index])
     return centre, covariance
-
-
-def _variance(d: AbstractDistribution) -> float:
-    """The variance, also where `deviation` is that before a cut."""
-    # The trapezoidal rule is exact to rounding for what is smooth in z, and good to 1e-3 for steps.
-    z = jnp.linspace(-8.5, 8.5, 2001)
-    weights = jnp.exp(-0.5 * z * z)
-    weights = weights / jnp.sum(weights)
-    x = jax.vmap(d.from_normal)(z)
-    mean = jnp.sum(weights * x)
-    return float(jnp.sum(weights * (x - mean) ** 2))
 
 
 def sampled(

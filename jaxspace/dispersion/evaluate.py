@@ -10,7 +10,6 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtri
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Key
 
@@ -84,7 +83,7 @@ def fixed_normals(campaign: Campaign, runs: int, seed: int) -> Float[Array, "run
 def _normals(
     design: AbstractDesign, key: Key[Array, ""], runs: int, dimensions: int
 ) -> Float[Array, "runs dimensions"]:
-    return ndtri(design.uniforms(key, jnp.arange(runs), dimensions))
+    return design.normals(key, jnp.arange(runs), dimensions)
 
 
 def inputs_at(

@@ -20,7 +20,8 @@ import numpy as np
 from ..core import InputError, Scalar
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
-from ..sampling.designs import map_normals, normal_columns
+from ..sampling.designs import check_sobol_dimensions, map_normals, normal_columns
+from ..statistics.sample_check import scatters
 from ._campaign import Campaign
 from ._whole import check_whole
 from .evaluate import Evaluator
@@ -41,12 +42,15 @@ class SobolIndices(NamedTuple):
     """Sobol indices by output and input.
 
     - `indices[output][input]`: a `SobolIndex`.
-    - `runs`: all runs made; `failed`: those that failed. A point of which one run failed is left
-      out of all the means."""
+    - `runs`: all runs made; `failed`: those that failed, or that have an output which is not
+      finite. A point of which one run failed is left out of all means.
+    - `left_out[output]`: number of points that the means of an output leave out, because it is not
+      finite in one of their runs, or because one failed: its indices are those of the others."""
 
     indices: dict[str, dict[str, SobolIndex]]
     runs: int
     failed: int
+    left_out: dict[str, int]
 
 
 def sobol_indices(
@@ -65,7 +69,11 @@ def sobol_indices(
     - `points`: a power of two. There are (inputs + 2) runs for each.
     - `seed`: of the scrambling; `accuracy`: as in `disperse`.
 
-    **Raises** `InputError` unless `points` is a power of two."""
+    **Returns** a `SobolIndices`; an output that does not scatter has the indices zero, and one that
+    is finite at fewer than two points has NaN.
+
+    **Raises** `InputError` unless `points` is a power of two, and for inputs behind which there are
+    more than 10600 standard normal numbers, half of the dimensions that Sobol points have."""
     from scipy.special import ndtri
     from scipy.stats import qmc
 
@@ -76,6 +84,7 @@ def sobol_indices(
         raise InputError(f"points is {points}: it must be a power of two, 2 or more.")
     columns = normal_columns(campaign.inputs)
     d = sum(len(group) for group in columns.values())
+    check_sobol_dimensions(2 * d)
     u = qmc.Sobol(2 * d, rng=np.random.default_rng(seed)).random(points)
     # A point on the border of the unit cube has no finite normal value.
     z = ndtri(np.clip(u, 1e-12, 1.0 - 1e-12))
@@ -89,25 +98,33 @@ def sobol_indices(
     run = Evaluator(campaign, campaign.accuracy_for(accuracy))
     # All samples in one call, which fills its blocks across them.
     result = run(map_normals(campaign.inputs, np.concatenate(samples)))
-    good = result.good.reshape(len(samples), points).all(axis=0)
     names = list(columns)
-    indices = {}
+    indices, left_out = {}, {}
+    failed = ~result.good
     for output, y in result.outputs.items():
-        values = y.astype(float).reshape(len(samples), points)[:, good]
+        # One infinite value would make every mean infinite.
+        usable = result.good & np.isfinite(y)
+        failed = failed | ~usable
+        points_used = usable.reshape(len(samples), points).all(axis=0)
+        values = y.reshape(len(samples), points)[:, points_used]
         indices[output] = _indices(names, values)
-    return SobolIndices(indices, len(result.status), int(np.count_nonzero(~result.good)))
+        left_out[output] = int(np.count_nonzero(~points_used))
+    return SobolIndices(indices, len(failed), int(np.count_nonzero(failed)), left_out)
 
 
 def _indices(names: list[str], values: np.ndarray) -> dict[str, SobolIndex]:
     """The indices of one output from its values on A, B and every A_j, (inputs + 2, points)."""
-    f_a, f_b, *f_mixed = values
+    # An output that scatters by no more than rounding depends on nothing.
+    if values.shape[1] > 1 and not scatters(values):
+        return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
+    f_a, f_b, *f_mixed = values.astype(float)
+    # Of one point, or where only the mixed runs differ, there is no variance to compare with.
+    if values.shape[1] < 2 or not (np.ptp(f_a) > 0.0 or np.ptp(f_b) > 0.0 or f_a[0] != f_b[0]):
+        return {name: SobolIndex(*(float("nan"),) * 4) for name in names}
     # The estimator of the first order multiplies by f(B): without the mean it scatters less.
     centre = 0.5 * (f_a.mean() + f_b.mean())
     f_a, f_b = f_a - centre, f_b - centre
     variance = 0.5 * float(np.mean(f_a**2) + np.mean(f_b**2))
-    # An output without variance has the indices zero.
-    if variance == 0.0 or f_a.size < 2:
-        return {name: SobolIndex(0.0, 0.0, 0.0, 0.0) for name in names}
     root = np.sqrt(f_a.size)
     result = {}
     for name, f_j in zip(names, f_mixed, strict=True):

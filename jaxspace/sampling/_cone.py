@@ -1,7 +1,7 @@
 """Inputs that are drawn together: a direction within a cone.
 
 d = cos(t) n + sin(t) (cos(p) e_1 + sin(p) e_2)
-1 - cos(t) = (1 - cos(a)) (1 - exp(-(z_1^2 + z_2^2)/2)),  tan(p) = z_2 / z_1
+1 - cos(t) = h (1 - exp(-(z_1^2 + z_2^2)/2)),  tan(p) = z_2 / z_1,  h = 1 - cos(a) = 2 sin^2(a/2)
 
 symbol  meaning                                                   unit
 z       independent standard normal numbers                       1
@@ -64,17 +64,24 @@ class ConeDirection(AbstractJoint):
     @property
     def covariance(self) -> Float[Array, "3 3"]:
         # 1 - cos t is uniform from 0 to h: the means of (1 - cos t)^2 and of sin^2 t follow.
-        h = 1.0 - jnp.cos(self.half_angle)
+        h = self._height
         along, across = h * h / 3.0, (h - h * h / 3.0) / 2.0
-        outer = jnp.outer(self.vector, self.vector)
-        return along * outer + across * (jnp.sum(self.vector**2) * jnp.eye(3) - outer)
+        v = self.vector
+        # v^2 I - v v^T as a product, which loses no digits where v lies along an axis.
+        turn = jnp.cross(v, jnp.eye(3, dtype=v.dtype))
+        return along * jnp.outer(v, v) + across * (turn.T @ turn)
+
+    @property
+    def _height(self) -> Float[Array, ""]:
+        """1 - cos(a), of a narrow cone too."""
+        return 2.0 * jnp.sin(0.5 * self.half_angle) ** 2
 
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, "3"]:
         length = sqrt(jnp.sum(self.vector**2))
         n = self.vector / length
         e1, e2 = _across(n)
         s = 0.5 * (z[0] ** 2 + z[1] ** 2)
-        h = 1.0 - jnp.cos(self.half_angle)
+        h = self._height
         # h (1 - e^-s), and sin(t)/|z| without a division by zero at the axis.
         versine = h * s * phi1(-s)
         ratio = jnp.sqrt(0.5 * h * phi1(-s) * (2.0 - versine))

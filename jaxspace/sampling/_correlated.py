@@ -137,7 +137,8 @@ class Correlated(AbstractJoint):
 
     @property
     def covariance(self) -> Float[Array, "n n"]:
-        s = jnp.stack([d.deviation for d in self.marginals])
+        # Not `deviation`, which is that before a cut.
+        s = jnp.sqrt(jnp.stack([d.variance for d in self.marginals]))
         return s[:, None] * (self.factor @ self.factor.T) * s
 
     def from_normal(self, z: Float[Array, " k"]) -> Float[Array, " n"]:

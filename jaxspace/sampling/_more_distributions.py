@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.scipy.special import ndtr
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from ..core import check, quantity
 from ..core.checks import is_concrete
@@ -77,19 +77,24 @@ class Triangular(AbstractDistribution):
         b = float(self.high)
         c = float(self.mode)
 
-        def rising(x: float) -> float:
-            """The share from a to x, which is below c."""
-            return (x - a) ** 2 / ((b - a) * (c - a))
+        left, right, at_mode = (b - a) * (c - a), (b - a) * (b - c), (c - a) / (b - a)
 
-        def falling(x: float) -> float:
-            """The share from x, which is above c, to b."""
-            return (b - x) ** 2 / ((b - a) * (b - c))
+        def below(x: float) -> float:
+            """The share from a to x, without a difference of shares about one."""
+            if x >= b:
+                return 1.0
+            return (x - a) ** 2 / left if x < c else at_mode + (x - c) * (2.0 * b - c - x) / right
+
+        def above(x: float) -> float:
+            """The share from x to b."""
+            if x <= a:
+                return 1.0
+            if x > c:
+                return (b - x) ** 2 / right
+            return (1.0 - at_mode) + (c - x) * (c + x - 2.0 * a) / left
 
         x, y = (min(max(v, a), b) for v in (low, high))
-        # From the nearer end, so that a small share keeps its digits.
-        below = rising(x) if x < c else 1.0 - falling(x) if x < b else 1.0
-        above = falling(y) if y > c else 1.0 - rising(y) if y > a else 1.0
-        return below + above
+        return below(x) + above(y)
 
     def text(self) -> str:
         return "triangular, " + _shown(low=self.low, mode=self.mode, high=self.high)
@@ -112,8 +117,9 @@ class Lognormal(AbstractDistribution):
         return self.from_normal(jax.random.normal(key))
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
-        centre, spread = self._logarithm()
-        return jnp.exp(centre + spread * z)
+        _, spread = self._logarithm()
+        # As a factor of the mean: in the logarithm of a large number a small spread is lost.
+        return self.mean * jnp.exp(spread * (z - 0.5 * spread))
 
     def outside(self, low: float, high: float) -> float:
         centre, spread = (float(x) for x in self._logarithm())
@@ -155,17 +161,11 @@ class Discrete(AbstractDistribution):
         return jnp.sqrt(jnp.sum(square) / jnp.sum(self.weights))
 
     def sample(self, key: Array) -> Float[Array, ""]:
-        return self._at(jax.random.uniform(key))
+        share = jax.random.uniform(key)
+        return self.values[_place(self.weights, share, 1.0 - share)]
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
-        return self._at(ndtr(z))
-
-    def _at(self, share: Float[Array, ""]) -> Float[Array, ""]:
-        """The value below which this share of all draws lies."""
-        ends = jnp.cumsum(self.weights)
-        # The sum of the weights may round to less than the share.
-        place = jnp.searchsorted(ends, share * ends[-1], side="right")
-        return self.values[jnp.minimum(place, self.values.size - 1)]
+        return self.values[_place(self.weights, ndtr(z), ndtr(-z))]
 
     def outside(self, low: float, high: float) -> float:
         values, weights = np.asarray(self.values), np.asarray(self.weights)
@@ -174,6 +174,23 @@ class Discrete(AbstractDistribution):
     def text(self) -> str:
         pairs = zip(np.asarray(self.values), np.asarray(self.weights), strict=True)
         return "discrete, " + ", ".join(f"{v:.9g} ({w:.4g})" for v, w in pairs)
+
+
+def _place(
+    weights: Float[Array, " n"], below: Float[Array, ""], above: Float[Array, ""]
+) -> Int[Array, ""]:
+    """The place in a list with these weights at which the share `below` of all draws lies before,
+    and `above` = 1 - `below` after it; never one of weight zero."""
+    count = weights.size
+    # From the nearer end: a small weight at the far end is lost in the sum of the others.
+    ends, tails = jnp.cumsum(weights), jnp.cumsum(weights[::-1])
+    early = jnp.searchsorted(ends, below * ends[-1], side="right").astype(int)
+    late = jnp.searchsorted(tails, above * tails[-1], side="left").astype(int)
+    place = jnp.where(below < 0.5, early, count - 1 - late)
+    # At a share of zero or one, also by rounding, the first or the last one that may occur.
+    some = weights > 0.0
+    first, last = jnp.argmax(some), count - 1 - jnp.argmax(some[::-1])
+    return jnp.clip(place, first.astype(int), last.astype(int))
 
 
 @final

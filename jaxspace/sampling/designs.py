@@ -39,6 +39,15 @@ class AbstractDesign(eqx.Module):
     ) -> Float[Array, "runs dimensions"]:
         """The places of the runs with these numbers, from 0 to 1."""
 
+    def normals(
+        self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
+    ) -> Float[Array, "runs dimensions"]:
+        """The standard normal numbers at these places, which are finite: in single precision a
+        place may round to 0 or 1."""
+        u = self.uniforms(key, numbers, dimensions)
+        least = float(jnp.finfo(u.dtype).epsneg)
+        return ndtri(jnp.where(u > 0.0, jnp.minimum(u, 1.0 - least), 0.5 * least))
+
 
 @final
 class LatinHypercube(AbstractDesign):
@@ -68,15 +77,22 @@ class LatinHypercube(AbstractDesign):
             layers = jax.vmap(lambda seed: _permuted(place, self.runs, seed))(seeds)
             # Another stream than that of the permutations.
             run_key = jax.random.fold_in(jax.random.fold_in(key, 0x4C4853), number)
+            # Half a step inwards: no place lies on the border of its layer.
             within = jax.random.uniform(run_key, (dimensions,))
-            return (layers.astype(within.dtype) + within) / self.runs
+            within = within + 0.5 * float(jnp.finfo(within.dtype).eps)
+            layer = layers.astype(within.dtype)
+            # Nor does the sum round to it.
+            return jnp.minimum(layer + within, jnp.nextafter(layer + 1.0, layer)) / self.runs
 
         return jax.vmap(one)(numbers, again, places)
 
 
 @final
 class Sobol(AbstractDesign):
-    """Scrambled Sobol points: use a power of two of runs. There are 2^24 points."""
+    """Scrambled Sobol points: use a power of two of runs. There are 2^31 points, of at most 21201
+    standard normal numbers each.
+
+    A draw raises `InputError` for more."""
 
     def uniforms(
         self, key: Array, numbers: Integer[Array, " runs"], dimensions: int
@@ -95,8 +111,8 @@ class Sobol(AbstractDesign):
         return jnp.minimum(share, 1.0 - float(jnp.finfo(dtype).epsneg))
 
 
-NUMBERS = 24
-"""Bits of the number of a run on Sobol points."""
+NUMBERS = 31
+"""Bits of the number of a run on Sobol points: the runs of a campaign are fewer than 2^31."""
 
 
 @functools.cache
@@ -104,17 +120,27 @@ def _directions(dimensions: int) -> np.ndarray:
     """The direction numbers of Joe and Kuo, (dimensions, NUMBERS), from SciPy's sequence."""
     from scipy.stats import qmc
 
+    check_sobol_dimensions(dimensions)
     engine = qmc.Sobol(dimensions, scramble=False, bits=BITS)
-    # In Gray code the points 2^k - 1 and 2^k differ by the direction number k.
     result = []
     for k in range(NUMBERS):
-        # SciPy takes a skip of no points for one of 2^32.
-        if k:
-            engine.fast_forward(2**k - 1)
-        whole = np.round(engine.random(2) * 2.0**BITS).astype(np.uint64).astype(np.uint32)
-        result.append(whole[0] ^ whole[1])
+        # From zero the point number 2^k leads, in Gray code, to the direction number k. SciPy would
+        # take a step for each point that it skips.
+        engine.num_generated = 2**k
+        result.append(np.round(engine.random(1)[0] * 2.0**BITS).astype(np.uint64))
         engine.reset()
-    return np.stack(result, axis=1)
+    return np.stack(result, axis=1).astype(np.uint32)
+
+
+def check_sobol_dimensions(dimensions: int) -> None:
+    """Raise `InputError` where Sobol points have fewer dimensions than that."""
+    from scipy.stats import qmc
+
+    if dimensions > qmc.Sobol.MAXDIM:
+        raise InputError(
+            f"Sobol points of {dimensions} dimensions are needed, one for each standard normal "
+            f"number behind the inputs: there are {qmc.Sobol.MAXDIM} at most."
+        )
 
 
 def _reversed(x: Array) -> Array:
@@ -201,7 +227,7 @@ def draw(
     """The inputs of the runs with these numbers, each (runs,); at random without a `design`."""
     if design is not None:
         dimensions = sum(map(len, normal_columns(inputs).values()))
-        return map_normals(inputs, ndtri(design.uniforms(key, numbers, dimensions)))
+        return map_normals(inputs, design.normals(key, numbers, dimensions))
 
     # A draw depends on the key, the number of its run and its own name only, so that it is the
     # same however many runs or other inputs there are.

@@ -21,7 +21,8 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.scipy.special import ndtr, ndtri
+from jax.lax import erf_inv
+from jax.scipy.special import erf, ndtr, ndtri
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
@@ -45,6 +46,11 @@ class AbstractDistribution(AbstractParameters):
 
     mean: eqx.AbstractVar[Float[Array, ""]]
     deviation: eqx.AbstractVar[Float[Array, ""]]
+
+    @property
+    def variance(self) -> Float[Array, ""]:
+        """Variance of a draw, which the `deviation` of a distribution that is cut does not give."""
+        return self.deviation**2
 
     @property
     def source(self) -> str:
@@ -78,11 +84,13 @@ class AbstractDistribution(AbstractParameters):
 
 def _normal_share(low: float, high: float) -> float:
     """The share of a standard normal distribution from `low` to `high`."""
-    # In the tails a difference of two values of erfc keeps its digits; one of erf loses them.
     if low > 0.0:
         low, high = -high, -low
-    root = math.sqrt(2.0)
-    return 0.5 * (math.erfc(-high / root) - math.erfc(-low / root))
+    low, high = low / math.sqrt(2.0), high / math.sqrt(2.0)
+    # In the tails a difference of two values of erfc keeps its digits, near the middle one of erf.
+    if low > -0.5:
+        return 0.5 * (math.erf(high) - math.erf(low))
+    return 0.5 * (math.erfc(-high) - math.erfc(-low))
 
 
 def _uniform_share(start: float, end: float, low: float, high: float) -> float:
@@ -154,13 +162,20 @@ class Uniform(AbstractDistribution):
         return (self.high - self.low) / 12.0**0.5
 
     def sample(self, key: Array) -> Float[Array, ""]:
-        return self.low + (self.high - self.low) * jax.random.uniform(key)
+        drawn = self.low + (self.high - self.low) * jax.random.uniform(key)
+        # The sum may round to beyond the limit, which a class may refuse.
+        return jnp.minimum(drawn, self.high)
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
-        return self.low + (self.high - self.low) * ndtr(z)
+        # From the nearer end: a limit of zero is approached in relative steps. Not by -|z|, whose
+        # slope at zero is zero.
+        step = (self.high - self.low) * ndtr(jnp.where(z > 0.0, -z, z))
+        return jnp.where(z > 0.0, self.high - step, self.low + step)
 
     def outside(self, low: float, high: float) -> float:
-        return 1.0 - _uniform_share(float(self.low), float(self.high), low, high)
+        a, b = float(self.low), float(self.high)
+        # The sum of both ends: one minus the share inside loses the digits of a rare refusal.
+        return _uniform_share(a, b, a, low) + _uniform_share(a, b, high, b)
 
     def text(self) -> str:
         return "uniform, " + _shown(low=self.low, high=self.high)
@@ -192,6 +207,16 @@ class TruncatedNormal(AbstractDistribution):
                 f"within {low:.6g} and {high:.6g}",
             )
 
+    @property
+    def variance(self) -> Float[Array, ""]:
+        """Variance after the cut: the trapezoidal rule is exact to rounding for what is smooth."""
+        z = jnp.linspace(-8.5, 8.5, 2001, dtype=jnp.result_type(self.mean))
+        weights = jnp.exp(-0.5 * z * z)
+        weights = weights / jnp.sum(weights)
+        # From the mean before the cut, so that the digits of a small deviation are not lost.
+        x = jax.vmap(self.from_normal)(z) - self.mean
+        return jnp.sum(weights * (x - jnp.sum(weights * x)) ** 2)
+
     def sample(self, key: Array) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
         drawn = self.mean + self.deviation * jax.random.truncated_normal(key, a, b)
@@ -200,10 +225,17 @@ class TruncatedNormal(AbstractDistribution):
 
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
         a, b = (self.low - self.mean) / self.deviation, (self.high - self.mean) / self.deviation
+        root = math.sqrt(2.0)
+        width = erf(b / root) - erf(a / root)
         # From the nearer end, because one minus a small share loses the digits of the upper tail.
-        lower = ndtr(a) + ndtr(-jnp.abs(z)) * (ndtr(b) - ndtr(a))
-        upper = ndtr(-b) + ndtr(-jnp.abs(z)) * (ndtr(-a) - ndtr(-b))
-        place = jnp.where(z > 0.0, -ndtri(upper), ndtri(lower))
+        share = ndtr(jnp.where(z > 0.0, -z, z))
+        lower, upper = ndtr(a) + 0.5 * share * width, ndtr(-b) + 0.5 * share * width
+        # Near the middle by erf: a narrow range has no digits left of shares about one half.
+        middle = jnp.where(z > 0.0, erf(b / root) - share * width, erf(a / root) + share * width)
+        near = jnp.abs(middle) < 0.5
+        away = jnp.where(near, 0.25, jnp.where(z > 0.0, upper, lower))
+        place = jnp.where(z > 0.0, -ndtri(away), ndtri(away))
+        place = jnp.where(near, root * erf_inv(jnp.where(near, middle, 0.0)), place)
         return jnp.clip(self.mean + self.deviation * place, self.low, self.high)
 
     def outside(self, low: float, high: float) -> float:

@@ -65,7 +65,8 @@ def contributors(
     """The shares of all inputs in the variance of `values`, those of `output` in all runs, over the
     runs that are `good`: see `Dispersion.contributors`."""
     y = values.astype(float)
-    good = good & np.isfinite(y)
+    # One infinite value of an input would leave no number in the regression either.
+    good = good & np.isfinite(y) & np.all([np.isfinite(x) for x in inputs.values()], axis=0)
     y = y[good]
     chosen = {name: x[good].astype(float) for name, x in inputs.items()}
     # An input that does not scatter explains nothing, and has a deviation of zero.

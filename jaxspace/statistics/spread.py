@@ -54,13 +54,17 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     - `values`: of d outputs, (d, runs).
     - `probability`: share of the distribution within it.
 
-    **Raises** `InputError` for a probability outside (0, 1), and for fewer than two runs."""
+    **Raises** `InputError` for a probability outside (0, 1), for fewer than two runs, and for
+    values that are not finite."""
     from scipy.special import gammaincinv
 
     check_share("probability", probability)
     x = np.atleast_2d(np.asarray(values, float))
     if x.shape[1] < 2:
         raise InputError(f"values has {x.shape[1]} runs: an ellipsoid needs two or more.")
+    lost = np.count_nonzero(~np.all(np.isfinite(x), axis=0))
+    if lost:
+        raise InputError(f"values is not finite in {lost} runs: an ellipsoid has no such points.")
     # Scaled first: a covariance of km and mm would lose the small axis to rounding.
     scale = np.std(x, axis=1, ddof=1)
     scale = np.where(scale > 0.0, scale, 1.0)[:, None]

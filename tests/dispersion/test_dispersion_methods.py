@@ -15,6 +15,7 @@ from jaxspace.core import AbstractClosedForm, AbstractSystem, InputError, Scalar
 from jaxspace.dispersion import (
     Campaign,
     Constant,
+    Discrete,
     MultivariateNormal,
     Normal,
     TruncatedNormal,
@@ -337,6 +338,51 @@ def test_sobol_indices_of_a_sum_and_a_product():
     assert product.runs == 4 * 1024 and product.failed == 0
     with pytest.raises(InputError, match="power of two"):
         sobol_indices(NORMALS, 100)
+
+
+def seldom(result, samples):
+    """x = x0 + 3 v0, infinite where x0 lies 2.9 deviations above its mean, in one run of 540; the
+    same nowhere infinite; a constant that rounds; and one that is a number in no run."""
+    x0, x = samples["x0"], result.final.x
+    constant = (0.1 + 1e-17 * x0) * jnp.ones_like(x)
+    infinite = jnp.where(x0 > 1.0 + 2.9 * 2.0, jnp.inf, x)
+    return {"x": x, "seldom": infinite, "constant": constant, "never": jnp.nan * x}
+
+
+def test_sobol_indices_leave_out_what_is_not_finite():
+    """Without the points at which it is infinite, which change the indices by less than 1 %."""
+    found = sobol_indices(Campaign(build, NORMALS.inputs, seldom), 1024)
+    lost = found.left_out
+    assert lost["x"] == 0 and 1 <= lost["seldom"] <= 12 and lost["never"] == 1024
+    assert found.failed == found.runs
+    for name, expected in (("x0", 4.0 / 6.25), ("v0", 2.25 / 6.25)):
+        for output in ("x", "seldom"):
+            index = found.indices[output][name]
+            assert abs(index.first - expected) < 5.0 * index.first_error + 0.01
+            assert abs(index.total - expected) < 5.0 * index.total_error + 0.01
+        assert found.indices["constant"][name] == (0.0, 0.0, 0.0, 0.0)
+        assert np.isnan(found.indices["never"][name]).all()
+
+
+def test_sobol_indices_of_too_many_inputs():
+    many = MultivariateNormal(np.zeros(2), np.ones((2, 10601)))
+    with pytest.raises(InputError, match="Sobol points of 21202 dimensions are needed"):
+        sobol_indices(Campaign(build, many.inputs("x0", "v0"), outputs), 2)
+
+
+def test_moments_of_inputs_that_move_in_steps():
+    """Of a list the variance is sum(w v^2) / sum(w) - mean^2, however rare a value: here of one
+    that has no place among 2001 even numbers from -8.5 to 8.5. A sigma point may be infinite."""
+    seldom = Discrete(np.array([-1.0, 30.0, 1.0]), np.array([0.5, 1e-4, 0.5]))
+    campaign = Campaign(build, {"x0": seldom, "v0": Constant(0.0)}, outputs)
+    mean = 30.0 * 1e-4 / 1.0001
+    variance = (1.0 + 900.0 * 1e-4) / 1.0001 - mean**2
+    assert moments(campaign, check=0).std("x") ** 2 == pytest.approx(variance, rel=1e-12)
+    edge = Campaign(
+        build, CENTRED.inputs, lambda r, s: {"x": 1.0 / jnp.maximum(1.0 - r.final.x, 0.0)}
+    )
+    with pytest.warns(UserWarning, match="unscented leaves out x: not finite at a sigma point"):
+        assert np.isnan(moments(edge, "unscented", check=0).std("x"))
 
 
 @final

@@ -24,7 +24,8 @@ from jaxspace.dispersion import (
     TruncatedNormal,
     Uniform,
 )
-from jaxspace.sampling.designs import _directions
+from jaxspace.sampling._more_distributions import _place
+from jaxspace.sampling.designs import AbstractDesign, _directions
 
 SQUARE = np.log1p(1.0 / 16.0)  # of a lognormal of mean 2 and deviation 1/2
 KNOWN = [
@@ -62,9 +63,10 @@ def test_quantiles_and_tails(distribution, reference):
     for low, high in ((0.1, 2.9), (0.6, 1.2), (-9.0, 1.5), (1.5, 9.0)):
         share = reference.cdf(low) + reference.sf(high)
         assert distribution.outside(low, high) == pytest.approx(share, abs=1e-14)
-    slope = jax.grad(distribution.from_normal)(0.7)
-    ahead, behind = (distribution.from_normal(jnp.asarray(0.7 + h)) for h in (1e-5, -1e-5))
-    assert float(slope) == pytest.approx(float(ahead - behind) / 2e-5, rel=1e-8)
+    for place in (0.0, 0.7):
+        slope = jax.grad(distribution.from_normal)(place)
+        ahead, behind = (distribution.from_normal(jnp.asarray(place + h)) for h in (1e-5, -1e-5))
+        assert float(slope) == pytest.approx(float(ahead - behind) / 2e-5, rel=1e-8)
 
 
 def test_moments_of_what_is_new():
@@ -340,3 +342,127 @@ def test_a_wrong_entry_is_named(old, new, words, tmp_path):
     with pytest.raises(jaxspace.io.SceneError) as raised:
         jaxspace.load(path)
     assert words in str(raised.value)
+
+
+@pytest.mark.parametrize("dtype, angle", [(np.float64, 1e-8), (np.float32, 8.7e-5)])
+def test_narrow_cones(dtype, angle):
+    """Within a small angle a the directions are uniform over a disk of radius a: a component across
+    the axis has the variance a^2/4, and cos t - 1 is 0 to -a^2/2. 8.7e-5 rad is 0.005 degrees."""
+    for axis in np.eye(3):
+        cone = ConeDirection(jnp.asarray(axis, dtype), jnp.asarray(angle, dtype))
+        expected = angle**2 / 4.0 * (np.eye(3) - np.outer(axis, axis))
+        expected += angle**4 / 12.0 * np.outer(axis, axis)
+        np.testing.assert_allclose(cone.covariance, expected, rtol=1e-5)
+        z = np.random.default_rng(0).standard_normal((4000, 2)).astype(dtype)
+        x = np.asarray(jax.vmap(cone.from_normal)(z)).astype(float)
+        across = x - np.outer(x @ axis, axis)
+        # The square of the radius is uniform: its place among all is 1 - exp(-|z|^2/2).
+        place = -np.expm1(-0.5 * np.sum(z.astype(float) ** 2, axis=1))
+        np.testing.assert_allclose(
+            np.sum(across**2, axis=1), angle**2 * place, rtol=1e-4, atol=1e-6 * angle**2
+        )
+
+
+@pytest.mark.parametrize("dtype", [np.float64, np.float32])
+def test_narrow_ranges_keep_their_spread(dtype):
+    """A normal distribution that is cut to a range far smaller than its deviation is uniform; a
+    lognormal one with a small share d scatters by d times its mean."""
+    z = jnp.asarray([-2.0, -0.7, 0.0, 0.4, 1.9], dtype)
+    share = scipy.stats.norm.cdf(np.asarray(z, float))
+    eps = float(np.finfo(dtype).eps)
+    for low, high in ((-1.0, 1.0), (0.0, 1.0), (-1.0, 0.0)):
+        cut = TruncatedNormal(dtype(0.0), dtype(1e9), dtype(low), dtype(high))
+        found = jax.vmap(cut.from_normal)(z)
+        np.testing.assert_allclose(found, low + (high - low) * share, atol=20.0 * eps)
+        assert float(cut.variance) == pytest.approx((high - low) ** 2 / 12.0, rel=1e-5)
+    # The logarithm of the mean, 34, would round by 34 eps, which here is the spread.
+    narrow = Lognormal(dtype(4e14), dtype(4e14 * 30.0 * eps))
+    found = np.asarray(jax.vmap(narrow.from_normal)(z)).astype(float) / float(narrow.mean) - 1.0
+    np.testing.assert_allclose(found, 30.0 * eps * np.asarray(z, float), atol=2.0 * eps)
+
+
+def test_rare_shares_keep_their_digits():
+    """The shares that a limit refuses, in closed form: of a uniform distribution the width of what
+    is cut, of a triangular one x (2 - x) and of a narrow cut normal one the ratio of the widths."""
+    assert Uniform(0.0, 1.0).outside(1e-20, 2.0) == pytest.approx(1e-20, rel=1e-12)
+    assert Triangular(0.0, 0.0, 1.0).outside(1e-14, 2.0) == pytest.approx(2e-14, rel=1e-12)
+    assert Triangular(1.0, 0.0, 1.0).outside(-1.0, 1.0 - 2.0**-40) == pytest.approx(
+        2.0**-39, rel=1e-9
+    )
+    cut = TruncatedNormal(0.0, 1e9, -1.0, 1.0)
+    assert cut.outside(-1.0, 0.5) == pytest.approx(0.25, rel=1e-9)
+    assert Uniform(-1.0, 0.0).from_normal(jnp.asarray(7.0)) == pytest.approx(
+        -scipy.stats.norm.sf(7.0), rel=1e-12
+    )
+
+
+class Border(AbstractDesign):
+    """A design whose places lie on the border of the unit cube."""
+
+    def uniforms(self, key, numbers, dimensions):
+        u = (numbers % 2).astype(jnp.result_type(float))
+        return jnp.broadcast_to(u[:, None], (*numbers.shape, dimensions))
+
+
+@pytest.mark.parametrize("x64", [True, False])
+def test_no_draw_is_infinite_or_impossible(x64, key):
+    """Every distribution at the borders of the unit cube, in both precisions; of a list no value of
+    weight zero. The last of 2^24 layers ends at 1 in single precision."""
+    with jax.enable_x64(x64):
+        dtype = jnp.result_type(float)
+        lists = jnp.asarray([7.0, 1.0, 8.0, 3.0, 9.0], dtype), jnp.asarray([0.0, 1, 0, 2, 0], dtype)
+        inputs = {
+            "normal": Normal(0.0, 1.0),
+            "uniform": Uniform(-0.3, 0.1),
+            "cut": TruncatedNormal(0.0, 1.0, -9.0, 9.0),
+            "triangular": Triangular(0.1, 0.0, 0.7),
+            "lognormal": Lognormal(1.0, 0.1),
+            "list": Discrete(*lists),
+            "samples": Samples(lists[0]),
+            **ConeDirection(jnp.ones(3, dtype), 0.1).inputs("x", "y", "z"),
+        }
+        x = drawn(inputs, Border()).samples(key, jnp.arange(2))
+        last = 2**24
+        numbers = jnp.arange(4096)
+        u = LatinHypercube(last).uniforms(key, numbers, 4)
+        assert 0.0 < float(u.min()) and float(u.max()) < 1.0
+        for seed in range(3):
+            u = LatinHypercube(1).uniforms(jax.random.key(seed), jnp.arange(20000), 20)
+            assert 0.0 < float(u.min()) and float(u.max()) < 1.0
+        far = jnp.asarray([-40.0, -9.0, 9.0, 40.0], dtype)
+        some = jax.vmap(inputs["list"].from_normal)(far)
+        shares = jnp.asarray([0.0, 1.0 - float(jnp.finfo(dtype).epsneg), 1.0], dtype)
+        places = _place(lists[1], shares, 1.0 - shares)
+    for name, v in x.items():
+        assert v.dtype == dtype and np.all(np.isfinite(v)), name
+    assert np.all((x["uniform"] >= np.asarray(-0.3, dtype)) & (x["uniform"] <= dtype.type(0.1)))
+    np.testing.assert_array_equal(some, [1.0, 1.0, 3.0, 3.0])
+    np.testing.assert_array_equal(places, [1, 3, 3])
+
+
+def test_a_small_weight_at_either_end_of_a_list():
+    """In single precision 1 + 1e-9 is 1: the value has its share of the numbers at its end."""
+    with jax.enable_x64(False):
+        for weights, sign in (([1.0, 1e-9], 1.0), ([1e-9, 1.0], -1.0)):
+            d = Discrete(jnp.asarray([0.0, 1.0]), jnp.asarray(weights))
+            border = scipy.stats.norm.isf(1e-9)
+            z = sign * jnp.asarray([border - 0.01, border + 0.01])
+            found = np.asarray(jax.vmap(d.from_normal)(z))
+            np.testing.assert_array_equal(found, [0.0, 1.0] if sign > 0.0 else [1.0, 0.0])
+
+
+def test_sobol_points_beyond_2_24_are_new(key):
+    """Every 2^m points from a multiple of 2^m on fill the layers of each column, and differ from
+    the first ones."""
+    first = 2**24
+    early, late = (np.asarray(Sobol().uniforms(key, n + jnp.arange(256), 3)) for n in (0, first))
+    assert not np.any(early == late)
+    for column in late.T:
+        assert sorted((column * 256).astype(int)) == list(range(256))
+    u = Sobol().uniforms(key, jnp.asarray([5, 5 + 2**24, 5 + 2**30]), 3)
+    assert len(np.unique(np.asarray(u)[:, 0])) == 3
+
+
+def test_too_many_dimensions_for_sobol_points(key):
+    with pytest.raises(InputError, match="Sobol points of 21202 dimensions are needed"):
+        Sobol().uniforms(key, jnp.arange(2), 21202)

@@ -362,3 +362,20 @@ def test_table_figure_and_page_share_one_regression_for_each_output(tmp_path, mo
     assert list(d.contributors("y").shares) == ["b", "a"]
     other = eqx.tree_at(lambda d: d.outputs["y"], d, a + 0.1 * b)
     assert list(other.contributors("y", 1).shares) == ["a"] and len(fits) == 4
+
+
+def test_one_infinite_input_hides_no_contributor():
+    """Of y = 3 a + b the shares are 0.9 and 0.1; the run with an infinite input is left out."""
+    a, b = np.random.default_rng(0).standard_normal((2, 4000))
+    y = 3.0 * a + b
+    b[7] = np.inf
+    good = np.ones(4000, bool)
+    found = _contributors.contributors("y", {"a": a, "b": b}, y, good)
+    assert found.shares == pytest.approx({"a": 0.9, "b": 0.1}, abs=0.02)
+
+
+def test_an_ellipsoid_needs_finite_values():
+    x = np.random.default_rng(0).standard_normal((2, 50))
+    x[1, 3] = np.nan
+    with pytest.raises(InputError, match="values is not finite in 1 runs"):
+        ellipsoid(x)
