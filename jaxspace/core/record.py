@@ -1,7 +1,17 @@
 """The record of how a result was made, as JSON can hold it."""
 
+import os
+import shlex
 from typing import Any, TypeAlias
 
 # `Any`, because Python's types cannot say what JSON holds without a cast at every reading.
 Record: TypeAlias = dict[str, Any]
 """Texts, numbers, lists and further records, by name."""
+
+
+def resuming(attributes: Record, store: str | os.PathLike[str]) -> str:
+    """The command that computes the missing runs of a store, or the call where the campaign with
+    these attributes was built in Python: the command line builds campaigns of scene files alone."""
+    if "scene_file" in attributes:
+        return f"jaxspace resume {shlex.quote(str(store))}"
+    return "disperse(..., resume=True)"

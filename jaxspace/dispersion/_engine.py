@@ -22,8 +22,9 @@ from ..integration.accuracy import Accuracy
 from ..integration.config import check_tolerance
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
+from ..stores import DamagedStore
 from ..stores.results import RunResults
-from ..stores.store import ENOUGH, DamagedStore
+from ..stores.store import ENOUGH
 from ..stores.writer import StoreWriter
 from ._batch_runner import BatchRunner
 from ._by_purpose import errors_at, recorded, tolerance_by_purpose

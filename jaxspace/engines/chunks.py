@@ -11,9 +11,10 @@ from typing import TypeAlias
 from ..core.record import Record
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
+from ..stores import DamagedStore
 from ..stores.columns import columns_of
 from ..stores.results import RunResults
-from ..stores.store import ENOUGH, DamagedStore, Store
+from ..stores.store import ENOUGH, Store
 from ..stores.stored_runs import as_dispersion
 from ..stores.writer import StoreWriter
 from ._interface import AbstractEngine, AbstractRunner, Extent
@@ -62,6 +63,9 @@ def stored(
     if engine.leads:
         # One process makes the store, and the others join it when it is there.
         writer.prepare(columns, attributes)
+        # The others join it before it has a chunk.
+        if engine.shares and not writer.published:
+            writer.publish()
     engine.sync("prepared")
     writer.host = engine.host
     store = writer.store if engine.leads else writer.join(columns, attributes)

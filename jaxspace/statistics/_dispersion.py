@@ -2,7 +2,6 @@
 
 import functools
 import math
-import shlex
 import warnings
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, final
@@ -13,6 +12,7 @@ import numpy as np
 from ..core import InputError
 from ..core.extras import extra
 from ..core.listed import Listed
+from ..core.record import resuming
 from ..core.text import aligned, in_words
 from ..integration.status import Status
 from ._failures import Failure, failures_of
@@ -90,10 +90,7 @@ class Dispersion(eqx.Module):
         empty if the campaign is complete, or ended by its rule."""
         if self.runs >= self.planned_runs:
             return ""
-        # The command line builds campaigns of scene files alone.
-        scene = "scene_file" in self.attributes
-        command = f"jaxspace resume {shlex.quote(str(self.store))}"
-        rest = command if scene else "disperse(..., resume=True)"
+        rest = resuming(self.attributes, self.store)
         return (
             f"{self.runs} of {self.planned_runs} planned runs are in the store: `{rest}` computes "
             f"the rest."

@@ -12,11 +12,16 @@ from pathlib import Path
 from typing import Any
 
 from ..core.record import Record
-from ._lock import StoreError
+from ._errors import StoreError
+from ._files import read_plain
 
 HEAD, COPY = "zarr.json", ".manifest/head"
 # Longest time between the two writes of a running campaign, s.
 PATIENCE = 0.05
+# Attributes of every store, in whatever form, and of no Zarr group of another program.
+MARKS = ("form", "planned_runs", "chunk", "seed", "digest")
+# What JSON of any content raises where it is read.
+UNREADABLE = (OSError, ValueError, RecursionError)
 
 
 def sealed(head: bytes) -> bytes:
@@ -28,6 +33,19 @@ def unsealed(copy: bytes) -> bytes | None:
     """The head in a copy; `None` where the copy is damaged."""
     _, _, head = copy.partition(b"\n")
     return head if sealed(head) == copy else None
+
+
+def is_store(folder: Path) -> bool:
+    """Whether this is the folder of a store, in whatever form, by its head or the copy of that."""
+    return any(_is_marked(head) for head in _both(folder))
+
+
+def _is_marked(head: bytes | None) -> bool:
+    try:
+        attributes = json.loads(head or b"null")["attributes"]
+    except (*UNREADABLE, LookupError, TypeError):
+        return False
+    return isinstance(attributes, dict) and all(name in attributes for name in MARKS)
 
 
 def read_head(folder: Path) -> tuple[bytes, str]:
@@ -57,38 +75,40 @@ def read_head(folder: Path) -> tuple[bytes, str]:
 def damaged_arrays(folder: Path, arrays: Record) -> list[str]:
     """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
     theirs."""
-    result = [name for name, head in arrays.items() if _parsed(folder / name / HEAD) != head]
+    result = [name for name, head in arrays.items() if _parsed(folder, name) != head]
     if result:
         # A campaign that ends writes the head first, and these a moment later.
         time.sleep(PATIENCE)
-    return [name for name in result if _parsed(folder / name / HEAD) != arrays[name]]
+    return [name for name in result if _parsed(folder, name) != arrays[name]]
 
 
 def is_longer(folder: Path, name: str, head: Record) -> bool:
     """Whether an array's own file of metadata differs from its `head` in more runs alone."""
-    own = _parsed(folder / name / HEAD)
+    own = _parsed(folder, name)
     if not isinstance(own, dict) or own | {"shape": head["shape"]} != head:
         return False
-    pairs = zip(own["shape"], head["shape"], strict=True)
-    return all(isinstance(n, int) and n >= m for n, m in pairs)
+    shape = own["shape"]
+    if not isinstance(shape, list) or len(shape) != len(head["shape"]):
+        return False
+    return all(isinstance(n, int) and n >= m for n, m in zip(shape, head["shape"], strict=True))
 
 
-def _parsed(path: Path) -> Any:
-    """Content of a metadata file; `None` if it is missing or not JSON."""
+def _parsed(folder: Path, name: str) -> Any:
+    """The metadata of an array in its own file; `None` if it is missing or not JSON."""
     try:
-        return json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError):
+        return json.loads(read_plain(folder / name / HEAD, folder))
+    except UNREADABLE:
         return None
 
 
 def _both(folder: Path) -> tuple[bytes | None, bytes | None]:
     """The head, and that in its copy."""
-    head, copy = _bytes_of(folder / HEAD), _bytes_of(folder / COPY)
+    head, copy = _bytes_of(folder, HEAD), _bytes_of(folder, COPY)
     return head, None if copy is None else unsealed(copy)
 
 
-def _bytes_of(path: Path) -> bytes | None:
+def _bytes_of(folder: Path, name: str) -> bytes | None:
     try:
-        return path.read_bytes()
+        return read_plain(folder / name, folder)
     except OSError:
         return None

@@ -1,10 +1,11 @@
 """The identity of a campaign: whether a store belongs to it, and the sentence for a difference."""
 
+import hashlib
+import json
 from collections.abc import Mapping
 
 from ..core.record import Record
 from .columns import Column
-from .store import Store
 
 IDENTITY = {
     "planned_runs": "the number of runs",
@@ -26,14 +27,26 @@ IDENTITY = {
 """In the order in which a difference is named."""
 
 
-def difference(store: Store, columns: Mapping[str, Column], attributes: Record) -> str:
-    """Difference between a store and a campaign, in a sentence; empty if there is none."""
-    there = store.attributes
+def mark_of(attributes: Record) -> str:
+    """The mark of the campaign with these attributes of a store, which the entry of each of its
+    chunks bears."""
+    identity = [attributes.get(name) for name in IDENTITY]
+    return hashlib.sha256(json.dumps(identity, sort_keys=True).encode()).hexdigest()
+
+
+def difference(
+    there: Record, arrays: Mapping[str, Column], attributes: Record, columns: Mapping[str, Column]
+) -> str:
+    """Difference between the attributes and arrays of a store and those of a campaign, in a
+    sentence; empty if there is none."""
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
     # Compared last, because different settings are the cause of different numbers.
-    names = sorted(set(columns) ^ set(store.columns))
+    names = sorted(set(columns) ^ set(arrays))
+    others = sorted(name for name in arrays if arrays[name] != columns.get(name))
+    if not changed and names:
+        return f"only one of the two has {names[0]!r}."
     if not changed:
-        return f"only one of the two has {names[0]!r}." if names else ""
+        return f"its array {others[0]!r} is another one." if others else ""
     # With equal settings, the cause of different numbers lies outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
@@ -64,8 +77,8 @@ def _cause(there: Record, here: Record) -> str:
     """The likely cause of different results with the same settings."""
     # Versions first, which are the more likely cause.
     for kind in ("versions", "machine"):
-        old = there.get(kind, {})
-        new = here[kind]
+        old = there.get(kind) or {}
+        new = here.get(kind) or {}
         changed = [key for key in new if old.get(key) != new[key]]
         if changed:
             causes = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)

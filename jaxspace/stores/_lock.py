@@ -1,38 +1,67 @@
 """The lock of a store: one writer at a time, with its name for the others."""
 
+import contextlib
+import errno
 import json
 import os
 import socket
 import time
 from pathlib import Path
+from typing import NamedTuple
 
-from ..core import InputError
+from ..core.text import is_printable
+from ._errors import StoreError
+from ._files import check_plain
+from ._head import is_store
 
 NAME = ".lock"
 # Longest time that a lock may be held without a name, s; then its owner counts as unknown.
 PATIENCE = 1.0
 
 
-class StoreError(InputError):
-    """A store that refuses a request, or cannot be read or written; the message says why, and what
-    to do."""
+class Owner(NamedTuple):
+    """The process that holds a lock, and since when."""
+
+    pid: int
+    host: str
+    since: str
+
+    def __str__(self) -> str:
+        return f"process {self.pid} on {self.host}"
 
 
 class Lock:
     """Held from `acquire` to `release`; the system releases it when its process dies, however that
     dies, so that no lock outlives its owner on the same machine.
 
-    `stale`: a sentence about a lock whose owner is gone; empty otherwise."""
+    - `stale`: a sentence about a lock whose owner is gone; empty otherwise.
+    - `created`: whether there was no file before."""
 
     def __init__(self, folder: Path):
         self.path = folder / NAME
         self.handle: int | None = None
         self.stale = ""
+        self.created = False
 
     def acquire(self) -> None:
-        """Take the lock. Raises `StoreError`, which names the owner, if another process holds
-        it."""
-        handle = os.open(self.path, os.O_RDWR | os.O_CREAT, 0o644)
+        """Take the lock.
+
+        **Raises** `StoreError`, which names the owner, if another process holds it, and `OSError`
+        where the file cannot be opened or written, or is not a regular file of its own."""
+        while self.handle is None:
+            handle, self.created = _open(self.path)
+            try:
+                owner = self._wait(handle)
+                # Its last owner may have removed it while this process waited.
+                if _is_at(handle, self.path):
+                    self._write_name(handle, owner)
+                    self.handle = handle
+            finally:
+                if self.handle is None:
+                    os.close(handle)
+
+    def _wait(self, handle: int) -> Owner | None:
+        """Lock the file, and return the owner that it names: one that is gone."""
         free = _lock(handle)
         owner = _owner(handle)
         end = time.monotonic() + PATIENCE
@@ -43,25 +72,68 @@ class Lock:
             owner = _owner(handle)
         host = socket.gethostname()
         # Some network file systems do not share locks between machines: then the name decides.
-        if not free or (owner and owner["host"] != host):
-            os.close(handle)
+        if not free or (owner and owner.host != host):
             raise StoreError(f"{self.path.parent} is in use{_named(owner)}{_advice(owner, host)}")
-        if owner:
-            self.stale = f"The {_process(owner)} ended without releasing the store."
-        now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
-        text = json.dumps({"pid": os.getpid(), "host": host, "since": now})
-        # Emptied first, because the name of an earlier owner may be longer.
-        os.ftruncate(handle, 0)
-        os.pwrite(handle, text.encode(), 0)
-        self.handle = handle
+        return owner
 
-    def release(self) -> None:
-        """Empty the file and release the lock. The file stays, because a waiting process has it
-        open."""
+    def _write_name(self, handle: int, before: Owner | None) -> None:
+        if before:
+            self.stale = f"The {before} ended without releasing the store."
+        now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
+        text = json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": now})
+        try:
+            # Emptied first, because the name of an earlier owner may be longer.
+            os.ftruncate(handle, 0)
+            os.lseek(handle, 0, os.SEEK_SET)
+            os.write(handle, text.encode())
+        # As on a full disk.
+        except OSError:
+            if self.created:
+                self.path.unlink(missing_ok=True)
+            raise
+
+    def release(self, remove: bool = False) -> None:
+        """Empty the file and release the lock. `remove`: whether the file goes, too."""
         if self.handle is not None:
-            os.ftruncate(self.handle, 0)
-            os.close(self.handle)
-            self.handle = None
+            try:
+                os.ftruncate(self.handle, 0)
+                if remove:
+                    # Windows removes no file that is open: there it stays.
+                    with contextlib.suppress(OSError):
+                        self.path.unlink()
+            finally:
+                handle, self.handle = self.handle, None
+                os.close(handle)
+
+
+def _open(path: Path) -> tuple[int, bool]:
+    """The file of a lock, opened for writing, and whether it is new.
+
+    Never that of a link, which may lead anywhere, nor one with another content: it would be
+    emptied."""
+    flags = os.O_RDWR | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
+    try:
+        return os.open(path, flags | os.O_CREAT | os.O_EXCL, 0o644), True
+    except FileExistsError:
+        check_plain(path)
+    handle = os.open(path, flags)
+    fault = ""
+    if os.fstat(handle).st_nlink > 1:
+        fault = f"{path.name} is a hard link to another file"
+    elif os.fstat(handle).st_size and not _owner(handle) and not is_store(path.parent):
+        fault = f"{path.name} is not the lock of a store"
+    if fault:
+        os.close(handle)
+        raise OSError(errno.EINVAL, fault, str(path))
+    return handle, False
+
+
+def _is_at(handle: int, path: Path) -> bool:
+    """Whether the open file is still the one with this path."""
+    try:
+        return os.path.samestat(os.fstat(handle), os.lstat(path))
+    except FileNotFoundError:
+        return False
 
 
 def _lock(handle: int) -> bool:
@@ -86,27 +158,24 @@ def _lock(handle: int) -> bool:
         return False
 
 
-def _owner(handle: int) -> dict[str, str | int]:
-    """Name of the owner in the file; empty without one."""
+def _owner(handle: int) -> Owner | None:
+    """The owner that the file names; `None` without one."""
+    os.lseek(handle, 0, os.SEEK_SET)
     try:
-        os.lseek(handle, 0, os.SEEK_SET)
-        return json.loads(os.read(handle, 4096))
-    # Empty, or of a machine that lost its power while it was written.
-    except ValueError:
-        return {}
+        found = json.loads(os.read(handle, 4096))
+        owner = Owner(found["pid"], found["host"], found["since"])
+    # Empty, of a machine that lost its power while it was written, or of another content.
+    except (ValueError, TypeError, LookupError, RecursionError):
+        return None
+    texts = all(isinstance(x, str) and is_printable(x) for x in owner[1:])
+    return owner if texts and type(owner.pid) is int else None
 
 
-def _named(owner: dict[str, str | int]) -> str:
-    if not owner:
-        return " by another process"
-    return f" by {_process(owner)} since {owner['since']}"
+def _named(owner: Owner | None) -> str:
+    return f" by {owner} since {owner.since}" if owner else " by another process"
 
 
-def _process(owner: dict[str, str | int]) -> str:
-    return f"process {owner['pid']} on {owner['host']}"
-
-
-def _advice(owner: dict[str, str | int], host: str) -> str:
-    if owner and owner["host"] != host:
+def _advice(owner: Owner | None, host: str) -> str:
+    if owner and owner.host != host:
         return f". If that has ended, remove {NAME} in the store and try again."
     return ": wait for its end, or end it."

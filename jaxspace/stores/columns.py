@@ -1,5 +1,6 @@
 """The arrays of a store for the results of a campaign, and their encoding."""
 
+import math
 import struct
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -7,9 +8,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..core.extras import extra
+from ..core.file_names import file_name_fault
 from ..core.record import Record
 from ..statistics.datasets import PENDING, described
-from ._lock import StoreError
+from ._errors import StoreError
 from .results import RunResults
 
 
@@ -30,6 +32,12 @@ class Column(NamedTuple):
         return cls(dtype, dims, tuple(head["shape"][1:]), head["attributes"])
 
     @property
+    def bytes_of_run(self) -> int:
+        """Bytes of one run."""
+        # In Python's numbers, which do not overflow.
+        return math.prod(self.shape, start=np.dtype(self.dtype).itemsize)
+
+    @property
     def fill(self) -> float | int:
         """The value of entries that have not been written."""
         return float("nan") if np.dtype(self.dtype).kind == "f" else PENDING
@@ -48,14 +56,19 @@ def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Colum
     attributes = described({"input": results.inputs, "output": results.outputs}, units)
     columns = {}
     for name, x in arrays_of(results, np.zeros(1, np.int64)).items():
-        if "/" in name:
-            raise StoreError(f"{name!r} cannot be stored: a name must be without a slash.")
+        check_array_name(name)
         inner = [f"{name}.{axis}" for axis in range(x.ndim - 2)]
         # The times of a phase are an axis that all of its parts share.
         inner += [f"{name.partition('.')[0]}.sample"] if x.ndim > 1 else []
         own = attributes.get(name, {"kind": "trajectory"})
         columns[name] = Column(x.dtype.str, ("run", *inner), x.shape[1:], own)
     return columns
+
+
+def check_array_name(name: str) -> None:
+    """Raise `StoreError` for a name that no array of a store can have: its folder has this name."""
+    if fault := file_name_fault(name):
+        raise StoreError(f"{name!r} cannot be stored: its name must be {fault}.")
 
 
 def encoded(x: np.ndarray, column: Column, chunk: int) -> bytes:

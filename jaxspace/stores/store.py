@@ -10,6 +10,7 @@ metadata have a copy there, with its checksum (`_head.py`).
 import hashlib
 import json
 import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,14 @@ import numpy as np
 
 import jaxspace
 
-from ..core.record import Record
-from ._head import HEAD, damaged_arrays, read_head
-from ._lock import StoreError
+from ..core.record import Record, resuming
+from ..core.text import printable
+from ._checks import ALWAYS, Entry, array_fault, attributes_fault, entry_of
+from ._errors import StoreError
+from ._files import read_plain
+from ._head import HEAD, UNREADABLE, damaged_arrays, read_head
+from ._identity import mark_of
+from ._replacement import folder_of
 from .columns import Column
 
 MANIFEST = ".manifest"
@@ -29,6 +35,8 @@ FORM = 1
 wrongly; an attribute or an array that is added leaves it."""
 ENOUGH = "enough_runs"
 """The attribute of a campaign that ended itself: how many runs were enough."""
+# The names of the entries of chunks.
+NUMBER = re.compile(r"0|[1-9][0-9]{0,18}")
 
 
 def runs_of(attributes: Record) -> int:
@@ -36,33 +44,20 @@ def runs_of(attributes: Record) -> int:
     return int(attributes.get(ENOUGH) or attributes["planned_runs"])
 
 
-class DamagedStore(UserWarning):
-    """Files of a store differ from what was written; the message names them."""
-
-
-# What a file of any content raises where it is read as the head of a store.
-UNREADABLE = (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError)
-
-
-def _fault_of(error: Exception) -> str:
-    """What is wrong with a head, as the end of a sentence."""
-    if isinstance(error, OSError):
-        return f"cannot be read: {error.strerror}"
-    if isinstance(error, KeyError):
-        return f"has no {error.args[0]}"
-    return "is no JSON" if isinstance(error, ValueError) else "holds something else"
-
-
 class Store:
-    """The store at `path`, for reading; `writable` opens it for writing."""
+    """The store at `path`, for reading.
+
+    - `folder`: where its files are: `path`, or a folder in it while a store is replaced.
+    - `attributes`, `columns`: of the campaign, and of its arrays by name.
+    - `head_damage`: damage of the head, in a sentence; empty without any.
+    - `damaged_arrays`: names of the arrays whose own metadata differ from those in the head."""
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
+        self.folder = self.path
         self.attributes: dict[str, Any] = {}
         self.columns: dict[str, Column] = {}
-        # What is wrong with the head, in a sentence.
         self.head_damage = ""
-        # The arrays whose own metadata differ from those in the head.
         self.damaged_arrays: list[str] = []
 
     @property
@@ -88,32 +83,49 @@ class Store:
 
     def read(self) -> "Store":
         """The same, with its metadata read. Raises `StoreError` where there is no such store."""
-        if not self.path.is_dir():
+        if not os.path.isdir(self.path):
             raise StoreError(
-                f"{self.path} is no folder: it must be the Zarr store of a dispersion."
+                f"{printable(str(self.path))} is no folder: it must be the Zarr store of a "
+                f"dispersion."
             )
+        self.folder = folder_of(self.path)
+        head, self.head_damage = read_head(self.folder)
         try:
-            head, self.head_damage = read_head(self.path)
             root = json.loads(head)
-            self.attributes = root["attributes"]
-            arrays = root["consolidated_metadata"]["metadata"]
-            form = self.attributes["form"]
-            if form != FORM:
-                raise StoreError(self._another_form(form))
-            self.columns = {name: Column.of(x) for name, x in arrays.items()}
-            self.damaged_arrays = damaged_arrays(self.path, arrays)
-        except StoreError:
-            raise
         except UNREADABLE as error:
-            raise StoreError(
-                f"{self.path} cannot be read: it must be the Zarr store of a dispersion, and its "
-                f"head {_fault_of(error)}."
-            ) from error
+            raise self._unreadable("is no JSON") from error
+        try:
+            attributes = root["attributes"]
+            arrays = root["consolidated_metadata"]["metadata"]
+            form = attributes["form"]
+        except (LookupError, TypeError) as error:
+            raise self._unreadable(_lacks(error)) from error
+        if form != FORM:
+            raise StoreError(self._another_form(form, attributes))
+        if fault := attributes_fault(attributes):
+            raise self._unreadable(fault)
+        if not isinstance(arrays, dict) or not set(ALWAYS) <= set(arrays):
+            raise self._unreadable(f"lacks one of the arrays {', '.join(ALWAYS)}")
+        for name, array in arrays.items():
+            if fault := array_fault(name, array, attributes):
+                raise self._unreadable(fault)
+        self.attributes = attributes
+        self.columns = {name: Column.of(array) for name, array in arrays.items()}
+        self.damaged_arrays = damaged_arrays(self.folder, arrays)
         return self
 
-    def _another_form(self, form: object) -> str:
+    def _unreadable(self, fault: str) -> StoreError:
+        """The error for a head with this fault, the end of a sentence."""
+        return StoreError(
+            f"{self.path} cannot be read: it must be the Zarr store of a dispersion, and its head "
+            f"{fault}."
+        )
+
+    def _another_form(self, form: object, attributes: Record) -> str:
         """The message that a store has another form: which version wrote it, and how to read it."""
-        writer = self.attributes.get("versions", {}).get("jaxspace", "of an unnamed version")
+        versions = attributes.get("versions")
+        named = versions.get("jaxspace") if isinstance(versions, dict) else None
+        writer = printable(str(named)) if named else "of an unnamed version"
         return (
             f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
             f"{jaxspace.__version__} reads form {FORM}: read it by the version that wrote it, or "
@@ -130,26 +142,28 @@ class Store:
         ]
         return ([self.head_damage] if self.head_damage else []) + arrays
 
-    def entry(self, chunk: int) -> Record | None:
+    def entry(self, chunk: int) -> Entry | None:
         """Entry of a chunk in the manifest; `None` for an unfinished chunk."""
         try:
-            entry = json.loads((self.path / MANIFEST / f"{chunk}.json").read_bytes())
-            return entry if set(entry["files"]) == set(self.columns) else None
+            found = read_plain(self.folder / MANIFEST / f"{chunk}.json", self.folder)
+            entry = entry_of(json.loads(found))
         # A rename that outlived a loss of power may leave an empty file.
-        except (OSError, ValueError, KeyError, TypeError):
+        except UNREADABLE:
             return None
+        return entry if entry is not None and set(entry.files) == set(self.columns) else None
 
     def finished(self) -> list[int]:
         """The numbers of the finished chunks."""
-        names = (self.path / MANIFEST).glob("*.json")
-        numbers = sorted(int(name.stem) for name in names if name.stem.isdecimal())
+        names = (self.folder / MANIFEST).glob("*.json")
+        # As they are written: other texts may mean the same number, or none that Python reads.
+        numbers = sorted(int(name.stem) for name in names if NUMBER.fullmatch(name.stem))
         # Chunks beyond the end are left from before the campaign ended itself.
         return [k for k in numbers if k < self.count and self.entry(k) is not None]
 
     def damage(self, chunk: int, scalars: bool = False) -> str:
         """Damage of a finished chunk, in a sentence; empty if it has none.
 
-        `scalars`: whether to look at the numbers of runs alone, and not at trajectories."""
+        `scalars`: whether to check the numbers of runs alone, and not trajectories."""
         for name, column in self.columns.items():
             if not (scalars and column.shape):
                 sentence = self._checked(chunk, name)[1]
@@ -157,38 +171,59 @@ class Store:
                     return sentence
         return ""
 
-    def _checked(self, chunk: int, name: str) -> tuple[bytes, str]:
-        """The bytes of an array in a finished chunk, and their damage in a sentence."""
+    def _checked(self, chunk: int, name: str) -> tuple[np.ndarray, str]:
+        """An array over the runs of a finished chunk, runs first, and its damage in a sentence."""
         first, count = self.extent(chunk)
+        column = self.columns[name]
+        x = np.empty((0, *column.shape), column.dtype)
         what = f"Chunk {chunk} (runs {first} to {first + count - 1}): {name}/c/{chunk} "
         entry = self.entry(chunk)
+        if entry is None:
+            return x, f"{what}has no entry in the manifest."
+        # Each chunk is checked against its place, because files may have changed places, or come
+        # from another store, together with an entry that is right about them.
+        if (entry.first, entry.runs) != (first, count):
+            last = entry.first + entry.runs - 1
+            return x, f"{what}has the entry of runs {entry.first} to {last}."
+        if entry.campaign != mark_of(self.attributes):
+            return x, f"{what}has the entry of another campaign."
         try:
-            data = self.file(name, chunk).read_bytes()
+            data = read_plain(self.file(name, chunk), self.folder)
         except OSError as error:
-            return b"", f"{what}cannot be read ({error.strerror})."
-        size, digest = (None, None) if entry is None else entry["files"][name]
+            return x, f"{what}cannot be read ({error.strerror})."
+        size, digest = entry.files[name]
         if len(data) != size:
-            return data, f"{what}has {len(data)} bytes in place of {size}."
+            return x, f"{what}has {len(data)} bytes in place of {size}."
         if hashlib.sha256(data).hexdigest() != digest:
-            return data, f"{what}differs from its checksum."
-        return data, ""
+            return x, f"{what}differs from its checksum."
+        # The last four bytes are the checksum by which Zarr recognises damage on its own.
+        if size != self.chunk * column.bytes_of_run + 4:
+            return x, f"{what}has the length of another array."
+        x = np.frombuffer(data[:-4], column.dtype).reshape(self.chunk, *column.shape)[:count]
+        if name == "run" and not np.array_equal(x, np.arange(first, first + count)):
+            return x, f"{what}has the numbers of other runs."
+        return x, ""
 
     def values(self, name: str, chunks: list[int]) -> np.ndarray:
         """An array over the runs of these finished chunks, runs first.
 
         **Raises** `StoreError`, naming the chunk, where it is damaged."""
-        column = self.columns[name]
         parts = []
         for chunk in chunks:
-            data, damage = self._checked(chunk, name)
+            x, damage = self._checked(chunk, name)
             if damage:
-                raise StoreError(f"{self.path}: {damage} `jaxspace resume` computes it again.")
-            # The last four bytes are the checksum by which Zarr recognises damage on its own.
-            x = np.frombuffer(data[:-4], column.dtype).reshape(self.chunk, *column.shape)
-            parts.append(x[: self.extent(chunk)[1]])
+                again = resuming(self.attributes, self.path)
+                raise StoreError(f"{self.path}: {damage} `{again}` computes it again.")
+            parts.append(x)
+        column = self.columns[name]
         return np.concatenate(parts) if parts else np.zeros((0, *column.shape), column.dtype)
 
     def file(self, name: str, chunk: int) -> Path:
         """Path of the file with the numbers of an array in one chunk."""
         inner = "/".join("0" for _ in self.columns[name].shape)
-        return self.path / name / "c" / (f"{chunk}/{inner}" if inner else str(chunk))
+        return self.folder / name / "c" / (f"{chunk}/{inner}" if inner else str(chunk))
+
+
+def _lacks(error: Exception) -> str:
+    """The end of the sentence about a head that lacks a part."""
+    return f"has no {error.args[0]}" if isinstance(error, KeyError) else "holds something else"

@@ -8,9 +8,10 @@ from typing import final
 
 import numpy as np
 
-from ..core.record import Record
 from ..statistics import Dispersion
-from .store import DamagedStore, Store
+from ._checks import Entry
+from ._errors import DamagedStore
+from .store import Store
 
 BOOKKEEPING = ("form", "seed", "preparation_seconds")
 
@@ -63,11 +64,11 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
     return result
 
 
-def _computing(entries: list[Record]) -> float:
+def _computing(entries: list[Entry]) -> float:
     """Time, s, that it took to compute the chunks with these entries."""
     seconds: dict[int | None, float] = defaultdict(float)
     for entry in entries:
-        seconds[entry.get("host")] += float(entry.get("seconds", 0.0))
+        seconds[entry.host] += entry.seconds
     alone = seconds.pop(None, 0.0)
     # Hosts compute at the same time: the slowest one sets the duration.
     return alone + max(seconds.values(), default=0.0)
@@ -85,13 +86,13 @@ def as_dispersion(store: Store, chunks: list[int]) -> Dispersion:
     inputs, outputs = (StoredColumns(store, chunks, names) for names in kinds.values())
     units = {name: store.columns[name].attributes["units"] for name in (*inputs, *outputs)}
     attributes = {k: v for k, v in store.attributes.items() if k not in BOOKKEEPING}
-    entries = [store.entry(chunk) or {} for chunk in chunks]
+    entries = [entry for chunk in chunks if (entry := store.entry(chunk)) is not None]
     preparation = float(store.attributes["preparation_seconds"])
     computing = _computing(entries)
     attributes["preparation_seconds"] = preparation
-    attributes["cpu_seconds"] = sum(float(entry.get("cpu_seconds", 0.0)) for entry in entries)
+    attributes["cpu_seconds"] = sum((e.cpu_seconds for e in entries), 0.0)
     # The store knows the cores of one host only: the others are taken to have as many.
-    attributes["hosts"] = max(len({entry["host"] for entry in entries if "host" in entry}), 1)
+    attributes["hosts"] = max(len({e.host for e in entries} - {None}), 1)
     return Dispersion(
         inputs,
         outputs,

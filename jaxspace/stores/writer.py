@@ -4,10 +4,9 @@ import contextlib
 import hashlib
 import json
 import os
-import shlex
 import shutil
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -16,17 +15,30 @@ import numpy as np
 
 from ..core.extras import extra
 from ..core.processors import cores
-from ..core.record import Record
-from ._head import COPY, HEAD, is_longer, read_head, sealed
-from ._identity import difference
-from ._lock import NAME, Lock, StoreError
+from ..core.record import Record, resuming
+from ._errors import DamagedStore, StoreError
+from ._files import check_without_links, write_whole
+from ._head import COPY, HEAD, is_longer, is_store, read_head, sealed
+from ._identity import difference, mark_of
+from ._lock import NAME, Lock
+from ._replacement import (
+    READY,
+    STAGED,
+    array_names,
+    folder_of,
+    publish,
+    remove_store,
+    size_of,
+    tidy,
+)
 from .columns import Column, arrays_of, encoded
 from .results import RunResults
-from .store import ENOUGH, FORM, MANIFEST, DamagedStore, Store
+from .store import ENOUGH, FORM, MANIFEST, NUMBER, Store
 
-UNFINISHED = ".unfinished-"
 # Free space that is required beyond the estimate for the chunks.
 SPARE = 2**22
+# How often a lock is opened whose folder its last owner removes at the same moment.
+ATTEMPTS = 100
 
 
 class StoreWriter:
@@ -35,149 +47,199 @@ class StoreWriter:
     **Arguments**
 
     - `path`: of the store.
-    - `overwrite`: whether a store that is there may be replaced.
-    - `resume`: whether a store that is there is completed.
+    - `overwrite`: whether an existing store may be replaced: by the first chunk of the new one.
+    - `resume`: whether an existing store is completed.
 
     `host` is which of several that compute at one time this process is; `None` where it is alone.
 
     **Raises** `StoreError` before anything is computed: for a folder that cannot be written, that
-    holds something else, that another process writes, or that may not be replaced."""
+    contains something else, that another process writes, or that may not be replaced."""
 
     def __init__(
         self, path: str | os.PathLike[str], *, overwrite: bool = False, resume: bool = False
     ):
         self.store = Store(path)
         self.overwrite = overwrite
-        self.resume = resume
+        self.resume = resume and not overwrite
         self.lock = Lock(self.store.path)
         self.host: int | None = None
-        self.prepared = False
+        # Whether the new store is at its path, and no longer staged.
+        self.published = self.resume
+        # The files that an earlier process left unfinished.
+        self._unfinished: list[Path] = []
+        # Whether the folder is there for this store alone.
+        self._own_folder = False
 
     def __enter__(self) -> "StoreWriter":
         path = self.store.path
+        if "\0" in str(path):
+            raise StoreError(f"{str(path)!r} cannot be written: no path has a zero byte.")
         try:
-            path.mkdir(parents=True, exist_ok=True)
-            self.lock.acquire()
+            self._lock()
+            self._check_content()
         except OSError as error:
+            self._leave()
             raise StoreError(
                 f"{path} cannot be written ({error.strerror}): it must be a folder in which files "
                 f"may be written."
             ) from error
-        try:
-            self._check_content()
         except BaseException:
-            self.lock.release()
+            self._leave()
             raise
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        # What was prepared in vain would refuse the next command, though it holds nothing.
-        if error is not None and self.prepared and not self.store.finished():
+        try:
             with contextlib.suppress(OSError):
-                self._clear()
-        self.lock.release()
+                if not self.published:
+                    tidy(self.store.path)
+                # Published without a chunk, for several hosts: it would refuse the next call.
+                elif error is not None and not self.resume and not self.store.finished():
+                    remove_store(self.store.path, set(self.store.columns))
+        finally:
+            self._leave()
+
+    def _lock(self) -> None:
+        """Take the lock, in a new folder where there is none."""
+        path = self.store.path
+        self._own_folder = not os.path.lexists(path)
+        for attempt in range(ATTEMPTS):
+            try:
+                path.mkdir(parents=True, exist_ok=True)
+                self.lock.acquire()
+                return
+            # Its last owner has just removed the folder, in which nothing was kept.
+            except FileNotFoundError:
+                if attempt == ATTEMPTS - 1:
+                    raise
+
+    def _leave(self) -> None:
+        """Release the lock; without a store, leave the folder as it was, or remove the one that was
+        there for the store alone."""
+        if self.lock.handle is None:
+            return
+        path = self.store.path
+        remove = only_lock = False
+        try:
+            only_lock = {x.name for x in path.iterdir()} == {NAME}
+            remove = only_lock or self.lock.created and not is_store(folder_of(path))
+        finally:
+            with contextlib.suppress(OSError):
+                self.lock.release(remove)
+        if only_lock and (self._own_folder or not self.lock.created):
+            # Refused by the system where another process has come.
+            with contextlib.suppress(OSError):
+                path.rmdir()
 
     def _check_content(self) -> None:
         path = self.store.path
-        # Files of a process that was killed: under the lock no other process writes.
-        for left in path.rglob(f"{UNFINISHED}*"):
-            left.unlink()
-        others = {x.name for x in path.iterdir()} - {NAME, MANIFEST}
-        if HEAD not in others and not (path / COPY).is_file():
-            # Folders of arrays without the head: a preparation that was interrupted.
-            strange = [x for x in sorted(others) if not _is_begun(path / x)]
-            if strange:
+        if is_store(folder_of(path)):
+            self._unfinished = check_without_links(path)
+            tidy(path)
+            if self.overwrite:
+                return
+            store = self.store.read()
+            if not self.resume:
+                done = sum(store.extent(k)[1] for k in store.finished())
                 raise StoreError(
-                    f"{path} holds {strange[0]}, which is of no store: choose a new folder."
+                    f"{path} holds {done} of {store.runs} runs already: resume it, overwrite it, "
+                    f"or choose another folder (`jaxspace resume`, `--overwrite`; in Python "
+                    f"`resume=True`, `overwrite=True`)."
                 )
-            if self.resume:
-                raise StoreError(f"{path} holds no runs: there is nothing to resume.")
             return
-        if self.overwrite:
-            return
-        # Anything else belongs to the user, and is not replaced.
-        store = self.store.read()
-        if self.resume:
-            self._mend_metadata()
-        else:
-            done = sum(store.extent(k)[1] for k in store.finished())
+        # Anything else belongs to the user.
+        others = sorted({x.name for x in path.iterdir()} - {NAME, STAGED, READY})
+        if others and not self.overwrite and (path / HEAD).exists():
+            self.store.read()
+        if others:
             raise StoreError(
-                f"{path} holds {done} of {store.runs} runs already: resume it, overwrite it, or "
-                f"choose another folder (`jaxspace resume`, `--overwrite`; in Python "
-                f"`resume=True`, `overwrite=True`)."
+                f"{path} holds {others[0]!r}, and is not the store of a dispersion: choose a new "
+                f"folder."
             )
+        check_without_links(path)
+        tidy(path)
+        if self.resume:
+            raise StoreError(f"{path} holds no runs: there is nothing to resume.")
 
     def _mend_metadata(self) -> None:
-        """Write the metadata again where they differ from those of the campaign."""
+        """Remove the files that an earlier process left unfinished, and write the metadata again
+        where they differ from those of the campaign."""
         store = self.store
-        root = json.loads(read_head(store.path)[0])
+        root = json.loads(read_head(store.folder)[0])
         heads = root["consolidated_metadata"]["metadata"]
         # A process that was killed where a campaign ended has shortened the head and not yet all
         # arrays: that is no damage.
-        unended = [n for n in store.damaged_arrays if is_longer(store.path, n, heads[n])]
+        unended = [n for n in store.damaged_arrays if is_longer(store.folder, n, heads[n])]
         for damage in store.metadata_damages(but_for=unended):
             warnings.warn(f"{store.path}: {damage}", DamagedStore, stacklevel=2)
-        if store.head_damage:
-            self._write_head(root)
-        for name in store.damaged_arrays:
-            write_whole(store.path / name / HEAD, json.dumps(heads[name]).encode())
+        with self._disk():
+            for path in self._unfinished:
+                path.unlink(missing_ok=True)
+            if store.head_damage:
+                self._write_head(root)
+            for name in store.damaged_arrays:
+                write_whole(store.folder / name / HEAD, json.dumps(heads[name]).encode())
 
     def _write_head(self, root: Record) -> None:
         """Write the copy of the head with its checksum, then the head."""
         head = json.dumps(root).encode()
-        with _disk(self.store):
-            write_whole(self.store.path / COPY, sealed(head))
-            write_whole(self.store.path / HEAD, head)
-        self.store.attributes = root["attributes"]
+        with self._disk():
+            write_whole(self.store.folder / COPY, sealed(head))
+            write_whole(self.store.folder / HEAD, head)
+        self.store.attributes = json.loads(head)["attributes"]
 
     def prepare(self, columns: Mapping[str, Column], attributes: Record) -> Store:
-        """The store for these arrays and attributes: made, or the one that is there.
+        """The store for these arrays and attributes: the existing one, or a new one, which is
+        staged until its first chunk is committed.
 
-        **Raises** `StoreError` where that is of another campaign, naming the difference, and where
-        the disk has too little space."""
-        if self.resume and not self.overwrite:
+        **Raises** `StoreError` where the existing one is of another campaign, naming the
+        difference, and where the disk has too little space."""
+        if self.resume:
             return self.join(columns, attributes)
         store = self.store
-        self._clear()
-        self.prepared = True
+        path = store.path
+        replaced = array_names(path)
+        for name in columns:
+            if name not in replaced and os.path.lexists(path / name):
+                raise StoreError(f"{path} holds {name!r}, which is of no store: choose a new one.")
+        store.folder = path / STAGED
         store.attributes = {**attributes, "form": FORM}
         store.columns = dict(columns)
-        self._check_space()
-        with _disk(store):
+        self._check_space(size_of(path, replaced))
+        with self._disk():
             files = _metadata(store)
             head = json.loads(files.pop(HEAD))
             for name, data in files.items():
-                write_whole(store.path / name, data)
-        # The head is written last, so that an interrupted preparation is not taken for a store.
+                write_whole(store.folder / name, data)
         self._write_head(head)
         return store
 
-    def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
-        """The store that another process has prepared, and holds.
+    def publish(self) -> None:
+        """Put the new store in place of the old one, if there is one."""
+        with self._disk():
+            publish(self.store.path)
+        self.store.folder = self.store.path
+        self.published = True
 
-        **Raises** `StoreError` where its runs come out differently there."""
+    def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
+        """The store that is there already.
+
+        **Raises** `StoreError` where its runs come out differently here."""
         store = self.store.read()
-        other = difference(store, columns, attributes)
+        other = difference(store.attributes, store.columns, attributes, columns)
         if other:
             raise StoreError(f"{store.path} is the store of another campaign: {other}")
+        # Nothing is repaired in a store of another campaign, nor by two processes.
+        if self.lock.handle is not None:
+            self._mend_metadata()
         return store
 
-    def _clear(self) -> None:
-        # The head first, so that an interrupted removal leaves no valid store behind.
-        for name in (HEAD, COPY):
-            (self.store.path / name).unlink(missing_ok=True)
-        for entry in self.store.path.iterdir():
-            if entry.is_dir():
-                shutil.rmtree(entry)
-
-    def _check_space(self) -> None:
+    def _check_space(self, freed: int) -> None:
+        """`freed`: bytes of the store that is replaced."""
         store = self.store
-        each = sum(
-            np.dtype(c.dtype).itemsize * int(np.prod(c.shape, dtype=int))
-            for c in store.columns.values()
-        )
-        needed = store.count * store.chunk * each + SPARE
-        free = shutil.disk_usage(store.path).free
+        needed = store.count * store.chunk * sum(c.bytes_of_run for c in store.columns.values())
+        needed += SPARE
+        free = shutil.disk_usage(store.path).free + freed
         if free < needed:
             raise StoreError(
                 f"{store.path} needs {needed / 1e6:.0f} MB for {store.runs} runs, and its disk has "
@@ -210,18 +272,21 @@ class StoreWriter:
             write_whole(store.file(name, chunk), data)
             return len(data), hashlib.sha256(data).hexdigest()
 
-        with _disk(store):
+        with self._disk():
+            manifest = store.folder / MANIFEST
             # Removed first, because an entry must not exist for files that are about to change.
-            (store.path / MANIFEST / f"{chunk}.json").unlink(missing_ok=True)
+            (manifest / f"{chunk}.json").unlink(missing_ok=True)
             # On all cores: the runs of the next chunk wait for this.
             with ThreadPoolExecutor(cores()) as pool:
                 files = dict(zip(store.columns, pool.map(write, store.columns), strict=True))
-            entry = {"first": first, "runs": count, "seconds": seconds, "cpu_seconds": cpu}
-            entry |= {"pid": os.getpid(), "files": files}
+            entry = {"first": first, "runs": count, "campaign": mark_of(store.attributes)}
+            entry |= {"seconds": seconds, "cpu_seconds": cpu, "pid": os.getpid(), "files": files}
             if self.host is not None:
                 entry["host"] = self.host
             # Last, because an entry says that all files are there.
-            write_whole(store.path / MANIFEST / f"{chunk}.json", json.dumps(entry).encode())
+            write_whole(manifest / f"{chunk}.json", json.dumps(entry).encode())
+        if not self.published:
+            self.publish()
 
     def end_at(self, chunks: int) -> None:
         """End the campaign with this number of chunks: the arrays are shortened, and later chunks
@@ -230,66 +295,46 @@ class StoreWriter:
         In this order, so that whenever this ends a repetition completes it."""
         store = self.store
         runs = min(chunks * store.chunk, int(store.attributes["planned_runs"]))
-        root = json.loads(read_head(store.path)[0])
+        root = json.loads(read_head(store.folder)[0])
         heads = root["consolidated_metadata"]["metadata"]
         for head in heads.values():
             head["shape"][0] = runs
         root["attributes"][ENOUGH] = runs
         self._write_head(root)
-        with _disk(store):
+        with self._disk():
             for name, head in heads.items():
-                write_whole(store.path / name / HEAD, json.dumps(head).encode())
-            for entry in (store.path / MANIFEST).glob("*.json"):
-                if entry.stem.isdecimal() and int(entry.stem) >= chunks:
+                write_whole(store.folder / name / HEAD, json.dumps(head).encode())
+            for entry in (store.folder / MANIFEST).glob("*.json"):
+                if NUMBER.fullmatch(entry.stem) and int(entry.stem) >= chunks:
                     entry.unlink()
                     for name in store.columns:
                         store.file(name, int(entry.stem)).unlink(missing_ok=True)
 
     def note(self, **attributes: object) -> None:
         """Add to the attributes of the store."""
-        root = json.loads(read_head(self.store.path)[0])
+        root = json.loads(read_head(self.store.folder)[0])
         root["attributes"] |= attributes
         self._write_head(root)
 
+    @contextlib.contextmanager
+    def _disk(self) -> Iterator[None]:
+        """Turn an error of the disk into a `StoreError` that says what is kept."""
+        try:
+            yield
+        except OSError as error:
+            where = f"{self.store.path} cannot be written ({error.strerror})"
+            raise StoreError(f"{where}: {self._kept()}") from error
 
-def _is_begun(path: Path) -> bool:
-    """Whether this is the folder of an array, or will be one."""
-    return path.is_dir() and ((path / HEAD).is_file() or not any(path.iterdir()))
-
-
-class _disk:
-    """Turn an error of the disk into a `StoreError` that says which chunks are safe."""
-
-    def __init__(self, store: Store):
-        self.store = store
-
-    def __enter__(self) -> None:
-        return None
-
-    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        if isinstance(error, OSError):
-            store = self.store
-            done = sum(store.extent(k)[1] for k in store.finished())
-            command = f"jaxspace resume {shlex.quote(str(store.path))}"
-            raise StoreError(
-                f"{store.path} cannot be written ({error.strerror}): {done} of {store.runs} runs "
-                f"are kept. Once that is mended, `{command}` computes the rest."
-            ) from error
-
-
-def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is never there in part.
-
-    It is not flushed to the disk: the checksums show what a loss of power has damaged."""
-    # In the same folder: only within one file system a rename is atomic.
-    temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        temporary.write_bytes(data)
-        os.replace(temporary, path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+    def _kept(self) -> str:
+        store = self.store
+        if not self.published:
+            old = is_store(folder_of(store.path))
+            return "the store is as it was." if old else "no run was finished, and none is kept."
+        done = sum(store.extent(k)[1] for k in store.finished())
+        return (
+            f"{done} of {store.runs} runs are kept. Once that is mended, "
+            f"`{resuming(store.attributes, store.path)}` computes the rest."
+        )
 
 
 def _metadata(store: Store) -> dict[str, bytes]:

@@ -1,0 +1,12 @@
+"""The error of a store and the warning about one."""
+
+from ..core import InputError
+
+
+class StoreError(InputError):
+    """A store that refuses a request, or cannot be read or written; the message says why, and what
+    to do."""
+
+
+class DamagedStore(UserWarning):
+    """Files of a store differ from what was written; the message names them."""
