@@ -1,7 +1,9 @@
 """The engine of several processes on one machine."""
 
 import multiprocessing
+import os
 import signal
+import threading
 from collections.abc import Collection, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -74,7 +76,7 @@ class ProcessPool(AbstractEngine):
         """The chunks, until a process is lost; `started` then holds the unfinished ones."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
-        pool = ProcessPoolExecutor(self._workers, context, _ignore_interrupts)
+        pool = ProcessPoolExecutor(self._workers, context, _begin)
         try:
             while waiting or started:
                 # One for each process: it gets its next chunk when the last one is committed. So
@@ -121,6 +123,20 @@ def _stop(pool: ProcessPoolExecutor) -> None:
         process.join()
 
 
-def _ignore_interrupts() -> None:
-    # Ctrl-C reaches all processes of a terminal: the first one ends the others.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _begin() -> None:
+    """Called in each process of the pool, as the first."""
+    # Ctrl-C and the end of a terminal reach all of its processes: the first one ends the others.
+    for name in ("SIGINT", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    """End this process when the one that started it has ended, whatever has ended that: it would
+    wait for chunks for ever, and keep the output open that both write to."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+    # At once, also from within a chunk.
+    os._exit(1)
