@@ -7,14 +7,15 @@
     34-43     n'/2, revolutions per day squared        18-25     ascending node, degrees
     45-52     n''/6, with an exponent                  27-33     eccentricity, after its point
     54-61     drag term B*, with an exponent           35-42     argument of perigee, degrees
-    65-68     number of the set                        44-51     mean anomaly, degrees
-    69        check sum                                53-63     n, revolutions per day
-                                                       64-68     revolution at the epoch
+    63        type of the ephemeris                    44-51     mean anomaly, degrees
+    65-68     number of the set                        53-63     n, revolutions per day
+    69        check sum                                64-68     revolution at the epoch
                                                        69        check sum
 
 Source: Vallado et al., Revisiting Spacetrack Report 3, AIAA 2006-6753, appendix B. Programs that
 read these columns take whatever numbers they find: of a line that is cut or shifted they make
-another orbit.
+another orbit. So they do of an angle or a day that is out of its range, and of elements of type 4,
+which belong to another theory (SGP4-XP).
 """
 
 import re
@@ -35,6 +36,9 @@ COUNT = r" *[0-9]* *"
 # A letter stands for the numbers 10 to 33, without I and O: "alpha-5".
 CATALOGUE = r"[ 0-9A-HJ-NP-Z][ 0-9]{3}[0-9]"
 
+# The fastest satellite about the earth: at its surface 17 revolutions per day.
+FASTEST = 18.0
+
 # By line: the name of a field, its first and last column, and what stands there.
 Field: TypeAlias = tuple[str, int, int, str]
 FIELDS: dict[str, tuple[Field, ...]] = {
@@ -45,6 +49,7 @@ FIELDS: dict[str, tuple[Field, ...]] = {
         ("first derivative of the mean motion", 34, 43, DECIMAL),
         ("second derivative of the mean motion", 45, 52, POWER),
         ("drag term", 54, 61, POWER),
+        ("type of the ephemeris", 63, 63, r"[ 0-9]"),
         ("number of the set", 65, 68, COUNT),
     ),
     "2": (
@@ -57,6 +62,15 @@ FIELDS: dict[str, tuple[Field, ...]] = {
         ("mean motion", 53, 63, DECIMAL),
         ("revolution at the epoch", 64, 68, COUNT),
     ),
+}
+# Of some fields the range, their unit, and whether the lower end is excluded.
+RANGES: dict[str, tuple[float, float, str, bool]] = {
+    "type of the ephemeris": (0.0, 3.0, "(others belong to another theory)", False),
+    "inclination": (0.0, 180.0, "degrees", False),
+    "ascending node": (0.0, 360.0, "degrees", False),
+    "argument of perigee": (0.0, 360.0, "degrees", False),
+    "mean anomaly": (0.0, 360.0, "degrees", False),
+    "mean motion": (0.0, FASTEST, "revolutions per day", True),
 }
 # Columns without an entry, by line.
 BLANKS = {"1": (9, 18, 33, 44, 53, 62, 64), "2": (8, 17, 26, 34, 43, 52)}
@@ -125,11 +139,31 @@ def check_line(line: str, where: str) -> None:
         entry = line[begin - 1 : end]
         if not re.fullmatch(form, entry):
             raise InputError(f"{where}: its {name}, columns {begin} to {end}, is {entry!r}.")
+        if allowed := _out_of_range(name, entry, line):
+            raise InputError(
+                f"{where}: its {name}, columns {begin} to {end}, is {entry.strip()}: it must be "
+                f"{allowed}."
+            )
     expected = check_sum(line)
     if line[COLUMNS:].strip() and line[COLUMNS] != expected:
         raise InputError(
             f"{where}: its check sum, column 69, is {line[COLUMNS]!r} and must be {expected}."
         )
+
+
+def _out_of_range(name: str, entry: str, line: str) -> str:
+    """What an entry must be, where it is something else; nothing where it is right."""
+    if name == "day of the epoch":
+        # Every fourth year of the two digits, from 1957 to 2056, is a leap year.
+        days = 366 if int(line[18:20]) % 4 == 0 else 365
+        return "" if 1.0 <= float(entry) < days + 1 else f"from 1 to the end of day {days}"
+    if name not in RANGES:
+        return ""
+    low, high, unit, strict = RANGES[name]
+    x = float(entry.strip() or 0.0)
+    within = x <= high and (x > low if strict else x >= low)
+    start = f"above {low:g} and at most" if strict else f"from {low:g} to"
+    return "" if within else f"{start} {high:g} {unit}"
 
 
 def check_sum(line: str) -> str:

@@ -2,7 +2,7 @@
 them.
 
 Source: CCSDS 502.0-B-3, Orbit Data Messages, 5 (OEM) and 7 (keyword = value notation). Of an OEM
-the states are read and written; covariances and accelerations are passed over, and each segment of
+the states are read and written; covariances and accelerations are skipped, and each segment of
 a file is one ephemeris. Messages in XML are refused.
 """
 
@@ -18,9 +18,11 @@ from jaxtyping import Float
 
 from ..bodies import BodyState
 from ..core import InputError
-from ..core.files import read_text
+from ..core.checks import check_finite
+from ..core.files import finite_number, read_text
 from ..core.printing import printed
 from ..orbits import TabulatedPath
+from ._epochs import ALLOWED, Instant, instant
 
 # The keys of the metadata that a message must have, and the field of each; the rest are in the
 # times.
@@ -73,61 +75,98 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     **Returns** one `Ephemeris` for each segment; the first time of a segment is its epoch. Seconds
     of a leap are not counted: a segment in UTC should not span one.
 
-    **Raises** `InputError` with the line of what is not as the standard has it."""
+    **Raises** `InputError` with the line of what is not as the standard has it: a time, a number
+    that is not finite, times that do not ascend, or a segment without its metadata or states."""
     text = read_text(path)
-    lines = [line.strip() for line in text.splitlines()]
     # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):
         raise InputError(
             f"{path} is no orbit ephemeris message: it must begin with CCSDS_OEM_VERS."
         )
-    result: list[Ephemeris] = []
-    meta: dict[str, str] = {}
-    rows: list[list[str]] = []
+    segments: list[_Segment] = []
     part = "header"
-    for number, line in enumerate(lines, 1):
+    for number, line in enumerate(map(str.strip, text.splitlines()), 1):
+        where = f"{path}, line {number}"
         if not line or line.startswith("COMMENT"):
             continue
         if line in ("META_START", "META_STOP", "COVARIANCE_START", "COVARIANCE_STOP"):
             # A segment has no keyword at its end: the metadata of the next one closes it.
-            if line == "META_START" and rows:
-                result.append(_segment(path, meta, rows))
-                meta = {}
-                rows = []
+            if line == "META_START":
+                segments.append(_Segment(where, {}, [], []))
             # Both keywords that close a block lead back to the states.
             part = {"META_START": "meta", "COVARIANCE_START": "covariance"}.get(line, "data")
-        elif part == "meta":
-            key, _, value = line.partition("=")
-            meta[key.strip()] = value.strip()
+        elif part in ("header", "meta"):
+            key, equals, value = (field.strip() for field in line.partition("="))
+            if not equals:
+                raise InputError(f"{where} is {line!r}: it must be a keyword = value.")
+            if part == "meta":
+                segments[-1].add_entry(where, key, value)
         elif part == "data":
-            columns = line.split()
-            # Ten with accelerations, which are passed over.
-            if len(columns) not in (7, 10):
-                raise InputError(
-                    f"{path}, line {number}: {line!r} has {len(columns)} columns: it must be a "
-                    f"time and six numbers, or nine."
-                )
-            rows.append(columns)
-    if not rows:
+            if not segments:
+                raise InputError(f"{where} is {line!r}: META_START must precede it.")
+            segments[-1].add_state(where, line)
+    if not segments:
         raise InputError(f"{path} has no states: it must have a line for each of them.")
-    return [*result, _segment(path, meta, rows)]
+    return [segment.ephemeris() for segment in segments]
 
 
-def _segment(path: object, meta: dict[str, str], rows: list[list[str]]) -> Ephemeris:
-    missing = [key for key in (*_KEYS, *_TIMES) if key not in meta]
-    if missing:
-        raise InputError(f"{path} lacks {missing[0]} in the metadata of a segment.")
-    start = _instant(rows[0][0])
-    times = np.array([_seconds(start, _instant(row[0])) for row in rows])
-    if np.any(np.diff(times) <= 0.0):
-        raise InputError(f"{path} has times that do not ascend.")
-    try:
-        # The standard has km and km/s.
-        states = 1e3 * np.array([[float(x) for x in row[1:7]] for row in rows]).T
-    except ValueError as error:
-        raise InputError(f"{path} has a state that is no number: {error}.") from error
-    fields = {field: meta[key] for key, field in _KEYS.items()}
-    return Ephemeris(rows[0][0].rstrip("Z"), times, states[:3], states[3:], **fields)
+_STATE = ("X", "Y", "Z", "X_DOT", "Y_DOT", "Z_DOT", "X_DDOT", "Y_DDOT", "Z_DDOT")
+
+
+class _Segment(NamedTuple):
+    """A segment of a message that is being read: where it begins, its metadata, and the times and
+    states of its lines, m and m/s."""
+
+    where: str
+    meta: dict[str, str]
+    epochs: list[tuple[str, Instant]]
+    states: list[list[float]]
+
+    def add_entry(self, where: str, key: str, value: str) -> None:
+        """Add a line of the metadata."""
+        if key in self.meta:
+            raise InputError(f"{where} has {key} again: it must stand once in a segment.")
+        if key in _TIMES:
+            _time(f"{where}: {key}", value)
+        self.meta[key] = value
+
+    def add_state(self, where: str, line: str) -> None:
+        """Add a line with a time and a state."""
+        epoch, *columns = line.split()
+        # Nine numbers with accelerations, which are skipped.
+        if len(columns) not in (6, 9):
+            raise InputError(
+                f"{where}: {line!r} has {1 + len(columns)} columns: it must be a time and six "
+                f"numbers, or nine."
+            )
+        time = _time(f"{where}: the epoch", epoch)
+        if self.epochs and not time.since(self.epochs[-1][1]) > 0.0:
+            raise InputError(
+                f"{where}: the epoch is {epoch} after {self.epochs[-1][0]}: it must ascend."
+            )
+        state = []
+        for name, column in zip(_STATE, columns, strict=False):
+            value = finite_number(column)
+            # The standard has km and km/s.
+            if value is None or not np.isfinite(1e3 * value):
+                raise InputError(f"{where}: {name} is {column[:40]!r}: it must be a finite number.")
+            state.append(1e3 * value)
+        self.epochs.append((epoch, time))
+        self.states.append(state[:6])
+
+    def ephemeris(self) -> Ephemeris:
+        missing = [key for key in (*_KEYS, *_TIMES) if key not in self.meta]
+        if missing:
+            raise InputError(f"{self.where} begins a segment that lacks {missing[0]}.")
+        if not self.epochs:
+            raise InputError(
+                f"{self.where} begins a segment that has no states: it must have a line for each."
+            )
+        text, start = self.epochs[0]
+        times = np.array([time.since(start) for _, time in self.epochs])
+        states = np.array(self.states).T
+        fields = {field: self.meta[key] for key, field in _KEYS.items()}
+        return Ephemeris(text.rstrip("Z"), times, states[:3], states[3:], **fields)
 
 
 def write_oem(
@@ -145,11 +184,15 @@ def write_oem(
     - `originator`: who sends the message.
     - `created`: its date, text of ISO 8601; now by default.
 
-    Numbers are written with the digits that give them back."""
+    Numbers are written with the digits that give them back.
+
+    **Raises** `InputError` for an epoch that is not a time, and for numbers that are not finite."""
     made = created or datetime.now(UTC).strftime("%Y-%m-%dT%H:%M:%S")
     lines = ["CCSDS_OEM_VERS = 2.0", f"CREATION_DATE = {made}", f"ORIGINATOR = {originator}"]
     for one in ephemerides:
-        start = _instant(one.epoch)
+        start = _time("Ephemeris.epoch", one.epoch)
+        for name in ("times", "position", "velocity"):
+            check_finite(f"Ephemeris.{name}", np.asarray(getattr(one, name)))
         stamps = [_text(start, float(t)) for t in one.times]
         lines += ["", "META_START"]
         lines += [f"{key} = {getattr(one, field) or 'UNKNOWN'}" for key, field in _KEYS.items()]
@@ -161,27 +204,18 @@ def write_oem(
     Path(path).write_text("\n".join(lines) + "\n", encoding="utf-8")
 
 
-def _instant(text: str) -> tuple[datetime, float]:
-    """Date and time to the second, and the fraction of it, from a calendar date or a day of the
-    year."""
-    whole, _, fraction = text.rstrip("Z").partition(".")
-    for form in ("%Y-%m-%dT%H:%M:%S", "%Y-%jT%H:%M:%S"):
-        try:
-            return datetime.strptime(whole, form), float(f"0.{fraction or 0}")
-        except ValueError:
-            continue
-    raise InputError(f"{text!r} is no time: it must be like 2026-03-01T12:00:00.5.")
+def _time(name: str, text: str) -> Instant:
+    """The time of a text. Raises `InputError` by the `name` of its field."""
+    time = instant(text)
+    if time is None:
+        raise InputError(f"{name} is {text[:40]!r}: it must be {ALLOWED}.")
+    return time
 
 
-def _seconds(start: tuple[datetime, float], end: tuple[datetime, float]) -> float:
-    # The whole seconds first, so that the fractions keep their digits.
-    return (end[0] - start[0]).total_seconds() + (end[1] - start[1])
-
-
-def _text(start: tuple[datetime, float], after: float) -> str:
+def _text(start: Instant, after: float) -> str:
     """The time `after` the start, s, to a nanosecond."""
     whole = int(np.floor(after))
     # Whole from here on, so that a fraction that rounds up carries into the second.
-    nanoseconds = round((after - whole + start[1]) * 1e9)
-    second = start[0] + timedelta(seconds=whole + nanoseconds // 10**9)
+    nanoseconds = round((after - whole + start.fraction) * 1e9)
+    second = start.second + timedelta(seconds=whole + nanoseconds // 10**9)
     return f"{second:%Y-%m-%dT%H:%M:%S}.{nanoseconds % 10**9:09d}"

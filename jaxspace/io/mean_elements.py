@@ -3,7 +3,7 @@
 
     jaxspace     what is read              where the theory is
     read_tle     two-line element sets     Vallado et al., Revisiting Spacetrack Report 3,
-    read_omm     OMM in XML or CSV         AIAA 2006-6753: SGP4 and SDP4
+    read_omm     OMM in XML, KVN or CSV    AIAA 2006-6753: SGP4 and SDP4
 
 Such elements have a meaning for this theory alone: it gives the states, in the axes TEME (true
 equator, mean equinox) of their epoch. Needs the extra `ephemerides`.
@@ -11,12 +11,9 @@ equator, mean equinox) of their epoch. Needs the extra `ephemerides`.
 
 __all__ = ["CataloguedOrbit", "read_omm", "read_tle"]
 
-import io
 import os
 from datetime import datetime, timedelta
-from pathlib import Path
 from typing import Any, NamedTuple
-from xml.etree import ElementTree
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -27,6 +24,7 @@ from ..core.extras import extra
 from ..core.files import read_text
 from ..core.printing import printed
 from ._decay import first_failure, states_by_sgp4
+from ._mean_element_message import elements, satellites
 from ._two_line import element_lines
 from .ephemeris import Ephemeris
 
@@ -104,13 +102,14 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
     - `source`: the text itself, or the path of a file; a line before a set is its name.
 
     **Raises** `InputError` for a set that is not complete, or a line that is cut, shifted, of
-    another satellite or has a wrong check sum; the sentence names the line."""
+    another satellite, has a wrong check sum or a number out of its range; the error names the line
+    and the field."""
     with extra("ephemerides"):
         from sgp4.api import Satrec
 
     # A path has no line break, a set of elements at least one.
     is_text = isinstance(source, str) and "\n" in source
-    text = str(source) if is_text else read_text(source)
+    text = str(source).removeprefix("\ufeff") if is_text else read_text(source)
     called = "the text" if is_text else str(source)
     result = [
         CataloguedOrbit(one.name, one.first[9:17].strip(), Satrec.twoline2rv(one.first, one.second))
@@ -122,36 +121,33 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
 
 
 def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
-    """The satellites of an orbit mean-elements message of CCSDS, or of a catalogue of them.
+    """The satellites of an orbit mean-elements message (OMM) of CCSDS, or of a catalogue of them.
 
     **Arguments**
 
-    - `path`: of a file in XML or CSV, by its ending.
+    - `path`: of a file in XML, in keyword = value notation, or in CSV.
 
-    **Raises** `InputError` for another ending, a message without elements, or an entry that is
-    missing or is no number."""
+    The epoch is a date or a day of the year, with or without a fraction and a Z. Numbers in the
+    catalogue beyond 339999 are zero in the `record`, which has no room for them.
+
+    **Raises** `InputError` with the line and the keyword of an entry that is missing, is not a
+    number or is out of its range, and for elements of another theory, time system, centre or frame.
+    """
     with extra("ephemerides"):
-        from sgp4 import omm
-        from sgp4.api import Satrec
+        from sgp4.api import WGS72, Satrec
 
-    kind = Path(path).suffix.lower()
-    if kind not in (".xml", ".csv"):
-        raise InputError(f"{path} ends with {kind!r}: it must end with .xml or .csv.")
-    parse = omm.parse_xml if kind == ".xml" else omm.parse_csv
-    try:
-        rows: list[dict[str, str]] = list(parse(io.StringIO(read_text(path))))
-    except (ElementTree.ParseError, AttributeError, TypeError) as error:
-        raise InputError(f"{path} is no message of mean elements: {error}.") from error
     result = []
-    for k, row in enumerate(rows, 1):
+    for number, satellite in enumerate(satellites(str(path), read_text(path)), 1):
+        one = elements(str(path), number, satellite)
         record = Satrec()
-        try:
-            omm.initialize(record, row)
-        except KeyError as error:
-            raise InputError(f"{path}, satellite {k}, has no {error.args[0]}.") from error
-        except (ValueError, TypeError) as error:
-            raise InputError(f"{path}, satellite {k}, has a wrong entry: {error}.") from error
-        result.append(CataloguedOrbit(row.get("OBJECT_NAME", ""), row["OBJECT_ID"], record))
+        record.sgp4init(WGS72, "i", *one.numbers)
+        identifier = one.texts["OBJECT_ID"]
+        record.classification = one.texts["CLASSIFICATION_TYPE"][:1]
+        record.intldesg = identifier[2:].replace("-", "")
+        record.ephtype = one.counts["EPHEMERIS_TYPE"]
+        record.elnum = one.counts["ELEMENT_SET_NO"]
+        record.revnum = one.counts["REV_AT_EPOCH"]
+        result.append(CataloguedOrbit(one.texts["OBJECT_NAME"], identifier, record))
     if not result:
-        raise InputError(f"{path} holds no elements.")
+        raise InputError(f"{path} has no elements: it must have those of one satellite or more.")
     return result

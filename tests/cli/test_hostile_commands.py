@@ -114,6 +114,13 @@ def test_a_module_that_cannot_be_run(folder, capsys, text, words):
     ("entry", "content", "words"),
     [
         ('file = "values.txt"', "1" * 140_000, "cannot be read as CSV: field larger than"),
+        # A decimal comma would cut the number at it, or shift the column.
+        ('file = "values.txt"', "1\n0,5\n", "has 2 fields: it must have 1."),
+        ('file = "values.txt", column = "h"', "g,h\n1,5,2\n", "has 3 fields: it must have 2."),
+        ('file = "values.txt"', "1\n\nnan\n", 'is "nan": it must be a number.'),
+        ('file = "values.txt"', "1e999\n", 'is "1e999": it must be a number.'),
+        ('file = "values.txt"', "1_0\n", 'is "1_0": it must be a number.'),
+        ('file = "values.txt", column = "h"', "h\n1\n inf\n", 'is " inf": it must be a number.'),
         ('file = "values.txt", column = ["h"]', "h\n1", 'column is ["h"]: it must be text'),
         ('file = "values.txt", unit = ["m"]', "1", 'unit is ["m"]: it must be text'),
     ],

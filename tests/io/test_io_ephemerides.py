@@ -1,12 +1,14 @@
 """Orbits from and to other programs: the test case of SGP4, messages that come back as they
 were."""
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from jaxspace.core import InputError
+from jaxspace.io._two_line import check_sum
 from jaxspace.io.ephemeris import Ephemeris, read_oem, write_oem
 from jaxspace.io.mean_elements import read_omm, read_tle
 
@@ -58,8 +60,167 @@ def test_a_message_of_mean_elements_is_the_same_orbit(tmp_path):
     assert satellite.name == "VANGUARD 1" and satellite.epoch == "2000-06-27T18:50:19.733568"
     run = satellite.ephemeris([0.0, 21600.0])
     np.testing.assert_allclose(run.position.T, 1e3 * STATES[:, :3], atol=1.0)
-    with pytest.raises(InputError, match="must end with .xml or .csv"):
-        read_omm(tmp_path / "one.txt")
+    path.write_text("one,two\n1,2\n")
+    with pytest.raises(InputError, match="is no message of mean elements: it must begin with <"):
+        read_omm(path)
+
+
+# The first example of the standard, in keyword = value notation: its epoch is a day of the year.
+KVN = """CCSDS_OMM_VERS = 3.0
+CREATION_DATE = 2007-065T16:00:00
+ORIGINATOR = NOAA
+COMMENT as figure 4-1
+OBJECT_NAME = GOES 9
+OBJECT_ID = 1995-025A
+CENTER_NAME = EARTH
+REF_FRAME = TEME
+TIME_SYSTEM = UTC
+MEAN_ELEMENT_THEORY = SGP/SGP4
+EPOCH = 2007-064T10:34:41.4264
+MEAN_MOTION = 1.00273272 [rev/day]
+ECCENTRICITY = 0.0005013
+INCLINATION = 3.0539 [deg]
+RA_OF_ASC_NODE = 81.7939 [deg]
+ARG_OF_PERICENTER = 249.2363
+MEAN_ANOMALY = 150.1602
+GM = 398600.8
+EPHEMERIS_TYPE = 0
+CLASSIFICATION_TYPE = U
+NORAD_CAT_ID = 23581
+ELEMENT_SET_NO = 0925
+REV_AT_EPOCH = 4316
+BSTAR = 0.0001
+MEAN_MOTION_DOT = -0.00000113
+MEAN_MOTION_DDOT = 0.0
+"""
+
+
+def other_notations(message):
+    """The same message in XML and in CSV."""
+    lines = [line.split(" [")[0] for line in message.splitlines() if " = " in line][3:]
+    pairs = [line.split(" = ") for line in lines]
+    # The names of the groups are for people; what counts is the segment.
+    body = "".join(f"<{key}>{value}</{key}>\n" for key, value in pairs)
+    segment = (
+        f"<segment><metadata></metadata><data><meanElements>{body}</meanElements></data></segment>"
+    )
+    xml = f'<?xml version="1.0"?>\n<ndm><omm id="CCSDS_OMM_VERS"><body>{segment}</body></omm></ndm>'
+    return xml, "\n".join(",".join(row) for row in zip(*pairs, strict=True)) + "\n"
+
+
+def test_the_example_of_the_standard_in_every_notation(tmp_path):
+    """The state at the epoch is that of the reader of the library, by its epoch in microseconds."""
+    omm = pytest.importorskip("sgp4.omm")
+    api = pytest.importorskip("sgp4.api")
+    keys = {
+        k.strip(): v.split(" [")[0].strip()
+        for k, v in (x.split("=") for x in KVN.splitlines() if "=" in x)
+    }
+    record = api.Satrec()
+    omm.initialize(record, keys | {"EPOCH": "2007-03-05T10:34:41.426400"})
+    error, r, v = record.sgp4(record.jdsatepoch, record.jdsatepochF)
+    assert error == 0
+    path = tmp_path / "message.omm"
+    for text in (KVN, *other_notations(KVN), KVN.replace("\n", "\r\n"), "\ufeff" + KVN):
+        path.write_text(text, encoding="utf-8", newline="")
+        (satellite,) = read_omm(path)
+        assert satellite.name == "GOES 9" and satellite.epoch == "2007-03-05T10:34:41.426400"
+        for name in ("satnum", "elnum", "revnum", "ephtype", "classification", "intldesg"):
+            assert getattr(satellite.record, name) == getattr(record, name)
+        np.testing.assert_allclose(satellite.state().position, 1e3 * np.array(r), rtol=1e-14)
+        np.testing.assert_allclose(satellite.state().velocity, 1e3 * np.array(v), rtol=1e-13)
+
+
+@pytest.mark.parametrize(
+    "text, epoch",
+    [
+        ("2007-03-05T10:34:41", "2007-03-05T10:34:41"),
+        ("2007-03-05T10:34:41Z", "2007-03-05T10:34:41"),
+        ("2007-064T10:34:41Z", "2007-03-05T10:34:41"),
+        ("2007-064T10:34:41.5Z", "2007-03-05T10:34:41.500000"),
+        ("2007-03-05T10:34:41.426400000000", "2007-03-05T10:34:41.426400"),
+        ("2008-366T23:59:59.25", "2008-12-31T23:59:59.250000"),
+    ],
+)
+def test_epochs_of_the_standard(tmp_path, text, epoch):
+    pytest.importorskip("sgp4")
+    path = tmp_path / "message.omm"
+    path.write_text(KVN.replace("2007-064T10:34:41.4264", text))
+    assert read_omm(path)[0].epoch == epoch
+    path = tmp_path / "path.oem"
+    path.write_text(ANNEX.replace("1996-12-28T21:29:07.267 -", "1996-12-28T21:29:07Z -"))
+    assert read_oem(path)[0].times[1] == 1795.267
+
+
+@pytest.mark.parametrize(
+    "key, value, allowed",
+    [
+        ("EPOCH", "2007-366T00:00:00", "a time like"),
+        ("EPOCH", "2007-02-29T00:00:00", "a time like"),
+        ("EPOCH", "2007-000T00:00:00", "a time like"),
+        ("EPOCH", "2016-12-31T23:59:60", "a time like .*, and no leap second"),
+        ("EPOCH", "2007-03-05 10:34:41", "a time like"),
+        ("MEAN_MOTION", "-3", "above 0 and at most 18"),
+        ("MEAN_MOTION", "0", "above 0 and at most 18"),
+        ("MEAN_MOTION", "1e400", "above 0 and at most 18"),
+        ("ECCENTRICITY", "nan", "at least 0 and below 1"),
+        ("ECCENTRICITY", "1", "at least 0 and below 1"),
+        ("ECCENTRICITY", "0,0005", "at least 0 and below 1"),
+        ("INCLINATION", "180.1", "from 0 to 180 degrees"),
+        ("RA_OF_ASC_NODE", "361", "from -360 to 360 degrees"),
+        ("MEAN_ANOMALY", "725", "from -360 to 360 degrees"),
+        ("BSTAR", "inf", "from -1e9 to 1e9"),
+        ("MEAN_MOTION_DOT", "1_0", "from -1e9 to 1e9"),
+        ("REV_AT_EPOCH", "-1", "a whole number"),
+        ("NORAD_CAT_ID", "5.5", "a whole number"),
+        ("EPHEMERIS_TYPE", "4", "at most 3: others belong to another theory"),
+        ("MEAN_ELEMENT_THEORY", "DSST", "SGP4 or SGP"),
+        ("TIME_SYSTEM", "TAI", "UTC"),
+        ("REF_FRAME", "GCRF", "TEME"),
+        ("CENTER_NAME", "MARS", "EARTH"),
+    ],
+)
+def test_entries_of_messages_that_are_refused(tmp_path, key, value, allowed):
+    """Each with its line and keyword, in every notation."""
+    pytest.importorskip("sgp4")
+    lines = [f"{key} = {value}" if x.startswith(f"{key} =") else x for x in KVN.splitlines()]
+    wrong = "\n".join(lines) + "\n"
+    path = tmp_path / "message.omm"
+    for text in (wrong, *other_notations(wrong)[: 2 if "," not in value else 1]):
+        path.write_text(text)
+        sentence = f"message.omm, line ([0-9]+): {key} is .*: it must be {allowed}"
+        with pytest.raises(InputError, match=sentence) as error:
+            read_omm(path)
+        (number,) = re.findall("line ([0-9]+):", str(error.value))
+        at = text.splitlines()[int(number) - 1]
+        # Of CSV the row, below its heading.
+        assert value in at and (key in at or number == "2")
+
+
+def test_what_a_message_may_leave_out(tmp_path):
+    """The values of a two-line set; numbers beyond its range are read, and left out."""
+    pytest.importorskip("sgp4")
+    path = tmp_path / "message.omm"
+    optional = ("EPHEMERIS_TYPE", "CLASSIFICATION_TYPE", "REV_AT", "ELEMENT_SET", "MEAN_MOTION_D")
+    kept = [line for line in KVN.splitlines() if not line.startswith(optional)]
+    path.write_text("\n".join(kept).replace("23581", "799500123"))
+    (satellite,) = read_omm(path)
+    assert satellite.record.satnum == 0 and satellite.record.classification == "U"
+    path.write_text(KVN.replace("BSTAR = 0.0001", "BSTAR ="))
+    with pytest.raises(InputError, match="message.omm, line 24: satellite 1 has no BSTAR"):
+        read_omm(path)
+    path.write_text(KVN + "BSTAR = 0.0002\n")
+    with pytest.raises(InputError, match="line 27 has BSTAR again: it must stand once"):
+        read_omm(path)
+    path.write_text("EPOCH,MEAN_MOTION\n2007-064T10:34:41,1,2\n")
+    with pytest.raises(InputError, match="line 2 has 3 fields: it must have 2"):
+        read_omm(path)
+    path.write_text('<!DOCTYPE x [<!ENTITY a "aaaa">]>\n<omm/>')
+    with pytest.raises(InputError, match="line 1 declares the entity 'a': a message has none"):
+        read_omm(path)
+    path.write_text("<omm/>")
+    with pytest.raises(InputError, match="has no elements"):
+        read_omm(path)
 
 
 def test_faults_of_two_line_sets(tmp_path):
@@ -144,6 +305,48 @@ OF_ANOTHER = "2 00006  34.2682 348.7242 1859667 331.7664  19.3264 10.82419157413
         ([FIRST.replace("28098", "2B098"), SECOND], "line 1 .*: its drag term, columns 54 to 61"),
         ([FIRST.replace("00179.7", "OO179.7"), SECOND], "line 1 .*: its year of the epoch"),
         ([FIRST.replace("00005U", "0I005U"), SECOND], "line 1 .*: its number in the catalogue"),
+        (
+            [FIRST.replace("00179", "00999"), SECOND],
+            "line .*its day of the epoch, .* 21 to 32, is 999.78",
+        ),
+        (
+            [FIRST.replace("00179", "00000"), SECOND],
+            "line .*its day .*: it must be from 1 to the end of",
+        ),
+        ([FIRST.replace("00179", "01366"), SECOND], "line .*must be from 1 to the end of day 365"),
+        (
+            [FIRST.replace(" 0  4", " 4  4"), SECOND],
+            "line 1 .*: its type of .* is 4: it must be from 0 to 3",
+        ),
+        (
+            [FIRST, SECOND.replace(" 34.2", "251.6")],
+            "line .*inclination, .* 251.6682: .* from 0 to 180",
+        ),
+        (
+            [FIRST, SECOND.replace(" 34.2", " -4.2")],
+            "line .*inclination, .* -4.2682: .* from 0 to 180",
+        ),
+        (
+            [FIRST, SECOND.replace("348.7", "360.1")],
+            "line .*ascending node, .* 360.1242: .* from 0 to",
+        ),
+        (
+            [FIRST, SECOND.replace("331.7", "431.7")],
+            "line .*perigee, .* 431.7664: it must be from 0 to",
+        ),
+        ([FIRST, SECOND.replace(" 19.3", "725.3")], "line 2 .* mean anomaly, .* 725.3264: it must"),
+        (
+            [FIRST, SECOND.replace("10.82", " 0.00").replace("419157", "000000")],
+            "line .*is 0.00000000: ",
+        ),
+        (
+            [FIRST, SECOND.replace("10.82", "-3.82")],
+            "line .*mean motion, .*: it must be above 0 and at",
+        ),
+        (
+            [FIRST, SECOND.replace("10.82", "18.82")],
+            "line .*above 0 and at most 18 revolutions per day",
+        ),
         # A column is lost, and with it the check sum: all that follow are one to the left.
         ([FIRST, SECOND.replace(" 348", "348")], "line 2 .*: column 17 must be blank"),
     ],
@@ -152,6 +355,30 @@ def test_lines_of_two_line_sets_that_are_refused(lines, sentence):
     pytest.importorskip("sgp4")
     with pytest.raises(InputError, match="the text, " + sentence):
         read_tle("\n".join(lines) + "\n")
+
+
+def with_sum(line):
+    return line[:68] + check_sum(line)
+
+
+def test_fields_of_two_line_sets_at_their_limits(tmp_path):
+    """Angles of 0 and 360 degrees, the last day of a leap year, both ends of the century, and the
+    last number of "alpha-5"; in a file of Windows that begins with a byte order mark."""
+    pytest.importorskip("sgp4")
+    path = tmp_path / "sets.tle"
+    for start, epoch, angles, number in (
+        ("00366.99999999", "2000-12-31T23:59:59.999136", "180.0000 360.0000", "Z9999"),
+        ("57001.00000000", "1957-01-01T00:00:00", "  0.0000   0.0000", "A0000"),
+        ("56366.00000000", "2056-12-31T00:00:00", "  0.0000 360.0000", "00000"),
+    ):
+        first = FIRST.replace("00179.78495062", start).replace("00005", number)
+        second = SECOND.replace(" 34.2682 348.7242", angles).replace("00005", number)
+        lines = NAME, with_sum(first), with_sum(second)
+        path.write_text("\r\n".join(lines) + "\r\n", encoding="utf-8-sig", newline="")
+        for source in (path, "\ufeff" + "\n".join(lines) + "\n"):
+            (satellite,) = read_tle(source)
+            assert (satellite.name, satellite.epoch) == (NAME, epoch)
+            assert satellite.record.satnum_str == number
 
 
 def test_two_line_sets_of_the_verification_are_read(tmp_path):
@@ -170,8 +397,8 @@ def test_two_line_sets_of_the_verification_are_read(tmp_path):
 @pytest.mark.parametrize(
     "old, new, sentence",
     [
-        ("<BSTAR>.28098E-4</BSTAR>", "", "satellite 1, has no BSTAR"),
-        ("348.7242", "34B.7242", "satellite 1, has a wrong entry: .*34B.7242"),
+        ("<BSTAR>.28098E-4</BSTAR>", "", "line 1: satellite 1 has no BSTAR"),
+        ("348.7242", "34B.7242", "line 7: RA_OF_ASC_NODE is '34B.7242': it must be from"),
         ("</omm>", "", "is no message of mean elements"),
     ],
 )
@@ -233,14 +460,48 @@ def test_the_message_of_the_standard(tmp_path):
     assert found.centre == "MARS BARYCENTER" and found.epoch == "1996-12-28T21:29:07.267"
     np.testing.assert_allclose(found.times, [0.0, 1795.0], atol=1e-9)
     np.testing.assert_allclose(found.position[:, 1], [-2445234.0, -878141.0, 1873073.0])
+    second = "1996-363T21:59:02.267"
     for old, new, sentence in (
         ("CCSDS_OEM_VERS", "CCSDS_OPM_VERS", "must begin with CCSDS_OEM_VERS"),
-        ("REF_FRAME = EME2000\n", "", "lacks REF_FRAME"),
-        (" -1.041945", "", "line 16.*6 columns"),
-        ("1996-363T21:59", "1996-360T21:59", "do not ascend"),
-        ("1996-363T21", "soon", "is no time"),
-        ("7.33702", "fast", "is no number"),
+        ("REF_FRAME = EME2000\n", "", "line 5 begins a segment that lacks REF_FRAME"),
+        (" -1.041945", "", "line 16: .*6 columns"),
+        ("1996-363T21:59", "1996-360T21:59", "line 17: the epoch is 1996-360.* after .*07.267: it"),
+        (second, "1996-12-28T21:29:07.267", "line 17: the epoch is .*: it must ascend"),
+        ("1996-363T21", "soon", "line 17: the epoch is 'soon.*': it must be a time like"),
+        (second, "1996-363T24:00:00", "line 17: the epoch is '1996-363T24:00:00'"),
+        (second, "1996-366T21:59:02.2e3", "line 17: the epoch is"),
+        (second, "1997-366T21:59:02", "line 17: the epoch is"),
+        (second, "1996-12-31T23:59:60", "line 17: the epoch is .*, and no leap second"),
+        (
+            "= 1996-12-30T01:28:02.267",
+            "= never",
+            "line 12: STOP_TIME is 'never': it must be a time",
+        ),
+        ("7.33702", "fast", "line 16: X_DOT is 'fast': it must be a finite number"),
+        ("-2432.166", "nan", "line 16: X is 'nan': it must be a finite number"),
+        ("1742.754", "1e999", "line 16: Z is '1e999': it must be a finite number"),
+        ("-878.141", "1e308", "line 17: Y is '1e308': it must be a finite number"),
+        ("-0.996366", "-0,996", "line 17: Z_DOT is '-0,996': it must be a finite number"),
+        ("0.2 0.3", "inf 0.3", "line 17: Y_DDOT is 'inf': it must be a finite number"),
+        ("META_STOP\n", "", "line 15 is '1996-12-28.*: it must be a keyword = value"),
+        ("META_START\n", "", "line 15 is '1996-12-28.*': META_START must precede it"),
+        ("TIME_SYSTEM = UTC", "REF_FRAME = ICRF", "line 10 has REF_FRAME again"),
+        ("COVARIANCE_STOP\n", "COVARIANCE_STOP\nMETA_START\n", "line 22 begins a segment that la"),
+        (ANNEX[ANNEX.index("1996-12-28T21:29:07.267 -") :], "", "line 5 .* that has no states"),
     ):
+        assert old in ANNEX
         path.write_text(ANNEX.replace(old, new))
-        with pytest.raises(InputError, match=sentence):
+        with pytest.raises(InputError, match=sentence) as error:
             read_oem(path)
+        assert str(error.value).startswith(str(path))
+
+
+def test_an_ephemeris_that_is_not_finite_is_not_written(tmp_path):
+    one = Ephemeris("2026-01-01T00:00:00", np.array([0.0, 1.0]), np.zeros((3, 2)), np.zeros((3, 2)))
+    for field in ("times", "position", "velocity"):
+        wrong = one._replace(**{field: getattr(one, field) + np.nan})
+        with pytest.raises(InputError, match=f"Ephemeris.{field} is .*: it must be finite"):
+            write_oem(tmp_path / "none.oem", [wrong])
+    with pytest.raises(InputError, match="Ephemeris.epoch is 'today': it must be a time like"):
+        write_oem(tmp_path / "none.oem", [one._replace(epoch="today")])
+    assert not (tmp_path / "none.oem").exists()

@@ -4,9 +4,11 @@ paths of numbers of the file, and those that are given in Python."""
 import csv
 import io
 from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
 from typing import Any, NamedTuple
 
 from ...core import InputError
+from ...core.files import finite_number
 from ...core.quantities import Quantity
 from ...sampling import AbstractDistribution
 from ...sampling.distributions import NOMINAL, SHARE_OF_INPUT
@@ -236,25 +238,46 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
         source = io.StringIO(files.text(entry["file"]), newline="")
     except ValueError as error:
         raise ValueError(f"{key}.file: {error}") from None
-    try:
-        lines = list(csv.DictReader(source) if column else csv.reader(source))
-    except csv.Error as error:
-        raise ValueError(f"{key}.file: {path} cannot be read as CSV: {error}.") from None
     unit = entry.get("unit", "")
     values = []
-    # The head of the columns is line 1.
-    for number, line in enumerate(lines, 2 if column else 1):
-        if line and (text := line.get(column) if isinstance(line, dict) else line[0]) is not None:
-            try:
-                # Followed by its unit, as a number of the scene file is.
-                values.append(f"{float(text)!r} {unit}" if unit else float(text))
-            except ValueError:
-                what = f"line {number} of {path} is {shown(text)}: it must be a number"
-                raise ValueError(f"{key}.file: {what}.") from None
+    try:
+        for number, text in _column(path, source, column):
+            value = finite_number(text)
+            if value is None:
+                raise ValueError(f"line {number} of {path} is {shown(text)}: it must be a number.")
+            # Followed by its unit, as a number of the scene file is.
+            values.append(f"{value!r} {unit}" if unit else value)
+    except csv.Error as error:
+        raise ValueError(f"{key}.file: {path} cannot be read as CSV: {error}.") from None
+    except ValueError as error:
+        raise ValueError(f"{key}.file: {error}") from None
     if not values:
         raise ValueError(f"{key}.file: {path} holds no numbers{f' in {column}' * bool(column)}.")
     parameters = {name: value for name, value in entry.items() if name not in FILE_KEYS}
     return {**parameters, "values": values}
+
+
+def _column(path: Path, source: io.StringIO, column: str | None) -> Iterator[tuple[int, str]]:
+    """The fields of a column, or of a file with one number a line, with the numbers of their lines.
+
+    Raises `ValueError` for a line with another number of fields: with a decimal comma the number
+    would be cut at it, and the columns behind it would be shifted."""
+    reader = csv.reader(source)
+    heads = None if column is None else [head.strip() for head in next(reader, [])]
+    width, place = 1, 0
+    if heads is not None:
+        if column not in heads:
+            return
+        width, place = len(heads), heads.index(column)
+    for fields in reader:
+        if not fields:
+            continue
+        if any(field.strip() for field in fields[width:]):
+            raise ValueError(
+                f"line {reader.line_num} of {path} has {len(fields)} fields: it must have {width}."
+            )
+        if place < len(fields):
+            yield reader.line_num, fields[place]
 
 
 def _value(key: str, value: object, nominal: Measure, entry: Entry) -> float | list[float]:
