@@ -1,5 +1,6 @@
 """Some runs of a campaign in full, for pictures: where the body was, from start to end."""
 
+import warnings
 from typing import NamedTuple
 
 import equinox as eqx
@@ -11,6 +12,7 @@ from jaxtyping import Array, Float
 
 from ..core import Scalar
 from ..core.printing import printed
+from ..core.safe import safe_divide
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import QUICK
 from ..integration.status import Status
@@ -18,6 +20,11 @@ from ..simulation.legs import legs_of
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases
 from ._campaign import Campaign
+
+MOST_SAVED = 2560
+"""Positions of a phase: more make a page slow to load."""
+VISIBLE = 0.01
+"""Of what a run spans: the error of a line that is seen."""
 
 
 @printed(times="s", positions="m")
@@ -41,7 +48,7 @@ def run_paths(
     num_saved: int = 40,
     accuracy: Accuracy | Scalar | None = None,
 ) -> RunPaths | None:
-    """The nominal run and the runs with these `numbers`, with `num_saved` positions a phase.
+    """The nominal run and the runs with these `numbers`, at positions for lines between them.
 
     `None` where the states have no position. The inputs are those of `disperse` with the same
     `seed`.
@@ -51,14 +58,27 @@ def run_paths(
     - `campaign`: of missions.
     - `numbers`: of the runs, as in the store.
     - `seed`, `accuracy`: as of `disperse`.
-    - `num_saved`: positions of each phase."""
+    - `num_saved`: positions of each phase, at least: four times as many, and again, up to 2,560,
+      while the lines between them are off by more than a hundredth of what a run spans. Warns where
+      that is not enough."""
     chosen = np.asarray(numbers, np.uint32)
-    result = _run(
-        campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), chosen, num_saved
-    )
-    if result is None:
-        return None
-    times, positions, status = (np.asarray(x) for x in result)
+    while True:
+        result = _run(
+            campaign, campaign.accuracy_for(accuracy), jax.random.key(seed), chosen, num_saved
+        )
+        if result is None:
+            return None
+        times, positions, status, off = (np.asarray(x) for x in result)
+        good = np.nanmax(np.where(status <= Status.EVENT, off, np.nan), initial=0.0) <= VISIBLE
+        if good or num_saved >= MOST_SAVED:
+            break
+        num_saved = min(4 * num_saved, MOST_SAVED)
+    if not good:
+        warnings.warn(
+            f"Lines between the {num_saved} positions of a phase do not show the paths of the "
+            f"runs, which turn too often: give num_saved, or a shorter mission.",
+            stacklevel=2,
+        )
     positions = np.where(status <= Status.EVENT, positions, np.nan)
     return RunPaths(np.concatenate([[-1], chosen.astype(int)]), times, positions)
 
@@ -67,7 +87,7 @@ def run_paths(
 @eqx.filter_jit(**QUICK)
 def _run(
     campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array | np.ndarray, num_saved: int
-) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array] | None:
+) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array, Array] | None:
     drawn = campaign.samples(key, jnp.asarray(numbers))
     nominal = campaign.nominal()
     # The nominal run is the first of the batch, so that one program serves.
@@ -89,7 +109,28 @@ def _run(
     times = jnp.concatenate(_apart(ts, starts, axis=0))
     positions = jnp.concatenate(_apart(parts, starts, axis=1), axis=1)
     status = jnp.where(allowed, result.status, Status.REFUSED)
-    return times, positions, status
+    rates = [getattr(phase.states, "velocity", None) for phase in result.phases]
+    return times, positions, status, _error_of_lines(ts, parts, rates)
+
+
+def _error_of_lines(
+    ts: list[Array], positions: list[Array], velocities: list[Array | None]
+) -> Float[Array, " runs"]:
+    """The error of lines between the positions, relative to what each run spans: by their
+    curvature, and by the velocity, which shows a motion that returns between two times."""
+    every = jnp.concatenate(positions, axis=1)
+    span = jnp.max(jnp.max(every, axis=1) - jnp.min(every, axis=1), axis=0)
+    error = jnp.zeros(span.shape, span.dtype)
+    for t, r, v in zip(ts, positions, velocities, strict=True):
+        h = jnp.diff(t, axis=0)
+        bend = [jnp.abs(jnp.diff(r, 2, axis=1)) / 8.0]
+        if r.shape[1] == 2:
+            # Two positions show no curvature; a phase without a duration has none.
+            bend = [jnp.where(h == 0.0, 0.0, jnp.inf)[None]]
+        if v is not None:
+            bend.append(jnp.abs(jnp.diff(r, axis=1) - 0.5 * h * (v[:, 1:] + v[:, :-1])))
+        error = jnp.maximum(error, jnp.max(jnp.stack([jnp.max(x, (0, 1)) for x in bend]), axis=0))
+    return safe_divide(error, span)
 
 
 def _apart(parts: list[Array], starts: list[bool], axis: int) -> list[Array]:

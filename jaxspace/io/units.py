@@ -6,9 +6,9 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from ..core import InputError
+from ..core.common_units import factor_to
 from ..core.extras import extra
 from ..core.quantities import Quantity
-from ._common_units import factor_to
 
 if TYPE_CHECKING:
     import pint

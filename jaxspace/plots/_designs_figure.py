@@ -5,6 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..core import InputError
+from ..core.common_units import factor_between
 from ..core.extras import extra
 from ._bins import MOST_BINS
 from ._style import COLOURS, MUTED, dress, headline
@@ -25,18 +27,24 @@ def designs_figure(
 
     **Arguments**
 
-    - `designs`: the runs of each, by the name of the design.
+    - `designs`: the runs of each, by the name of the design; all are shown in the unit of the
+      first.
     - `output`: name of the output.
-    - `limits`: lines across the histograms.
+    - `limits`: lines across the histograms, in the unit of the first design.
     - `title`: of the figure.
 
-    **Raises** `InputError` for an unknown output, and `ImportError` where matplotlib is not
-    installed.
+    **Raises** `InputError` for an unknown output, and for one whose unit in some design has no
+    known factor to that in the first; `ImportError` where matplotlib is not installed.
     """
     with extra("app"):
         from matplotlib.figure import Figure as NewFigure
 
-    values = {name: runs.values(output)[runs.good].astype(float) for name, runs in designs.items()}
+    unit = next(iter(designs.values())).units.get(output, "")
+    values = {
+        name: _factor(name, output, runs.units.get(output, ""), unit)
+        * runs.values(output)[runs.good].astype(float)
+        for name, runs in designs.items()
+    }
     values = {name: x[np.isfinite(x)] for name, x in values.items()}
     figure = NewFigure(figsize=(7.0, 3.8), layout="constrained")
     axes = figure.subplots()
@@ -54,3 +62,14 @@ def designs_figure(
     dress(axes, "", label, "runs")
     axes.legend(fontsize=8, frameon=False)
     return figure
+
+
+def _factor(name: str, output: str, given: str, shown: str) -> float:
+    """How many of the unit `shown` one of the unit `given` is, for an output of a design."""
+    factor = factor_between(given, shown)
+    if factor is None:
+        raise InputError(
+            f"{output} is in {given or 'no unit'} in the design {name!r}, and in "
+            f"{shown or 'no unit'} in the first one: all must have it in units of one kind."
+        )
+    return factor

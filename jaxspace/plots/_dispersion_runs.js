@@ -109,7 +109,7 @@ function drawFootprint() {
       x: turn.map((t) => f.radius * Math.sin(t)),
       y: turn.map((t) => f.radius * Math.cos(t)),
       mode: "lines",
-      name: `required: within ${f.radius} ${data.units.east || ""}`,
+      name: `required: within ${Number(f.radius.toPrecision(6))} ${data.units.east || ""}`,
       hoverinfo: "skip",
       line: { color: colour("--bad"), width: 1.4, dash: "longdashdot" },
     });

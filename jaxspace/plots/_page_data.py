@@ -83,7 +83,7 @@ def _footprint(dispersion: "Dispersion") -> Record | None:
             }
             for ellipse in result.ellipses
         ],
-        "radius": required_radius(dispersion),
+        "radius": required_radius(dispersion, result.unit),
         "degrees": degrees_by_length(dispersion),
     }
 

@@ -1,6 +1,7 @@
-"""Whether the saved times of a run resolve its motion, and finer ones where the run has them.
+"""Whether the saved times of a run resolve its motion, and finer ones where they do not.
 
-    a line from y_0 to y_1 is drawn right where y_1 - y_0 is about h (f_0 + f_1)/2
+    a line from y_0 to y_1 is drawn right where y_1 - y_0 is about h (f_0 + f_1)/2,
+    and is off by h^2 |y''|/8 at its middle
     an attitude turns by 2 h |q'| between two times
 
     symbol    meaning                                       unit
@@ -10,7 +11,11 @@
 
 Of a sine that is sampled four times a turn the two sides differ by a tenth of what it spans, and by
 all of it where it is sampled twice. So it is resolved below a quarter, and an attitude up to a
-quarter of a turn.
+quarter of a turn. Fewer than four times show no curvature: such a run is never taken as resolved.
+
+A run that is not resolved is evaluated again (`Trajectory.with_steps`), at the ends of its steps
+and between them, and each interval is divided until a line between its ends is right to a
+thousandth of what the component spans (`_refinement`). Only a closed loop cannot be repeated.
 
 The derivative of a rigid body's velocity needs its vector field, whose program takes longer than a
 figure. It is not needed where the position changes by the integral of the velocity as it was saved:
@@ -18,18 +23,16 @@ a motion of the velocity between two times would show in the position. So does o
 velocity in the attitude.
 """
 
-import dataclasses
 import math
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
 from jaxtyping import PyTree
 
-from ..core.quantities import quantities
 from ..rotations import Quaternion
+from ._leaves import state_leaves
+from ._refinement import FEW, Drawn, Shown, bent, leaf_rows, refined
 
 if TYPE_CHECKING:
     from ..core import State
@@ -37,76 +40,27 @@ if TYPE_CHECKING:
 
 MISSED = 0.25
 TURN = 0.5 * math.pi
-CONSTANT, KINKS, TINY = 1e-6, 2, 1e-300
+CONSTANT, TINY = 1e-6, 1e-300
+# Intervals of a closed loop that may have a kink, and how many times it has at least then.
+KINKS, ENOUGH = 2, 20
 # Each with its rate, and a mass, make up the state of a rigid body or of a point.
 RATES = {"position": "velocity", "attitude": "omega"}
-# So much of a radian between two points makes a smooth line.
-SMOOTH = 0.3
-MOST_POINTS = 20_000
-"""Points of a line that is drawn finer than it was saved."""
 
 
-class Drawn(NamedTuple):
-    """The drawn part of a phase: times, states, and the leaves that these times do not resolve."""
+def resolved(phase: "Trajectory", runs: int = 1, shown: Shown = leaf_rows) -> Drawn:
+    """The times and states of a phase: those saved where lines between them are right, otherwise
+    finer ones, of the first `runs` of a batch.
 
-    ts: Any
-    states: "State"
-    coarse: frozenset[str]
-
-
-def resolved(phase: "Trajectory") -> Drawn:
-    """The times and states of a phase, between those saved, too, where these are too few and the
-    run has more: a closed form, or `dense=True`."""
-    coarse, interval = _coarse(phase)
-    if not coarse or not _knows_between(phase):
+    - `shown`: what is drawn along lines, of the system, the time and the state."""
+    if not hasattr(phase, "with_steps") or np.all(phase.ts[0] == phase.ts[-1]):
+        return Drawn(phase.ts, phase.states, frozenset())
+    names = frozenset(name for name, _, leaf in state_leaves(phase.states) if leaf is not None)
+    if phase.control is not None:
+        coarse = names if len(phase.ts) < FEW else _coarse(phase, KINKS)
         return Drawn(phase.ts, phase.states, coarse)
-    ts = np.asarray(phase.ts)
-    span = np.nanmax(np.abs(ts - ts[0]))
-    count = int(min(max(span / interval, len(ts)), MOST_POINTS)) + 1
-    share = jnp.linspace(0.0, 1.0, count, dtype=ts.dtype)
-    finer = phase.ts[0] + jnp.multiply.outer(share, phase.ts[-1] - phase.ts[0])
-    left = frozenset() if count <= MOST_POINTS else coarse
-    return Drawn(finer, _between(phase, finer), left)
-
-
-def state_leaves(state: "State", name: str = "", unit: str = "") -> list[tuple[str, str, PyTree]]:
-    """Name, declared unit and value of every array or quaternion of a state, in order."""
-    if state is None:
-        return []
-    if dataclasses.is_dataclass(state) and not isinstance(state, Quaternion):
-        declared = quantities(type(state))
-        children = [
-            (field.name, declared[field.name].unit if field.name in declared else "")
-            for field in dataclasses.fields(state)
-        ]
-        members = [(key, unit, getattr(state, key)) for key, unit in children]
-    elif isinstance(state, dict):
-        members = [(str(key), "", value) for key, value in state.items()]
-    elif isinstance(state, tuple | list):
-        members = [(str(k), "", value) for k, value in enumerate(state)]
-    else:
-        return [(name or "state", unit, state)]
-    result = []
-    for key, unit, value in members:
-        # "parts" only collects what effects add: its members have names of their own.
-        path = " ".join(word for word in (name, key) if word and word != "parts")
-        result += state_leaves(value, path, unit)
-    return result
-
-
-def _knows_between(phase: "Trajectory") -> bool:
-    """Whether `phase.at` gives states between the saved times."""
-    return phase.dense is not None or (
-        phase.config.method == "closed_form" and phase.system.closed_form() is not None
-    )
-
-
-@eqx.filter_jit
-def _between(phase: "Trajectory", ts: jax.Array) -> "State":
-    states = jax.lax.map(phase.at, ts)
-    # Times stand before the runs, and behind the components.
-    last = -1 - phase.run_axes
-    return jax.tree.map(lambda x: jnp.moveaxis(x, 0, last), states)
+    # The lines first: their check compiles nothing.
+    coarse = names if bent(phase, shown) else _coarse(phase, 0)
+    return refined(phase, runs, coarse, shown) if coarse else Drawn(phase.ts, phase.states, coarse)
 
 
 @eqx.filter_jit
@@ -125,20 +79,19 @@ def _of_motion(states: "State") -> dict[str, PyTree]:
     return result
 
 
-def _coarse(phase: "Trajectory") -> tuple[frozenset[str], float]:
-    """The leaves that move too far between two saved times, and the interval at which all of them
-    are smooth, s."""
-    if not hasattr(phase, "along") or len(phase.ts) < 2:
-        return frozenset(), math.inf
+def _coarse(phase: "Trajectory", kinks: int) -> frozenset[str]:
+    """The leaves that move too far between two saved times, in more than so many intervals."""
+    # Of a few intervals none is a kink: all of them may be missed.
+    kinks = kinks if len(phase.ts) >= ENOUGH else 0
     # The field alone does not know what a controller commands.
     if phase.control is not None:
         derivatives = _of_motion(phase.states)
-    elif _follows_its_rates(phase):
-        return frozenset(), math.inf
+    elif _follows_its_rates(phase, kinks):
+        return frozenset()
     else:
         derivatives = {name: leaf for name, _, leaf in state_leaves(_derivatives(phase))}
     ts = np.asarray(phase.ts).reshape(len(phase.ts), -1)
-    intervals = {}
+    coarse = set()
     for name, _, leaf in state_leaves(phase.states):
         f = derivatives.get(name)
         attitude = isinstance(leaf, Quaternion)
@@ -149,13 +102,17 @@ def _coarse(phase: "Trajectory") -> tuple[frozenset[str], float]:
             continue
         runs = y.shape[-1] if phase.run_axes else 1
         y, f = (x.reshape(-1, len(ts), runs) for x in (y, f))
-        step = _of_attitude(f, np.diff(ts, axis=0)) if attitude else _of_part(y, f, ts)
-        if step < math.inf:
-            intervals[name] = step
-    return frozenset(intervals), min(intervals.values(), default=math.inf)
+        if attitude:
+            rate = 2.0 * np.sqrt(np.sum(f * f, axis=0))
+            good = _largest_turn(rate, np.diff(ts, axis=0)) <= TURN
+        else:
+            good = _part_resolved(y, f, ts, kinks)
+        if not good:
+            coarse.add(name)
+    return frozenset(coarse)
 
 
-def _follows_its_rates(phase: "Trajectory") -> bool:
+def _follows_its_rates(phase: "Trajectory", kinks: int) -> bool:
     """Whether the times resolve the state of a rigid body, or of a point, as far as the state alone
     shows it; false where it does not."""
     leaves = {name: leaf for name, _, leaf in state_leaves(phase.states) if leaf is not None}
@@ -178,9 +135,9 @@ def _follows_its_rates(phase: "Trajectory") -> bool:
             resolved = _largest_turn(np.sqrt(np.sum(f * f, axis=0)), h) <= TURN
             change = _turns(y)
         else:
-            resolved = _of_part(y, f, ts) == math.inf
+            resolved = _part_resolved(y, f, ts, kinks)
             change = np.diff(y, axis=1)
-        if not (resolved and _is_integral(change, f, h)):
+        if not (resolved and _is_integral(change, f, h, kinks)):
             return False
     return True
 
@@ -197,7 +154,7 @@ def _turns(q: np.ndarray) -> np.ndarray:
     return np.sign(cosine) * angle / np.fmax(size, TINY) * sine
 
 
-def _is_integral(change: np.ndarray, f: np.ndarray, h: np.ndarray) -> bool:
+def _is_integral(change: np.ndarray, f: np.ndarray, h: np.ndarray, kinks: int) -> bool:
     """Whether the `change` between two times is the integral of `f` along straight lines, but for
     a quarter of what each component of `f` spans.
 
@@ -207,16 +164,7 @@ def _is_integral(change: np.ndarray, f: np.ndarray, h: np.ndarray) -> bool:
     missed = np.abs(change - 0.5 * h * (f[:, 1:] + f[:, :-1]))
     moves = missed > CONSTANT * np.abs(h) * np.fmax.reduce(np.abs(f).reshape(-1))
     far = moves & (missed > MISSED * np.abs(h) * span[:, None])
-    return not np.any(np.count_nonzero(far, axis=1) > KINKS)
-
-
-def _of_attitude(f: np.ndarray, h: np.ndarray) -> float:
-    """The interval in which an attitude turns little, s; infinite where it does so already.
-
-    `f`: q', (4, times, runs); `h`: (times - 1, runs or 1)."""
-    rate = 2.0 * np.sqrt(np.sum(f * f, axis=0))
-    coarse = _largest_turn(rate, h) > TURN
-    return SMOOTH / float(np.fmax.reduce(rate.reshape(-1))) if coarse else math.inf
+    return not np.any(np.count_nonzero(far, axis=1) > kinks)
 
 
 def _largest_turn(rate: np.ndarray, h: np.ndarray) -> float:
@@ -227,8 +175,8 @@ def _largest_turn(rate: np.ndarray, h: np.ndarray) -> float:
     return float(np.fmax.reduce((np.abs(h) * np.fmax(rate[1:], rate[:-1])).reshape(-1)))
 
 
-def _of_part(y: np.ndarray, f: np.ndarray, ts: np.ndarray) -> float:
-    """The same of any other part of a state, by what each component spans.
+def _part_resolved(y: np.ndarray, f: np.ndarray, ts: np.ndarray, kinks: int) -> bool:
+    """Whether the times resolve any other part of a state, by what each component spans.
 
     `y`, `f`: (components, times, runs); `ts`: (times, runs or 1)."""
     span = np.fmax.reduce(y, axis=1) - np.fmin.reduce(y, axis=1)
@@ -236,9 +184,4 @@ def _of_part(y: np.ndarray, f: np.ndarray, ts: np.ndarray) -> float:
     # What is constant but for rounding has nothing to resolve.
     moves = missed > CONSTANT * np.fmax.reduce(np.abs(y).reshape(-1))
     far = moves & (missed > MISSED * span[:, None])
-    # One interval or two are a kink, such as a burnout.
-    coarse = np.count_nonzero(far, axis=1) > KINKS
-    if not coarse.any():
-        return math.inf
-    rate = np.fmax.reduce(np.abs(f), axis=1)[coarse] / np.fmax(0.5 * span[coarse], TINY)
-    return SMOOTH / float(np.fmax.reduce(rate))
+    return not np.any(np.count_nonzero(far, axis=1) > kinks)

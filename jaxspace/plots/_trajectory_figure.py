@@ -10,7 +10,9 @@ from jax.typing import ArrayLike
 from ..core import InputError
 from ..core.extras import extra
 from ..rotations import Quaternion, to_euler_angles
-from ._resolution import Drawn, resolved, state_leaves
+from ._leaves import state_leaves
+from ._refinement import Drawn
+from ._resolution import resolved
 from ._style import BAD, COLOURS, MUTED, dress, headline
 
 if TYPE_CHECKING:
@@ -29,7 +31,7 @@ MOST_LINES = 7
 """Components that one panel shows."""
 
 
-NOT_RESOLVED = "points, not resolved: more saved times or dense=True draw the lines"
+NOT_RESOLVED = "points, not resolved: more saved times, or a shorter run, draw the lines"
 
 
 class Block(NamedTuple):
@@ -61,9 +63,10 @@ def trajectory_figure(
 
     `trajectory_figure(run).savefig("run.png")` draws a trajectory, or all phases of a mission. An
     attitude is shown as Euler's angles 3-1-3, and the event that ended a run as a line. Where the
-    motion between two saved times is more than a line would show, as of a fast spin, a run with a
-    closed form or with `dense=True` is drawn at more times; any other one as points, and its panel
-    says so.
+    motion between two saved times is more than a line would show, the run is drawn at more times:
+    by its closed form, by its steps (`dense=True`), or, without these, by repeating it. A closed
+    loop cannot be repeated: it is drawn as points, and its panel says so. So is a motion that takes
+    more than 20,000 points.
 
     **Arguments**
 
@@ -81,25 +84,27 @@ def trajectory_figure(
 
     # By what they have and not by their class, because an import of it would be a circle: a
     # trajectory draws itself by this function.
+    trajectory = getattr(trajectory, "trajectory", trajectory)
     phases: Any = getattr(trajectory, "phases", (trajectory,))
     names = getattr(trajectory, "names", ("",))
     parts = []
     for phase in phases:
-        drawn = resolved(phase)
+        drawn = resolved(phase, runs)
         batched = np.ndim(phase.status) == 1
         parts.append((_times(drawn.ts, runs), _blocks(drawn, batched, runs, units or {})))
     clock, seconds = ("s", 1.0) if scale is None else scale("time", "s")
-    parts = [(seconds * ts, _scaled(result, scale)) for ts, result in parts]
+    units_shown = _shown_units([result for _, result in parts], scale)
+    parts = [(seconds * ts, _scaled(result, units_shown)) for ts, result in parts]
     # Phases may have states of different classes: a panel for each block of any of them.
-    blocks = list(dict.fromkeys(name for _, result in parts for name in result))
+    blocks = list(dict.fromkeys(key for _, result in parts for key in result))
     figure = Figure(figsize=(9.0, 0.7 + 2.1 * len(blocks)), layout="constrained")
     if title:
         headline(figure, title)
     panels = figure.subplots(len(blocks), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, name in zip(panels, blocks, strict=True):
-        present = [(ts, result[name]) for ts, result in parts if name in result]
+    for axes, key in zip(panels, blocks, strict=True):
+        present = [(ts, result[key]) for ts, result in parts if key in result]
         _panel(axes, present)
-        block = present[0][1]
+        name, block = key[0], present[0][1]
         label = name.replace("_", " ") + (f"\n[{block.unit}]" if block.unit else "")
         dress(axes, "", f"time [{clock}]" if axes is panels[-1] else "", label)
         if block.wraps:
@@ -113,18 +118,33 @@ def trajectory_figure(
     return figure
 
 
-def _scaled(blocks: dict[str, Block], scale: Scale | None) -> dict[str, Block]:
-    """The blocks in the units in which they are shown."""
+def _shown_units(
+    parts: list[dict[str, Block]], scale: Scale | None
+) -> dict[tuple[str, str], tuple[str, float]]:
+    """The unit that shows a block, by its name and unit, and how many of it one is: the same in all
+    phases."""
+    result = {}
+    for name, unit in dict.fromkeys((name, x.unit) for part in parts for name, x in part.items()):
+        same = [part[name] for part in parts if name in part and part[name].unit == unit]
+        if same[0].wraps:
+            result[name, unit] = unit, 1.0
+        elif scale is not None:
+            result[name, unit] = scale(name, unit)
+        else:
+            greatest = max(np.nanmax(np.abs(x.values), initial=0.0) for x in same)
+            result[name, unit] = ("km", 1e-3) if unit == "m" and greatest > FAR else (unit, 1.0)
+    return result
+
+
+def _scaled(
+    blocks: dict[str, Block], shown: dict[tuple[str, str], tuple[str, float]]
+) -> dict[tuple[str, str], Block]:
+    """The blocks in the units in which they are shown, by name and unit: blocks of one name and
+    different units have panels of their own."""
     result = {}
     for name, block in blocks.items():
-        if block.wraps:
-            unit, factor = block.unit, 1.0
-        elif scale is not None:
-            unit, factor = scale(name, block.unit)
-        else:
-            far = block.unit == "m" and np.nanmax(np.abs(block.values), initial=0.0) > FAR
-            unit, factor = ("km", 1e-3) if far else (block.unit, 1.0)
-        result[name] = block._replace(unit=unit, values=factor * block.values)
+        unit, factor = shown[name, block.unit]
+        result[name, unit] = block._replace(unit=unit, values=factor * block.values)
     return result
 
 

@@ -26,8 +26,8 @@ const coarse = Object.fromEntries(data.coarse.map((name) => [name, true]));
 coarse.orbit = coarse.position;
 for (const name in data.traces) coarse[name] = coarse.attitude;
 const UNRESOLVED = data.coarse.length
-  ? `The saved times do not resolve the ${data.coarse.join(" and the ")}, ` +
-    "shown at these times alone: more of them, dense=True or a shorter run show the motion."
+  ? `The frames do not resolve the ${data.coarse.join(" and the ")}, ` +
+    "shown at these times alone: a shorter run, or more saved times, show the motion."
   : "";
 const TOO_FAST = "Something turns faster than the screen shows: choose a slower speed.";
 // The unit of the clock and its size, s, by the length of the run; so many digits that it counts

@@ -2,15 +2,12 @@
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING
+from types import ModuleType
 
 import numpy as np
 from jaxtyping import PyTree
 
 from ..core.record import Record
-
-if TYPE_CHECKING:
-    pass
 
 COAST = Path(__file__).parent / "_coast.json"
 """Coast lines of the Earth: longitudes and latitudes in turn, degrees. From Natural Earth
@@ -23,24 +20,28 @@ EARTH_RATE = 7.292115e-5
 """Rate of the Earth about its axis, rad/s (IERS Conventions 2010)."""
 
 
-def readings(joined: dict[str, np.ndarray], ground: float | None) -> dict[str, np.ndarray]:
-    """Numbers that stand beside the clock, each (times,).
+def readings(
+    joined: dict[str, PyTree], ground: float | None, library: ModuleType = np
+) -> dict[str, PyTree]:
+    """Numbers that stand beside the clock, each (*times,).
 
     **Arguments**
 
-    - `joined`: blocks of the states, (components, times).
+    - `joined`: blocks of the states, (components, *times).
     - `ground`: radius of the ground, m; `None` where no one states it.
+    - `library`: of the arrays.
 
     **Returns** `altitude` above the ground, or `distance` from the origin, m, and `speed`, m/s."""
     result = {}
-    if "position" in joined:
-        distance = np.linalg.norm(joined["position"], axis=0)
+    # A direction is a pure number.
+    if "position" in joined and "direction" not in joined:
+        distance = library.linalg.norm(joined["position"], axis=0)
         if ground is None:
             result["distance"] = distance
         else:
             result["altitude"] = distance - ground
     if "velocity" in joined:
-        result["speed"] = np.linalg.norm(joined["velocity"], axis=0)
+        result["speed"] = library.linalg.norm(joined["velocity"], axis=0)
     return result
 
 

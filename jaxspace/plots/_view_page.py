@@ -17,7 +17,8 @@ from ..core import InputError
 from ..core.record import Record
 from ..rotations import Quaternion
 from ._page_script import page_script
-from ._resolution import TURN, Drawn, resolved
+from ._refinement import LINE, TURNING, Drawn, Rows, Shown, thinned
+from ._resolution import TURN, resolved
 from ._view_flight import burns, planet_lines, readings
 from ._view_shapes import Face, faces_of, top_faces, wheel_faces
 
@@ -26,10 +27,14 @@ if TYPE_CHECKING:
     from ..simulation import MissionTrajectory, Trajectory
 
 HERE = Path(__file__).parent
-MOST_FRAMES = 1500
-"""Frames of a page: more make it slow to load."""
-MOST_TURNING = 6000
-"""Frames of a page whose body turns fast."""
+MOST_FRAMES = 10_000
+"""Frames of a page: more make it slow to load and to draw."""
+ERRORS = (1.0, 3.0, 8.0)
+"""Errors of the lines between frames that are tried in this order, in parts of `LINE`."""
+LINES = ("position", "axis", "rate", "mass")
+"""Blocks of the frames that lines show, besides the numbers by the clock."""
+FLIGHT = {"velocity", "mass", "direction"}
+"""Blocks of the frames that only the numbers by the clock need."""
 PLACE = {"direction": "position"}
 """Blocks of states that are shown as a position."""
 NAMES = {"axis": "body axis z", "rate": "angular velocity", "momentum": "angular momentum"}
@@ -54,10 +59,11 @@ def view_page(
     sun of one that states its path as `sun`, from which the light then comes; beside the clock
     altitude and speed; in another colour the way on which propellant leaves. The planet has its
     graticule, and the Earth its coasts: the run names no date, so Greenwich lies along X at t = 0.
-    Drag to look from elsewhere. The view interpolates between the saved times. Where these are too
-    few for the motion, as of a fast spin, a run with a closed form or with `dense=True` is shown at
-    more times; any other one stands still from one time to the next, and the page says so. It also
-    says where something turns faster than a screen shows.
+    Drag to look from elsewhere. The view interpolates between frames that are close enough for a
+    line between them: where the saved times are not, the run is evaluated between them, by its
+    closed form, by its steps (`dense=True`), or by repeating it. Of a motion that takes more than
+    10,000 frames, such as a spin of many thousand turns, the page shows the frames alone, and says
+    so. It also says where something turns faster than a screen shows.
 
     **Arguments**
 
@@ -70,7 +76,8 @@ def view_page(
 
     **Returns** the path.
 
-    **Raises** `InputError` for a batch, and where the states have neither position nor attitude.
+    **Raises** `InputError` for a batch, where the states have neither position nor attitude, and
+    for a closed loop, which cannot be repeated, that was saved at too few times.
     """
     data = _data(trajectory, planet_radius)
     boxes = [
@@ -144,65 +151,120 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
     # One place at a time: a branch has a page of its own.
     without: Any = getattr(trajectory, "without_branches", lambda: trajectory)
     line = without()
+    # Of a closed loop, which holds more.
+    line = getattr(line, "trajectory", line)
     phases: Any = getattr(line, "phases", (line,))
     names = getattr(line, "names", ())
     if any(np.ndim(phase.status) for phase in phases):
         raise InputError("The page shows one run: take run.of(0) of a batch.")
-    drawn = [resolved(phase) for phase in phases]
-    parts = [_frames(phase.system, d.ts, d.states) for phase, d in zip(phases, drawn, strict=True)]
-    # What every phase has; a block that begins later has no frames before.
-    blocks = {name for name in parts[0] if all(name in part for part in parts)}
-    if not blocks & {"position", "attitude"}:
+    if not any(_can_be_seen(phase.states) for phase in phases):
         raise InputError(
             "The states have neither a position nor an attitude: run.plot() shows them in time."
         )
+    ground = _ground(phases[0].system) if planet is None else planet
+    shown = jax.tree_util.Partial(seen_rows, ground)
+    drawn = [_resolved(phase, shown) for phase in phases]
+    parts = [_frames(phase.system, d.ts, d.states) for phase, d in zip(phases, drawn, strict=True)]
+    # What every phase has; a block that begins later has no frames before.
+    blocks = {name for name in parts[0] if all(name in part for part in parts)}
     joined = {name: np.concatenate([part[name] for part in parts], axis=-1) for name in blocks}
+    if joined["times"][-1] < joined["times"][0]:
+        # The clock of the page runs forwards.
+        joined = {name: values[..., ::-1] for name, values in joined.items()}
     times = joined.pop("times")
-    flight = {name: joined.pop(name) for name in ("velocity", "mass") if name in joined}
-    rate = np.zeros(len(times))
-    if "rate" in joined:
-        rate = np.linalg.norm(joined["rate"], axis=0)
-    pick = _picked(times, float(np.max(rate)))
+    flight = {name: joined.pop(name) for name in FLIGHT & blocks}
+    turned = _turned(times, joined)
+    pick, coarse = _picked(times, joined | flight, turned, ground)
+    coarse |= {PLACE.get(name, name) for d in drawn for name in d.coarse}
     rows = {name: _listed(values[..., pick]) for name, values in joined.items()}
-    coarse = {PLACE.get(name, name) for d in drawn for name in d.coarse}
-    # Also of states that come from elsewhere, whose equations are not known.
-    turned = np.maximum(rate[pick][1:], rate[pick][:-1]) * np.diff(times[pick])
-    if np.any(turned > TURN):
-        coarse.add("attitude")
     return {
         "times": times[pick].tolist(),
         "phases": [(float(phase.ts[0]), name) for phase, name in zip(phases, names, strict=False)]
         or None,
         "coarse": sorted(coarse & {"position", "attitude"} & rows.keys()),
-        "turned": np.round(np.cumsum(np.append(0.0, turned)), 3).tolist(),
+        "turned": np.round(turned[pick], 3).tolist(),
         **_orbit(phases[0], joined, rows, planet),
-        **_flight(phases[0], joined | flight, planet, pick),
+        **_flight(joined | flight, ground, pick),
         **_body(phases[0], drawn[0], rows, times, pick),
         "sun": _sun(phases[0].system, times[pick]),
     }
 
 
-def _picked(times: np.ndarray, rate: float) -> np.ndarray:
-    """Numbers of the shown times: evenly in time, because a short phase has as many states as a
-    long one, and more of them for a body that turns at up to this rate, rad/s."""
-    span = abs(times[-1] - times[0])
-    most = max(MOST_FRAMES, min(2.0 * span * rate / TURN, MOST_TURNING))
-    even = np.linspace(times[0], times[-1], int(min(len(times), most)))
-    return np.unique(np.searchsorted(times, even).clip(0, len(times) - 1))
+def _can_be_seen(states: "State") -> bool:
+    attitude = isinstance(getattr(states, "attitude", None), Quaternion)
+    places = (getattr(states, name, None) for name in ("position", "direction"))
+    return attitude or any(x is not None for x in places)
+
+
+def _resolved(phase: "Trajectory", shown: Shown) -> Drawn:
+    """The phase at times that show its motion. Raises `InputError` where it was saved at too few
+    of them and cannot be repeated."""
+    result = resolved(phase, shown=shown)
+    # Too many points are thinned out, and said to be; too few cannot be.
+    if result.coarse and len(result.ts) == len(phase.ts):
+        raise InputError(
+            f"The {len(phase.ts)} saved times do not resolve {', '.join(sorted(result.coarse))}, "
+            f"and a closed loop is not repeated without its controller: simulate it with more "
+            f"save times, such as ts=jnp.linspace(0.0, 100.0, 501), or num_saved=501 of a mission."
+        )
+    return result
+
+
+def seen_rows(
+    ground: float | None, _system: object, _t: object, state: "State"
+) -> dict[str, PyTree]:
+    """What lines and numbers of the page show of one state, (components,)."""
+    rows = _places(state)
+    shown = readings(rows, ground, jnp)
+    rows.pop("velocity", None)
+    if getattr(state, "mass", None) is not None:
+        rows["mass"] = state.mass
+    attitude = getattr(state, "attitude", None)
+    if isinstance(attitude, Quaternion):
+        rows |= {TURNING: attitude.wxyz, "axis": attitude.matrix()[:, 2]}
+        omega = getattr(state, "omega", None)
+        if omega is not None:
+            rows["rate"] = attitude.rotate(omega)
+    return rows | shown
+
+
+def _turned(times: np.ndarray, joined: Rows) -> np.ndarray:
+    """The angle by which the body has turned at each time, rad, not less than by its rate."""
+    turned = np.zeros(len(times))
+    if "rate" in joined:
+        rate = np.linalg.norm(joined["rate"], axis=0)
+        # Also of states that come from elsewhere, whose equations are not known.
+        turned[1:] = np.cumsum(np.fmax(rate[1:], rate[:-1]) * np.diff(times))
+    return turned
+
+
+def _picked(
+    times: np.ndarray, blocks: Rows, turned: np.ndarray, ground: float | None
+) -> tuple[np.ndarray, set[str]]:
+    """Numbers of the shown times, and what lines between them do not show."""
+    rows = {name: blocks[name] for name in LINES if name in blocks}
+    rows |= {name: x[None] for name, x in readings(blocks, ground).items()}
+    if "attitude" in blocks:
+        rows[TURNING] = blocks["attitude"]
+    found = (thinned(times, rows, LINE * x, MOST_FRAMES, turned, TURN) for x in ERRORS)
+    pick = next((x for x in found if x is not None), None)
+    coarse = set()
+    if pick is None:
+        coarse.add("position")
+        even = np.linspace(times[0], times[-1], MOST_FRAMES)
+        pick = np.unique(np.searchsorted(times, even).clip(0, len(times) - 1))
+    if np.any(np.diff(turned[pick]) > TURN):
+        coarse.add("attitude")
+    return pick, coarse
 
 
 def _frames(system: "AbstractSystem", ts: ArrayLike, states: "State") -> dict[str, np.ndarray]:
     """The blocks of the states that can be seen, each (components, times), finite ones alone."""
-    direction = getattr(states, "direction", None)
-    position = getattr(states, "position", None) if direction is None else direction
     result = {"times": np.asarray(ts)[None]}
-    if position is not None:
-        result["position"] = np.asarray(position)
-        velocity, mass = (getattr(states, name, None) for name in ("velocity", "mass"))
-        if velocity is not None:
-            result["velocity"] = np.asarray(velocity)
-        if mass is not None:
-            result["mass"] = np.asarray(mass)[None]
+    result |= {name: np.asarray(x) for name, x in _places(states).items()}
+    mass = getattr(states, "mass", None)
+    if "position" in result and mass is not None:
+        result["mass"] = np.asarray(mass)[None]
     attitude = getattr(states, "attitude", None)
     if isinstance(attitude, Quaternion):
         result["attitude"] = _continuous(np.asarray(attitude.wxyz))
@@ -217,6 +279,18 @@ def _frames(system: "AbstractSystem", ts: ArrayLike, states: "State") -> dict[st
     result = {name: values[:, good] for name, values in result.items()}
     result["times"] = result["times"][0]
     return result
+
+
+def _places(states: "State") -> dict[str, PyTree]:
+    """Position, or the direction that is shown as one, and velocity, where the states have them."""
+    direction = getattr(states, "direction", None)
+    if direction is not None:
+        return {"position": direction, "direction": direction}
+    position = getattr(states, "position", None)
+    if position is None:
+        return {}
+    velocity = getattr(states, "velocity", None)
+    return {"position": position, **({} if velocity is None else {"velocity": velocity})}
 
 
 def _continuous(wxyz: np.ndarray) -> np.ndarray:
@@ -273,9 +347,9 @@ def _ground(system: object) -> float | None:
     return float(np.max(grounds)) if grounds else None
 
 
-def _flight(phase: "Trajectory", joined: dict, planet: float | None, pick: np.ndarray) -> Record:
+def _flight(joined: Rows, ground: float | None, pick: np.ndarray) -> Record:
     """Altitude and speed at the frames, and where propellant leaves."""
-    shown = readings(joined, _ground(phase.system) if planet is None else planet)
+    shown = readings(joined, ground)
     lit = burns(joined["mass"][0][pick] if "mass" in joined else None)
     return {
         "readings": {name: _listed(values[None, pick]) for name, values in shown.items()},

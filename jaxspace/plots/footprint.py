@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ..core import InputError
+from ..core.common_units import factor_between
 from ..core.extras import extra
 from ._style import BAD, COLOURS, GRID, dress, headline
 
@@ -65,8 +66,8 @@ def footprint_figure(
     nominal: tuple[float, float] | None = None,
 ) -> "Figure":
     """A matplotlib figure of where the runs land: points, ellipses of 50, 90 and 99 %, the rail,
-    and the circle of a requirement on the `distance`; with latitude and longitude where they are
-    outputs (`landing_latitude`, `landing_longitude`).
+    and the circle of a requirement on the `distance`, converted to the unit of the landings; with
+    latitude and longitude where they are outputs (`landing_latitude`, `landing_longitude`).
 
     **Arguments**
 
@@ -74,7 +75,7 @@ def footprint_figure(
     - `wind`: components to the east and to the north, m/s, for a rose beside it, as
       `LaunchSite.winds` gives them.
     - `title`: of the figure.
-    - `nominal`: where the nominal run lands, to the east and north.
+    - `nominal`: where the nominal run lands, to the east and north, in the unit of the landings.
 
     **Raises** `InputError` without landings in three good runs or more.
     """
@@ -124,7 +125,7 @@ def _footprint(
     if nominal is not None:
         axes.plot(*nominal, "D", color=COLOURS[2], fillstyle="none", label="nominal run")
     axes.plot(0.0, 0.0, "^", color=COLOURS[1], markersize=10, label="rail")
-    radius = required_radius(dispersion)
+    radius = required_radius(dispersion, footprint.unit)
     if radius is not None:
         turn = np.linspace(0.0, 2.0 * np.pi, 241)
         circle = radius * np.sin(turn), radius * np.cos(turn)
@@ -138,14 +139,17 @@ def _footprint(
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, frameon=False)
 
 
-def required_radius(dispersion: "Dispersion") -> float | None:
-    """The greatest distance from the rail that the campaign allows; `None` for any."""
-    return (*dispersion.requirements.get("distance", ()), None, None)[1]
+def required_radius(dispersion: "Dispersion", unit: str) -> float | None:
+    """The greatest distance from the rail that the campaign allows, in the `unit` of the landings;
+    `None` for any, and where the unit of the distance has no known factor to it."""
+    radius = (*dispersion.requirements.get("distance", ()), None, None)[1]
+    factor = factor_between(dispersion.units.get("distance", ""), unit)
+    return None if radius is None or factor is None else factor * radius
 
 
 def degrees_by_length(dispersion: "Dispersion") -> list[tuple[float, float]] | None:
     """For longitude over east and latitude over north the value at the rail, deg, and the slope;
-    `None` where the campaign has no such outputs.
+    `None` where the campaign has no such outputs, in a unit of angles.
 
     A straight line through the landings: over 20 km it is off by some metres."""
     names = ("landing_longitude", "landing_latitude")
@@ -154,11 +158,11 @@ def degrees_by_length(dispersion: "Dispersion") -> list[tuple[float, float]] | N
     lines = []
     for across, name in zip(("east", "north"), names, strict=True):
         x, y = dispersion.together(across, name)
-        if dispersion.units.get(name) != "deg":
-            y = np.degrees(y)
-        if np.ptp(x) == 0.0:
+        # An output without a unit is in SI.
+        factor = factor_between(dispersion.units.get(name) or "rad", "deg")
+        if np.ptp(x) == 0.0 or factor is None:
             return None
-        slope, start = np.polyfit(x, y, 1)
+        slope, start = np.polyfit(x, factor * y, 1)
         lines.append((float(start), float(slope)))
     return lines
 

@@ -1,12 +1,17 @@
-"""Runs repeated with finer steps, to see how far their final states move."""
+"""Runs repeated: with finer steps, to see how far their final states move, or with their steps, for
+states at any time."""
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array
 
 from ..core import AbstractSystem, State
+from ..core.jit import quick_jit
 from ..integration.config import IntegrationConfig
+from ..integration.crossings import Crossings
 from ..integration.layout import broadcast_state, state_at
+from ..integration.result import IntegrationResult
 from ..integration.status import Status
 from ._integrator import Integrator
 from .batch_layout import in_blocks, local_blocks, split_batch
@@ -60,3 +65,34 @@ def final_state_again(
     ends = ts[:: max(ts.shape[0] - 1, 1)]
     batched, shared, runs = split_batch(system, y0, ends, None, 1)
     return _final_states(batched, shared, config, local_blocks((batched, shared), runs))
+
+
+@quick_jit
+def with_stored_steps(
+    system: AbstractSystem, y0: State, ts: Array, config: IntegrationConfig
+) -> IntegrationResult:
+    """One run from `y0` through `ts`, (times,), with its steps, which a closed form has not."""
+    integrator = Integrator(system, config, 0)
+    return integrator.at_times(y0, ts, dense=config.method != "closed_form")
+
+
+def restarts_of(
+    t0: float, y0: State, crossings: tuple[Crossings, ...]
+) -> list[tuple[float, State]]:
+    """Times, s, and states from which one run goes on: its start, and its jumps in place."""
+    starts = [(t0, y0)]
+    for each in crossings:
+        if each.after is not None:
+            times = np.asarray(each.ts)[: int(each.count)]
+            starts += [(float(t), state_at(each.after, k, 0)) for k, t in enumerate(times)]
+    # Stable, because events of one time act in their order.
+    return sorted(starts, key=lambda start: abs(start[0] - t0))
+
+
+def last_finite(states: State) -> int:
+    """The number of the last time, before the first one at which some component is not finite;
+    components lead, then times."""
+    leaves = [np.asarray(x) for x in jax.tree.leaves(states)]
+    good = [np.all(np.isfinite(x), axis=tuple(range(x.ndim - 1))) for x in leaves]
+    bad = np.flatnonzero(~np.all(good, axis=0))
+    return (int(bad[0]) if bad.size else leaves[0].shape[-1]) - 1

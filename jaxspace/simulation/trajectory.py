@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, final
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
@@ -22,7 +23,7 @@ from ..integration.result import DenseOutput, IntegrationResult
 from ..integration.status import Status
 from ._dataset import dataset_of
 from ._integrator import of_each_run
-from ._rerun import final_state_again
+from ._rerun import final_state_again, last_finite, restarts_of, with_stored_steps
 from ._summary import summary_of_run
 from .run_call import RunCall
 
@@ -139,7 +140,7 @@ class Trajectory(eqx.Module):
     @property
     def undisturbed(self) -> bool:
         """Whether the system alone changed the state, without jumps at events or a controller."""
-        return self.control is None and all(result.after is None for result in self.crossings)
+        return self.control is None and not self._jumps
 
     def __getitem__(self, k: int) -> State:
         """The state at the k-th time."""
@@ -176,11 +177,61 @@ class Trajectory(eqx.Module):
         it: `jax.vmap(run.at, out_axes=-1)(ts)`. The state is NaN outside of the run, and where a
         failed run did not get to.
 
-        **Raises** `InputError` for a run without `dense=True`, which closed forms do not need."""
-        exact = self.config.method == "closed_form"
-        if not exact and self.dense is None:
+        **Raises** `InputError` for a run without `dense=True`, which closed forms do not need, and
+        for a run that jumps in place (`Event.then`)."""
+        if self._jumps:
+            raise InputError(
+                "The run jumps on its way (Event.then) and stores no states between its times: the "
+                "requested times must be among ts."
+            )
+        if not self.has_steps:
             raise InputError("The run holds no states between its times: run it with dense=True.")
         return self._at(jnp.asarray(t, self.ts.dtype))
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether `at` gives the states between the save times: of a closed form, or of a run with
+        `dense=True`, and without jumps on its way."""
+        exact = self.call is not None and self.config.method == "closed_form"
+        return not self._jumps and (exact or self.dense is not None)
+
+    @property
+    def _jumps(self) -> bool:
+        """Whether the run jumps in place, at events with `then`."""
+        return any(result.after is not None for result in self.crossings)
+
+    def with_steps(self) -> "tuple[Trajectory, ...]":
+        """The run with its steps, so that `at` gives the state at any time, in parts that follow
+        one another: from each jump in place (`Event.then`) to the next.
+
+        It is the run itself where that `has_steps`. Otherwise it is repeated from its first state,
+        by the same method and with the same tolerances, up to its last finite state.
+
+        **Raises** `InputError` for a batch (take `run.of(i)`) and for a closed loop."""
+        if self.control is not None:
+            raise InputError(
+                "The run is a closed loop, which is not repeated without its controller: simulate "
+                "it with more save times (ts, or num_saved of a mission)."
+            )
+        if self.run_axes:
+            raise InputError("with_steps is of one run: take run.of(0) of a batch.")
+        if self.has_steps:
+            return (self,)
+        starts = restarts_of(float(self.ts[0]), self.initial, self.crossings)
+        ends = [t for t, _ in starts[1:]] + [float(self.ts[last_finite(self.states)])]
+        parts = [(y, t0, t1) for (t0, y), t1 in zip(starts, ends, strict=True)]
+        # Jumps at one time are parts without a duration.
+        return tuple(self._part(y, t0, t1) for y, t0, t1 in parts if t0 != t1)
+
+    def _part(self, y0: State, t0: float, t1: float) -> "Trajectory":
+        """The part of the run from the state `y0` at `t0` to `t1`, s, with its steps."""
+        ts = jax.device_put(np.asarray([t0, t1], self.ts.dtype))
+        # The program takes far longer to compile than to run.
+        config = self.config.small_program()
+        result = with_stored_steps(self.system, y0, ts, config)
+        # As the run itself, of which these states were finite.
+        part = without_events(ts, result._replace(status=jnp.zeros_like(result.status)), 0)
+        return dataclasses.replace(part, call=RunCall(self.system, self.accuracy, config))
 
     # One program, because a step has hundreds of operations.
     @eqx.filter_jit
@@ -277,7 +328,7 @@ class Trajectory(eqx.Module):
                 f"{what} repeats a run without its controller, and this one is a closed loop: it "
                 f"must be a run of a system alone."
             )
-        if any(result.after is not None for result in self.crossings):
+        if self._jumps:
             raise InputError(
                 f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
                 f"again, with its events."

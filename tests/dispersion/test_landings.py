@@ -15,7 +15,7 @@ from jaxspace.core import InputError
 from jaxspace.dispersion import Dispersion
 from jaxspace.io import load
 from jaxspace.io.reports.campaign_tables import dispersion_report
-from jaxspace.plots import dispersion_figure, dispersion_page, footprint_figure
+from jaxspace.plots import designs_figure, dispersion_figure, dispersion_page, footprint_figure
 from jaxspace.plots.footprint import wind_rose
 from jaxspace.simulation import MissionTrajectory, Trajectory
 from jaxspace.vehicles.landings import landing
@@ -166,3 +166,51 @@ def test_figure_and_page_show_the_landings(tmp_path):
     np.testing.assert_allclose(data["footprint"]["degrees"], [[7.0, 1e-5], [50.0, 1e-5]], rtol=1e-9)
     np.testing.assert_allclose(np.sum(data["rose"]["shares"]), 100.0, atol=0.1)
     assert '<div class="plot tall" id="footprint">' in page
+
+
+def test_what_is_drawn_together_has_one_unit(tmp_path):
+    """A limit on the distance in km, landings in mm, latitudes in minutes of arc."""
+    there = campaign()
+    scaled = {name: 1e3 * there.outputs[name] for name in ("east", "north")}
+    # A minute of arc is a nautical mile; at 60 degrees of latitude there are two to the east.
+    degrees = {
+        "landing_latitude": 3600.0 + there.outputs["north"] / 1852.0,
+        "landing_longitude": there.outputs["east"] / 926.0,
+    }
+    distance = there.outputs["distance"] / 1e3
+    units = {"east": "mm", "north": "mm", "distance": "km"} | dict.fromkeys(degrees, "arcmin")
+    mixed = dataclasses.replace(
+        there,
+        outputs=there.outputs | scaled | degrees | {"distance": distance},
+        units=there.units | units,
+        attributes=there.attributes | {"requirements": {"distance": (None, 1.5)}},
+    )
+    axes = footprint_figure(mixed).axes[0]
+    (circle,) = (line for line in axes.lines if str(line.get_label()).startswith("required"))
+    np.testing.assert_allclose(np.hypot(*circle.get_data()), 1.5e6, rtol=1e-12)
+    assert circle.get_label() == "required: within 1.5e+06 mm"
+    page = dispersion_page(mixed, tmp_path / "d.html").read_text(encoding="utf-8")
+    data = json.loads(re.search(r"const data = (.*);\n", page).group(1))
+    np.testing.assert_allclose(data["footprint"]["radius"], 1.5e6, rtol=1e-12)
+    # Degrees at the rail, and for each mm.
+    expected = [[0.0, 1.0 / (60.0 * 926e3)], [60.0, 1.0 / (60.0 * 1852e3)]]
+    np.testing.assert_allclose(data["footprint"]["degrees"], expected, rtol=1e-9, atol=1e-12)
+    # Of a unit without a known factor there is no circle.
+    unknown = dataclasses.replace(mixed, units=mixed.units | {"distance": "furlong"})
+    assert not any(
+        str(line.get_label()).startswith("required")
+        for line in footprint_figure(unknown).axes[0].lines
+    )
+
+
+def test_designs_are_compared_in_one_unit():
+    there = campaign()
+    far = {"distance": there.outputs["distance"] / 1e3}
+    other = dataclasses.replace(there, outputs=far, units={"distance": "km"})
+    axes = designs_figure({"first": there, "second": other}, "distance").axes[0]
+    # Both histograms are the same.
+    heights = [[bar.get_height() for bar in group] for group in axes.containers]
+    assert heights[0] == heights[-1]
+    wrong = dataclasses.replace(other, units={"distance": "kg"})
+    with pytest.raises(InputError, match="distance is in kg in the design 'second', and in m in"):
+        designs_figure({"first": there, "second": wrong}, "distance")

@@ -21,10 +21,10 @@ import jaxspace
 from jaxspace import load
 from jaxspace.bodies import AbstractEffect, AbstractJump, BodyState, Load
 from jaxspace.core import AbstractSystem, Scalar, argument, event, output, quantity
+from jaxspace.core.common_units import factor_to
 from jaxspace.core.vectors import axis
 from jaxspace.dispersion import AbstractDistribution
 from jaxspace.io import SceneError
-from jaxspace.io._common_units import factor_to
 from jaxspace.io.units import expected, in_unit, read_number, units
 
 SCENES = Path(__file__).resolve().parents[2] / "examples" / "scenes"

@@ -20,12 +20,11 @@ from jaxspace import Scene, simulate
 from jaxspace.attitude import ReactionWheels, Top, TorqueFreeBody
 from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError
-from jaxspace.orbits import CircularPath, TwoBody
+from jaxspace.orbits import CircularPath
 from jaxspace.plots import show_run, view_page
 from jaxspace.plots._view_page import _momentum
 from jaxspace.plots._view_shapes import faces_of, top_faces, wheel_faces
 from jaxspace.rotations import Quaternion
-from jaxspace.solvers import DOP853
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser")
 TIMES = np.linspace(0.0, 20.0, 101)
@@ -134,14 +133,16 @@ def test_page_holds_the_run(tmp_path):
     text, data = page.read_text(), data_of(page)
     assert "A &lt;b&gt;run" in text
     assert not re.search(r"https?:|src=|@import", text)  # no network
-    assert len(data["times"]) == len(data["position"]) == len(data["attitude"]) == 101
+    # No more than were saved, as many as lines between them need.
+    assert 50 < len(data["times"]) == len(data["position"]) == len(data["attitude"]) <= 101
     np.testing.assert_allclose(data["position"][0], [7e6, 0.0, 0.0])
     quaternions = np.array(data["attitude"])
     assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
     assert list(data["traces"]) == ["axis", "rate", "momentum"]
     assert len(data["wheels"]) == 3 and data["planet"] == 0.0
     # To the three digits that are written.
-    np.testing.assert_allclose(data["wheels"][1]["angle"], -2.0 * TIMES, atol=6e-4)
+    angle = -2.0 * np.array(data["times"])
+    np.testing.assert_allclose(data["wheels"][1]["angle"], angle, atol=6e-4)
 
 
 def test_the_momentum_is_that_of_the_wheels_too(tmp_path):
@@ -171,9 +172,10 @@ def test_the_sun_is_where_its_path_has_it(tmp_path):
     assert data_of(view_page(shown, tmp_path / "dark.html"))["sun"] is None
     rate = 0.5 * np.pi / TIMES[-1]
     shown.system.effects = (SimpleNamespace(sun=CircularPath(1.5e11, rate)),)
-    angle = rate * TIMES
+    data = data_of(view_page(shown, tmp_path / "run.html"))
+    angle = rate * np.array(data["times"])
     expected = np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
-    sun = data_of(view_page(shown, tmp_path / "run.html"))["sun"]
+    sun = data["sun"]
     # To the digits that are written.
     np.testing.assert_allclose(sun, expected, atol=6e-6)
 
@@ -198,7 +200,7 @@ def test_a_fast_spin_is_shown_as_it_turns(tmp_path):
     spin = BodyState(attitude=Quaternion.identity(), omega=jnp.array([0.0, 0.0, 50.0 * np.pi]))
     fast = simulate(body, spin, jnp.asarray(TIMES))
     data = data_of(view_page(fast, tmp_path / "run.html"))
-    assert data["coarse"] == [] and 1500 < len(data["times"]) <= 6000
+    assert data["coarse"] == [] and 2000 <= len(data["times"]) <= 10_000
     assert turns(data).max() < 0.5 * np.pi
     # To the five digits that are written of each attitude.
     np.testing.assert_allclose(turns(data).sum(), 1000.0 * np.pi, rtol=1e-3)
@@ -206,18 +208,11 @@ def test_a_fast_spin_is_shown_as_it_turns(tmp_path):
 
 
 def test_what_the_times_do_not_resolve_is_said(tmp_path):
-    """Of states whose equations are not known by their rate; an orbit by its own."""
+    """Of states whose equations are not known, by their rate."""
     states = spacecraft().states
     fast = BodyState(states.position, attitude=states.attitude, omega=30.0 * states.omega)
     data = data_of(view_page(run(spacecraft().system, fast), tmp_path / "run.html"))
     assert data["coarse"] == ["attitude"]
-    circle = BodyState(jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.0]))
-    orbit = simulate(TwoBody(1.0), circle, 5.0 * jnp.asarray(TIMES[::20]))
-    filled = data_of(view_page(orbit, tmp_path / "run.html"))
-    assert filled["coarse"] == [] and len(filled["times"]) > 100
-    # The same run as if nothing were known between its times.
-    stepped = eqx.tree_at(lambda r: r.config.method, orbit, DOP853())
-    assert data_of(view_page(stepped, tmp_path / "run.html"))["coarse"] == ["position"]
 
 
 def test_failed_end_is_left_out(tmp_path):
@@ -305,7 +300,9 @@ def test_altitude_speed_and_burn_stand_on_the_page(tmp_path):
     data = data_of(view_page(run(shown.system, states), tmp_path / "run.html", planet_radius=6e6))
     np.testing.assert_allclose(data["readings"]["altitude"], 1e6, rtol=1e-5)
     np.testing.assert_allclose(data["readings"]["speed"], speed, rtol=1e-5)
-    assert np.flatnonzero(data["burns"]).tolist() == list(range(49))
+    times, lit = np.array(data["times"]), np.array(data["burns"], bool)
+    # Up to the frame at 9.8 s; the next one is that of the stage without its propellant.
+    assert lit[times < 9.7].all() and not lit[times > 9.7].any()
     # Where no one says where the ground is, the distance.
     bare = data_of(view_page(spacecraft(wheels=False), tmp_path / "run.html"))
     assert list(bare["readings"]) == ["distance"] and bare["burns"] is None
@@ -349,4 +346,4 @@ def test_page_draws_and_plays(what, tmp_path):
     assert found["middle"].startswith("t = 10.00 s")
     assert found["later"] == 10.0  # it stands
     # The top turns by 4 rad between two times.
-    assert found["note"].startswith("The saved times do not resolve") == (what == "top")
+    assert found["note"].startswith("The frames do not resolve") == (what == "top")

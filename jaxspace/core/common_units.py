@@ -16,7 +16,7 @@ UNITS: dict[str, tuple[float, dict[str, int]]] = {
         "s": 1.0, "ms": 1e-3, "min": 60.0, "h": 3600.0, "d": 86400.0, "day": 86400.0,
     }.items()},
     **{name: (x, {"m": 1}) for name, x in {
-        "m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "mi": 1609.344,
+        "m": 1.0, "mm": 1e-3, "cm": 1e-2, "km": 1e3, "mi": 1609.344, "ft": 0.3048, "nmi": 1852.0,
     }.items()},
     **{name: (x, {"kg": 1}) for name, x in {"kg": 1.0, "g": 1e-3, "t": 1e3}.items()},
     **{name: (x, {"kg": 1, "m": 1, "s": -2}) for name, x in {
@@ -47,6 +47,14 @@ def factor_to(si: str, text: str) -> float | None:
     if unit is None or base is None or unit.powers != base.powers:
         return None
     return unit.factor / base.factor
+
+
+def factor_between(given: str, shown: str) -> float | None:
+    """How many of the unit `shown` one of the unit `given` is, for numbers of both that are drawn
+    together; `None` where that is unknown, because one of them is not common, or of another
+    kind."""
+    # A unit that is not common is the same as itself.
+    return 1.0 if given == shown else factor_to(shown, given)
 
 
 @functools.lru_cache(maxsize=256)
