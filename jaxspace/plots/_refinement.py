@@ -109,7 +109,7 @@ def refined(phase: "Trajectory", runs: int, coarse: frozenset[str], shown: Shown
     every = frozenset() if all(good for *_, good in lines) else coarse
     if not phase.run_axes:
         ((ts, states, _),) = lines
-        return Drawn(ts, states, every)
+        return Drawn(ts, jax.tree.map(jax.numpy.asarray, states), every)
     # Lines of one length: the shorter ones stay at their ends.
     length = max(len(ts) for ts, *_ in lines)
     picks = [np.minimum(np.arange(length), len(ts) - 1) for ts, *_ in lines]
@@ -118,7 +118,9 @@ def refined(phase: "Trajectory", runs: int, coarse: frozenset[str], shown: Shown
         jax.tree.map(lambda x, pick=pick: x[..., pick], line[1])
         for line, pick in zip(lines, picks, strict=True)
     ]
-    return Drawn(ts, jax.tree.map(lambda *xs: np.stack(xs, axis=-1), *padded), every)
+    return Drawn(
+        ts, jax.tree.map(lambda *xs: jax.numpy.asarray(np.stack(xs, axis=-1)), *padded), every
+    )
 
 
 def thinned(
