@@ -102,6 +102,8 @@ def kind_of(annotation: object, unit: str = "") -> Kind | None:
     if hasattr(annotation, "dim_str") or annotation in (jax.Array, np.ndarray, float):
         return _number(annotation, unit)
     origin = typing.get_origin(annotation)
+    if origin is tuple and parts[1:] == (Ellipsis,):
+        return _tuple(kind_of(parts[0], unit))
     if origin is not None and isinstance(origin, type) and callable in (origin, annotation):
         return None
     return _class(annotation if origin is None else origin)
@@ -133,6 +135,16 @@ def _class(cls: object) -> Kind | None:
     if not isinstance(cls, type) or cls in (object, Any) or isinstance(cls, type(PyTree)):
         return None
     return Kind(lambda x: isinstance(x, cls), _article(cls))
+
+
+def _tuple(kind: Kind | None) -> Kind | None:
+    """The kind of a tuple of any length."""
+    if kind is None:
+        return Kind(lambda x: isinstance(x, tuple), "a tuple")
+    return Kind(
+        lambda x: isinstance(x, tuple) and all(kind.accepts(one) for one in x),
+        f"a tuple, each of them {kind.words}",
+    )
 
 
 def _article(cls: type) -> str:

@@ -13,7 +13,7 @@ from ..vehicles import LaunchSite
 from ._catalog.catalog import Catalog, catalog, output_methods
 from ._form import form_of
 from ._kinds.kind import Entry, Kind, Schema
-from ._kinds.tables import Object, Table
+from ._kinds.tables import Object, OneOrMore, Table
 from ._kinds.values import FilePath, ListOf, Number, OneName
 from ._mission.flight import CLASSES, SITE, flight_kinds
 from ._mission.tables import branch_table, initial_kind, initial_ways
@@ -174,8 +174,9 @@ def _ways(kind: Object, indent: str = "    ") -> list[str]:
         for key, entry in way.entries.items():
             lines.append(f"{indent}{key}{_unit(entry)}: {entry.doc}{_default(entry)}")
             # A bare object reads like a number: its entries need no lines of their own.
-            if isinstance(entry.kind, Object) and not entry.kind.ways[0].bare:
-                lines += _ways(entry.kind, indent + "  ")
+            inner = entry.kind.kind if isinstance(entry.kind, OneOrMore) else entry.kind
+            if isinstance(inner, Object) and not inner.ways[0].bare:
+                lines += _ways(inner, indent + "  ")
     return lines
 
 
@@ -245,6 +246,8 @@ def _unit(entry: Entry) -> str:
         return f" ({', '.join(kind.names)})"
     if isinstance(kind, FilePath):
         return " (file)"
+    if isinstance(kind, OneOrMore):
+        return " (one or a list)"
     return ""
 
 

@@ -31,7 +31,17 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, output, quantity
 from ..core.listed import no_method
 from ..core.vectors import norm
-from .airframe import AbstractSurface, FinSet, NoseCone, RadiusChange
+from .airframe import (
+    AbstractSurface,
+    Fins,
+    NoseCone,
+    RadiusChanges,
+    fins_field,
+    roll_of,
+    several,
+    surfaces_of,
+    tail_field,
+)
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
 from .local_air import LocalAir, air_about, flow_pressure
 
@@ -67,10 +77,8 @@ class Aerodynamics(AbstractEffect):
         converter=as_coefficient, metadata={"doc": "C_A by the Mach number"}
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: FinSet | None = eqx.field(default=None, metadata={"doc": "the fins"})
-    tail: RadiusChange | None = eqx.field(
-        default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
-    )
+    fins: Fins = fins_field()
+    tail: RadiusChanges = tail_field()
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
@@ -85,7 +93,7 @@ class Aerodynamics(AbstractEffect):
     @no_method
     def surfaces(self) -> tuple[AbstractSurface, ...]:
         """The parts that give a normal force."""
-        return tuple(s for s in (self.nose, self.fins, self.tail) if s is not None)
+        return surfaces_of(self.nose, self.fins, self.tail)
 
     def moments_of_slope(self, mach: Scalar, station: Scalar | float = 0.0) -> tuple[Scalar, ...]:
         """S_0, m^2, S_1, m^3, and S_2, m^4, about the `station`, m, at a Mach number."""
@@ -115,11 +123,9 @@ class Aerodynamics(AbstractEffect):
         p, q, r = y.omega
         # The rates change the flow at each part by its arm, of which S_1 is the sum.
         force = -push * jnp.stack([s0 * w[0] + s1 * q, s0 * w[1] - s1 * p, axial * w[2]])
-        roll = 0.0 * push
-        if self.fins is not None:
-            forcing = self.fins.roll_forcing(mach)
-            roll = -push * self.fins.roll_damping(mach) * r
-            roll = roll if forcing is None else roll + push * speed * forcing
+        forcing, damping = roll_of(several(self.fins), mach)
+        roll = 0.0 * push if damping is None else -push * damping * r
+        roll = roll if forcing is None else roll + push * speed * forcing
         turn = jnp.stack([push * (s1 * w[1] - s2 * p), -push * (s1 * w[0] + s2 * q), roll])
         return Load(force_N=y.attitude.rotate(force), torque_B=turn)
 

@@ -36,7 +36,16 @@ from ..core.safe import safe_atan2, safe_sqrt
 from ..core.vectors import norm
 from ._aerodynamics import centre_of, moments_of_slope
 from .aerodynamic_table import AerodynamicTable
-from .airframe import FinSet, NoseCone, RadiusChange
+from .airframe import (
+    Fins,
+    NoseCone,
+    RadiusChanges,
+    fins_field,
+    roll_of,
+    several,
+    surfaces_of,
+    tail_field,
+)
 from .local_air import LocalAir, air_about, flow_pressure
 
 
@@ -61,10 +70,8 @@ class TabulatedAerodynamics(AbstractEffect):
         "s", optional=True, doc="until which the motor burns; without it the motor is off"
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: FinSet | None = eqx.field(default=None, metadata={"doc": "the fins"})
-    tail: RadiusChange | None = eqx.field(
-        default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
-    )
+    fins: Fins = fins_field()
+    tail: RadiusChanges = tail_field()
     axial_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
     )
@@ -125,7 +132,7 @@ class TabulatedAerodynamics(AbstractEffect):
         station: Scalar,
     ) -> tuple[tuple[Scalar, Scalar], tuple[Scalar, Scalar]]:
         """Force, N, and moment about the centre of mass, N m, across the axis."""
-        parts = [s for s in (self.nose, self.fins, self.tail) if s is not None]
+        parts = surfaces_of(self.nose, self.fins, self.tail)
         area, length = self.table.area, self.table.length
         s0, s1, s2 = moments_of_slope(parts, mach, station)
         # The flow that the turning makes at the parts.
@@ -161,10 +168,8 @@ class TabulatedAerodynamics(AbstractEffect):
     ) -> Scalar:
         """Moment about the axis, N m."""
         area, length = self.table.area, self.table.length
-        forcing = damping = None
-        if self.fins is not None:
-            forcing = self.fins.roll_forcing(mach)
-            damping = -self.fins.roll_damping(mach)
+        forcing, damping = roll_of(several(self.fins), mach)
+        damping = None if damping is None else -damping
         # What the table has replaces the theory of the parts.
         if "roll_moment" in c:
             forcing = area * length * c["roll_moment"]

@@ -49,7 +49,15 @@ from ._aerodynamics import Aerodynamics
 from ._tabulated_aerodynamics import TabulatedAerodynamics
 from .aerodynamic_table import AerodynamicTable
 from .air_drag import AirDrag
-from .airframe import FinSet, NoseCone, RadiusChange
+from .airframe import (
+    Fins,
+    FinSet,
+    NoseCone,
+    RadiusChange,
+    RadiusChanges,
+    fins_field,
+    tail_field,
+)
 from .coefficient import MachTable, as_optional_coefficient
 from .ground_gravity import RADIUS, STANDARD_GRAVITY
 from .local_air import LocalAir
@@ -74,10 +82,8 @@ class Vehicle(AbstractParameters):
         metadata={"doc": "coefficient of the drag after burnout; the same by default"},
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: FinSet | None = eqx.field(default=None, metadata={"doc": "the fins"})
-    tail: RadiusChange | None = eqx.field(
-        default=None, metadata={"doc": "a change of the body's radius: a tail or a shoulder"}
-    )
+    fins: Fins = fins_field()
+    tail: RadiusChanges = tail_field()
     exit_station: OptionalNumberField = quantity(
         "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
     )
@@ -160,8 +166,8 @@ class Vehicle(AbstractParameters):
         coasting_drag: MachTable | Scalar | None = None,
         table: AerodynamicTable | None = None,
         nose: NoseCone | None = None,
-        fins: FinSet | None = None,
-        tail: RadiusChange | None = None,
+        fins: FinSet | Sequence[FinSet] | None = None,
+        tail: RadiusChange | Sequence[RadiusChange] | None = None,
     ) -> "Vehicle":
         """A model rocket put together from its parts.
 
@@ -180,7 +186,8 @@ class Vehicle(AbstractParameters):
         - `exit_station`, `exit_radius`: of the nozzle, m.
         - `drag`, `coasting_drag`: coefficients of the axial force by the Mach number.
         - `table`: of all forces of the air, in place of `drag`.
-        - `nose`, `fins`, `tail`, `table`: with stations from the builder's origin.
+        - `nose`, `fins`, `tail`, `table`: with stations from the builder's origin; `fins` and
+          `tail` may be several in a sequence.
         - `impulse_factor`, `axial_factor`: multiply thrust and axial force, to disperse them.
 
         **Raises** `InputError` for what `read_motor` refuses, and for a motor that is longer or
@@ -223,8 +230,8 @@ class Vehicle(AbstractParameters):
             drag=drag,
             coasting_drag=coasting_drag,
             nose=_shifted(nose, "tip", dry_centre),
-            fins=_shifted(fins, "leading_edge", dry_centre),
-            tail=_shifted(tail, "fore_end", dry_centre),
+            fins=_each_shifted(fins, "leading_edge", dry_centre),
+            tail=_each_shifted(tail, "fore_end", dry_centre),
             exit_station=exit_station - dry_centre,
             exit_radius=exit_radius,
             table=_shifted(table, "station", dry_centre),
@@ -359,6 +366,15 @@ def _check_room(
 
 def _shifted(part, field: str, origin: Scalar):
     """The part with its station from another origin; `None` for no part."""
-    if part is None:
-        return None
+    return None if part is None else _moved(part, field, origin)
+
+
+def _each_shifted(parts, field: str, origin: Scalar):
+    """One part, or each of several, as `_shifted` does."""
+    if isinstance(parts, Sequence):
+        return tuple(_moved(part, field, origin) for part in parts)
+    return _shifted(parts, field, origin)
+
+
+def _moved(part, field: str, origin: Scalar):
     return eqx.tree_at(lambda p: getattr(p, field), part, getattr(part, field) - origin)

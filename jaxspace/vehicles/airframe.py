@@ -21,16 +21,21 @@ Roll by a cant angle delta, and its damping (strip theory):
 
     M_z = rho/2 [|w|^2 n k_f (y + r) S_1 delta - |w| omega_z n k_d (2 pi/beta) int c xi^2 dxi]
 
+A vehicle may have several sets of fins and several changes of the radius; their forces add up.
+
 Source: Barrowman, The Practical Calculation of the Aerodynamic Characteristics of Slender Finned
 Vehicles, 1967, 3 and 4; Niskanen, OpenRocket technical documentation, 3.2. Valid for small angles
-of attack; near Mach 1 the factor beta is held, for want of a theory.
+of attack; near Mach 1 the factor beta is held, for want of a theory. The wake of fins on those
+behind them is left out.
 """
 
 __all__ = ["prandtl_factor"]
 
 from abc import abstractmethod
-from typing import final
+from collections.abc import Sequence
+from typing import Any, TypeAlias, TypeVar, final
 
+import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
@@ -228,3 +233,54 @@ class FinSet(AbstractSurface):
         upper = (tau - ratio) / tau - (1.0 - ratio) / (tau - 1.0) * jnp.log(tau)
         lower = 0.5 * (tau + 1.0) * (tau - ratio)
         return 1.0 + upper / (lower - (1.0 - ratio) * (tau**3 - 1.0) / (3.0 * (tau - 1.0)))
+
+
+# One part or several, of fields that take both.
+Fins: TypeAlias = FinSet | tuple[FinSet, ...] | None
+RadiusChanges: TypeAlias = RadiusChange | tuple[RadiusChange, ...] | None
+Part = TypeVar("Part", bound=AbstractSurface)
+
+
+def _as_parts(x: object) -> object:
+    return tuple(x) if isinstance(x, list) else x
+
+
+def fins_field() -> Any:
+    """The field of the fins of a vehicle."""
+    return eqx.field(
+        converter=_as_parts, default=None, metadata={"doc": "the fins, of one set or of several"}
+    )
+
+
+def tail_field() -> Any:
+    """The field of the changes of a vehicle's radius."""
+    return eqx.field(
+        converter=_as_parts,
+        default=None,
+        metadata={"doc": "a change of the body's radius, such as a tail or a shoulder, or several"},
+    )
+
+
+def several(parts: Part | tuple[Part, ...] | None) -> tuple[Part, ...]:
+    """The parts of a field that takes one, several or none."""
+    if parts is None:
+        return ()
+    return parts if isinstance(parts, tuple) else (parts,)
+
+
+def surfaces_of(
+    nose: NoseCone | None, fins: Fins, tail: RadiusChanges
+) -> tuple[AbstractSurface, ...]:
+    """All parts that give a normal force."""
+    return (*several(nose), *several(fins), *several(tail))
+
+
+def roll_of(fins: Sequence[FinSet], mach: Scalar) -> tuple[Scalar | None, Scalar | None]:
+    """Forcing, m^3, and damping, m^4, of the roll by all sets of fins, as those of `FinSet`; `None`
+    without any."""
+    forcings = [x for one in fins if (x := one.roll_forcing(mach)) is not None]
+    dampings = [one.roll_damping(mach) for one in fins]
+    return (
+        sum(forcings[1:], forcings[0]) if forcings else None,
+        sum(dampings[1:], dampings[0]) if dampings else None,
+    )

@@ -4,6 +4,7 @@ declaration                                         in a file
 a field or an argument that is a quantity           a key with a number, or a list of numbers
 an argument that is a `FileName`                    a key with the name of a file
 a field that is another object with quantities      a table, or the number itself if it has one
+a field that is one such object or a tuple of them  a table, or a list of tables
 a named constructor (`constructor`)                 another way to fill the table of its class
 a field that refers to another effect (`reference`) nothing: the effect is found
 """
@@ -21,7 +22,7 @@ from ...core import AbstractParameters, AbstractSystem, Choice, FileName
 from ...core.declarations import references
 from ...core.quantities import REQUIRED, Quantity, quantities
 from .._kinds.kind import Entry, Kind, Maker
-from .._kinds.tables import Object
+from .._kinds.tables import Object, OneOrMore
 from .._kinds.values import FilePath, ListOf, Number, OneName
 
 Declared: TypeAlias = Mapping[str, Quantity | Choice | FileName]
@@ -154,8 +155,14 @@ def _field_entries(cls: type) -> dict[str, Entry | None]:
     return result
 
 
-def _nested(annotation: object) -> Object | None:
-    """The ways to give a field that is itself an object with quantities."""
+def _nested(annotation: object) -> Object | OneOrMore | None:
+    """The ways to give a field that is itself an object with quantities, or a tuple of them."""
+    kind = _nested_object(annotation)
+    several = any(typing.get_origin(one) is tuple for one in typing.get_args(annotation))
+    return OneOrMore(kind) if kind is not None and several else kind
+
+
+def _nested_object(annotation: object) -> Object | None:
     for one in (annotation, *typing.get_args(annotation)):
         # By their ancestors, because `issubclass` of an abstract class asks all of its subclasses.
         if not isinstance(one, type) or AbstractParameters not in one.__mro__:

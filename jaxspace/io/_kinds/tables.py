@@ -7,7 +7,7 @@ from ...core.quantities import REQUIRED
 from .errors import missing, unknown, wrong
 from .kind import Entry, Kind, Maker, Reading, Schema, Value
 from .named_files import NamedFiles
-from .values import Number
+from .values import ListOf, Number
 
 MOST_UNKNOWN = 20
 """How many unknown keys of a table are named."""
@@ -142,6 +142,28 @@ class Object(Kind):
             made.append(Table(way.entries).schema())
         # An `anyOf` with one entry would obscure the messages of editors.
         return made[0] if len(made) == 1 else {"anyOf": made}
+
+
+@dataclass(frozen=True, eq=False)
+class OneOrMore(Kind):
+    """An object, or a list of objects of the same kind: [fins], or [[fins]] for each of several."""
+
+    kind: Object
+
+    @property
+    def items(self) -> ListOf:
+        """The kind of the list."""
+        return ListOf(self.kind, least=1)
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        kind = self.items if isinstance(value, list) else self.kind
+        return kind.read(value, path, reading)
+
+    def expected(self) -> str:
+        return f"{self.kind.expected()}, or a list of such tables"
+
+    def schema(self) -> Schema:
+        return {"anyOf": [self.kind.schema(), self.items.schema()]}
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,7 +11,7 @@ from jaxtyping import Array, Float
 from ...bodies import AbstractEffect
 from ...core import Scalar
 from .._kinds.kind import Kind, Maker, Value, Values
-from .._kinds.tables import Object
+from .._kinds.tables import Object, OneOrMore
 from .._kinds.values import ListOf, Measure, Number
 
 
@@ -82,7 +82,9 @@ class Building(NamedTuple):
         return {name: made[name] for name in makers}
 
     def _value(self, kind: Kind, value: Value, path: str) -> Value:
-        if isinstance(kind, Object):
+        if isinstance(kind, OneOrMore) and isinstance(value, list):
+            return tuple(self.make(f"{path}.{k}") for k in range(len(value)))
+        if isinstance(kind, Object | OneOrMore):
             return self.make(path)
         if isinstance(kind, ListOf):
             return self._array(kind, value)
