@@ -72,7 +72,7 @@ def _with_tangents(
     number = loop.accepted + loop.rejected
     begin = step.begin
     taken = StepTaken(begin.s, begin.length, begin.y0, step.y1, step.error, number)
-    tangents, of_tangents = control.look(field, taken, loop.going, loop.tangents)
+    tangents, of_tangents = control.monitor(field, taken, loop.going, loop.tangents)
     return tangents, jnp.maximum(step.error, of_tangents)
 
 

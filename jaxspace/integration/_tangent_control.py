@@ -10,11 +10,19 @@ therefore integrated beside the motion (`_tangents.py`), and have errors as it h
 
     |e_j| <= atol + rtol |d_j|
 
-Along most motions the tangents need the steps that the motion needs. A first run hence chooses its
-steps by the motion alone, and looks at the tangents at the third of them, at every 24th after it,
-and where the motion does not limit a step, which is then longer than those that it did limit and
-those that were looked at. Between these places a probe rests. Only if an error is `ALARM` times
-what is allowed, the run is repeated with the tangents in the control of every step.
+Along most motions the tangents need the steps that the motion needs. A first attempt hence chooses
+its steps by the motion alone, and monitors the tangents at the third step, at every 24th after it,
+and at each step that is `LONGER` than all those that are known to be resolved: by the tangents, or
+by a motion that limits the step and moves every block of the state by `MOVED` of its size or more.
+Between these steps the tangents rest. The run is repeated with the tangents in the control of every
+step where
+
+- the error of a tangent is more than `ALARM` times what is allowed, or `MOST_ERROR` of its size;
+- a step was longer than those known to be resolved. That nothing is known is no error of zero.
+
+That the motion limits a step says nothing alone: at an equilibrium that rounding leaves inexact it
+is the growth of a rounding error, which limits the steps where it becomes as large as the
+tolerance. It is then resolved as little as the tangents, which grow as it does.
 """
 
 from collections.abc import Callable
@@ -33,20 +41,25 @@ from ._loop_state import LoopState
 from ._tangents import Lengths, Probes, ProbeState, StepTaken, lengths
 
 SINCE, EVERY = 2, 24
-"""The first of the steps at which the tangents are looked at whatever the motion does, and the
-distance of those that follow."""
-FREE = 1e-3
-"""Error of the motion, in units of the tolerance, that does not limit a step: steps of the ideal
-length leave more."""
-LONG = 0.02
-"""Shortest of the steps that the motion does not limit at which the tangents are looked at, as a
-fraction of a segment. Shorter ones are on their way to longer ones."""
-LONGER = 1.1
-"""How much longer than all before it such a step is. Steps of one length are limited by something
-else, such as `Accuracy.max_step` or the nodes of a table."""
-ALARM = 300.0
-"""Error of a tangent, in units of what is allowed, at which the run is repeated. That of tangents
-whose steps the motion chooses well is up to about ten."""
+"""The first of the steps that are monitored whatever their length, and the distance of those that
+follow."""
+LONGER, POWER = 1.25, 8
+"""How much longer than all that are resolved a step is that is monitored; and the power of the
+length by which the errors in those up to this length are larger, which is that of DOP853."""
+FREE, LONG = 1e-3, 0.02
+"""A step whose motion has a smaller error, in units of the tolerance, is followed by a longer one,
+which is monitored in its place; unless it is longer than this fraction of a segment, at whose end
+the growth ends."""
+MOVED = 1e-2
+"""Part of its size by which a block moves in a step that its motion resolves to a hundred
+tolerances."""
+USUAL, ALARM = 10.0, 30.0
+"""Errors of a tangent, in units of what is allowed: that of tangents whose steps the motion chooses
+well, and that at which the run is repeated. A tangent that a force drives grows with the square of
+the time, and rests in the steps that are not monitored: what is allowed grows as much."""
+MOST_ERROR = 0.03
+"""Error of a tangent relative to its size at which the run is repeated, at loose tolerances: after
+a step that is too long the tangent itself is wrong, and as large as its error."""
 SHORT = 1e-8
 """Fraction of a segment. A tangent that is not finite after so short a step never is, and one that
 jumps there is off by as little."""
@@ -78,7 +91,7 @@ class TangentControl(eqx.Module):
         method = bind(small_program(method), tolerance=tolerance, save_ts=None, run_axes=axes)
         return cls(probes, tolerance, linear_errors(forward_mode(method)), term)
 
-    def look(
+    def monitor(
         self, field: ScaledField, step: StepTaken, going: Bool[Array, "*#runs"], state: ProbeState
     ) -> tuple[ProbeState, Float[Array, "*runs"]]:
         """The tangents after this step, if it is accepted, and the errors by which they control it:
@@ -86,29 +99,34 @@ class TangentControl(eqx.Module):
         # A run that has failed, or waits at its event, has no error.
         alive = self.tolerance.alive(step.y0)
         # In single precision the time may have double precision.
-        duration = jnp.abs(field.duration(step.s, step.length)).astype(state.known.dtype)
-        free = (step.motion < FREE) & (step.length > LONG)
-        # The last steps of a segment are cut short, and free for that reason alone.
-        some = (step.number % EVERY == SINCE) | free & (duration > LONGER * state.known)
+        duration = jnp.abs(field.duration(step.s, step.length)).astype(state.time.dtype)
         # Nothing happens in a segment of no duration, whose ends a derivative would part.
         good = going & alive & (duration != 0.0) & (step.motion <= 1.0)
+        free = step.motion < FREE
+        by_motion = ~free & self.tolerance.moved(step.y0, step.y1, MOVED)
+        long = (duration > LONGER * state.resolved) & ~by_motion
+        some = ((step.number % EVERY == SINCE) | long) & ~(free & (step.length < LONG))
         due = good & (state.always | some)
-        known = due | good & (step.motion >= FREE)
+        none = jnp.zeros_like(duration)
+        taken, seen = jnp.where(good, duration, none), jnp.where(due, duration, none)
         state = state._replace(
-            known=jnp.where(known, jnp.maximum(state.known, duration), state.known)
+            resolved=jnp.maximum(state.resolved, jnp.where(due | by_motion, taken, none)),
+            longest=jnp.maximum(state.longest, taken),
+            monitored=state.monitored + seen,
+            time=state.time + taken,
         )
 
         # A loop of one pass or none: of a condition the compiler does not know which arrays are
         # constant, and compiles twice what the effects compute from equal ones, such as the air.
-        def looked(carry: tuple[Array, ProbeState, Array]) -> tuple[Array, ProbeState, Array]:
+        def monitored(carry: tuple[Array, ProbeState, Array]) -> tuple[Array, ProbeState, Array]:
             go, state, _ = carry
-            return ~go, *self._looked(field, step, due, state)
+            return ~go, *self._monitored(field, step, due, state)
 
         start = jnp.any(due), state, jnp.zeros_like(step.motion)
-        _, state, control = jax.lax.while_loop(lambda carry: carry[0], looked, start)
+        _, state, control = jax.lax.while_loop(lambda carry: carry[0], monitored, start)
         return state, control
 
-    def _looked(
+    def _monitored(
         self, field: ScaledField, step: StepTaken, due: Bool[Array, "*runs"], state: ProbeState
     ) -> tuple[ProbeState, Array]:
         tolerance = self.tolerance
@@ -123,8 +141,8 @@ class TangentControl(eqx.Module):
         # A tangent that was finite, and is not after a long step, may be after a short one.
         ratios = jnp.where(jnp.isfinite(ratios), ratios, jnp.inf)
         ratios = jnp.where(step.length > SHORT, ratios, 0.0)
-        known = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
-        control = jnp.max(jnp.where(known, ratios, 0.0), axis=0)
+        controlled = jax.vmap(tolerance.alive)(state.tangents) & counts & state.always
+        control = jnp.max(jnp.where(controlled, ratios, 0.0), axis=0)
         errors = jax.tree.map(jnp.maximum, state.errors, errors)
         # Selected here and not beside the state of the loop, because most steps come without it.
         taken = due & (control <= 1.0)
@@ -133,8 +151,7 @@ class TangentControl(eqx.Module):
             (tangents, sizes, errors),
             (state.tangents, state.sizes, state.errors),
         )
-        count = state.count + due.astype(int)
-        state = state._replace(tangents=tangents, sizes=sizes, errors=errors, count=count)
+        state = state._replace(tangents=tangents, sizes=sizes, errors=errors)
         return state, control.astype(step.motion.dtype)
 
     def _ratios(self, errors: Lengths, sizes: Lengths) -> Float[Array, "probes *#runs"]:
@@ -160,20 +177,28 @@ class TangentControl(eqx.Module):
 
         def unresolved(carry: tuple[LoopState, Array]) -> Array:
             loop, repeat = carry
-            return jnp.any(repeat | (_tangents_of(loop).count < 0))
+            return jnp.any(repeat | (_tangents_of(loop).time < 0.0))
 
-        # A count below zero is that of a loop which has not run.
-        unseen = begun._replace(count=begun.count - 1)
+        # A negative time is that of a loop which has not run.
+        unseen = begun._replace(time=begun.time - 1.0)
         first = start._replace(tangents=unseen), begun.always
         return jax.lax.while_loop(unresolved, attempt, first)[0]
 
     def _alarm(self, loop: LoopState) -> Bool[Array, "*runs"]:
         """Whether the steps of each run in a first attempt do not resolve its tangents."""
         state = _tangents_of(loop)
-        # The tangents rest between the steps that were looked at.
-        part = jnp.maximum(loop.accepted, 1) / jnp.maximum(state.count, 1)
-        sizes = jax.tree.map(lambda x: x * part.astype(x.dtype), state.sizes)
-        return ~jnp.all(self._ratios(state.errors, sizes) <= ALARM, axis=0)
+        some = state.monitored > 0.0
+        part = jnp.where(some, state.time / jnp.where(some, state.monitored, 1.0), 1.0)
+        some = state.resolved > 0.0
+        longer = jnp.where(some, state.longest / jnp.where(some, state.resolved, 1.0), 1.0)
+        grown = jax.tree.map(lambda x: x * (part * part).astype(x.dtype), state.sizes)
+        most = jnp.maximum(MOST_ERROR / self.tolerance.rtol, USUAL)
+        resolved = (
+            jnp.all(self._ratios(state.errors, grown) * longer**POWER <= ALARM, axis=0)
+            & jnp.all(self._ratios(state.errors, state.sizes) <= most, axis=0)
+            & (state.longest <= LONGER * state.resolved)
+        )
+        return ~resolved
 
 
 def _tangents_of(loop: LoopState) -> ProbeState:

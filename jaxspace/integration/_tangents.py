@@ -40,15 +40,17 @@ class ProbeState(NamedTuple):
 
     - `tangents`: of the state, with the probes on the first axis.
     - `sizes`, `errors`: the largest of the tangents and of their errors so far.
-    - `known`: the longest step so far that the motion has limited or that was looked at, s.
-    - `count`: the number of steps of each run that were looked at.
+    - `resolved`, `longest`: the longest accepted step known to be resolved, and of all, s.
+    - `monitored`, `time`: the time in accepted steps that were monitored, and in all, s.
     - `always`: whether every step of it is, and is controlled by it."""
 
     tangents: State
     sizes: Lengths
     errors: Lengths
-    known: Float[Array, "*runs"]
-    count: Int[Array, "*runs"]
+    resolved: Float[Array, "*runs"]
+    longest: Float[Array, "*runs"]
+    monitored: Float[Array, "*runs"]
+    time: Float[Array, "*runs"]
     always: Bool[Array, "*runs"]
 
 
@@ -104,8 +106,8 @@ class Probes(eqx.Module):
         sizes = lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
         always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
-        known = jnp.zeros(always.shape)
-        return ProbeState(self.start, sizes, none, known, always.astype(int), always)
+        times = [jnp.zeros(always.shape)] * 4
+        return ProbeState(self.start, sizes, none, *times, always)
 
     def after(
         self,

@@ -81,7 +81,8 @@ class Accuracy(AbstractParameters):
       `jit` and in derivatives, where the numbers are unknown.
     - `derivative_control`: whether the step control of a run that is differentiated looks at its
       derivatives too, and repeats the run with shorter steps where those of the motion do not
-      resolve them: at rest, or where a parameter that is zero leaves nothing to resolve. Without it
+      resolve them: at or near an equilibrium, or where a parameter that is zero leaves nothing to
+      resolve. Without it
       a gradient takes a little less time. Derivatives by `AdaptiveRegularised`, by methods of fixed
       steps and by the adjoints of diffrax have the steps of the motion alone.
     - `chosen_at`: the largest tolerance for which "auto" chooses the method; by default `rtol`, and

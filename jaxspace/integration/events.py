@@ -268,6 +268,8 @@ def _corrected_jvp(primals: PyTree, tangents: PyTree) -> tuple[PyTree, PyTree]:
             (event, system, ye),
             (None if of_events is None else of_events[number], of_system, delta),
         )
+        # None of a condition on the time alone, which no state and no parameter moves.
+        dg = whole(dg, t)
         _, slope = event.slope_along(system, te, ye, rate)
         hit = (which == number) & (slope != 0.0)
         dte = jnp.where(hit, -dg / jnp.where(hit, slope, 1.0), dte)

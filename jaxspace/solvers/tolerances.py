@@ -118,6 +118,18 @@ class Tolerance(eqx.Module):
         # Many operations read it, with each of which the compiler would compute it again.
         return barrier(e) if self.run_axes else e
 
+    def moved(self, y0: State, y1: State, part: float) -> Bool[Array, "*runs"]:
+        """Whether every block of the state of each run has moved by this part of its length."""
+
+        def of(a: Array, b: Array) -> Array:
+            size = self.length(b)
+            return (self.length(b - a) >= part * size) & (size > 0.0)
+
+        leaves = jax.tree.leaves(jax.tree.map(of, y0, y1))
+        if self.blocks:
+            return jnp.all(leaves[0], axis=0)
+        return functools.reduce(jnp.logical_and, leaves)
+
     def alive(self, y: State) -> Bool[Array, "*runs"]:
         """Whether all numbers in the state of each run are finite."""
         leaves = jax.tree.leaves(y)
