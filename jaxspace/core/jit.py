@@ -1,8 +1,14 @@
-"""A function under `jit` that costs little to call."""
+"""Functions under `jit` that cost little to call, and of which only the last programs are kept.
+
+A function of a user (an event, an effect, a problem to minimise) is a static argument of a program:
+each new one is compiled again, even if its code is the same. JAX keeps the last 8192 programs, but
+each takes about 10 MB and 150 memory maps, of which a process may have 65,530 on Linux. So those of
+each function are limited here to the `KEPT` that were called last.
+"""
 
 import functools
 from collections.abc import Callable
-from typing import Any, ParamSpec, TypeVar
+from typing import Any, Generic, ParamSpec, TypeAlias, TypeVar, final
 
 import equinox as eqx
 import jax
@@ -12,34 +18,101 @@ from jaxtyping import PyTree
 P = ParamSpec("P")
 T = TypeVar("T")
 
+CompilerOptions: TypeAlias = dict[str, Any]
+Options: TypeAlias = dict[str, CompilerOptions]
 
-def quick_jit(function: Callable[P, T], **options: Any) -> Callable[P, T]:
-    """`equinox.filter_jit` of a function, in two thirds of its time.
+KEPT = 32
+"""Number of programs that are kept of each function: 5,000 memory maps and 400 MB at most of a
+verb, and more than most scripts and notebooks go through before they return to one."""
+
+
+@final
+class _Program(Generic[T]):
+    """A function under `jit` for one set of static arguments."""
+
+    def __init__(self, function: Callable[..., T], static: tuple, options: Options):
+        # Not methods, because a program that refers to itself is freed late.
+        self.shapes: list[None] = []
+        self.make = functools.partial(_program, function, static, options, self.shapes)
+        self.program = self.make()
+
+    def __call__(self, arrays: tuple) -> T:
+        # Each of the shapes of the arguments is another program of the compiler.
+        if len(self.shapes) > KEPT:
+            self.shapes.clear()
+            self.program = self.make()
+        arrays, rest = self.program(arrays)
+        return eqx.combine(arrays, rest.value)
+
+
+def _program(
+    function: Callable, static: tuple, options: Options, shapes: list[None]
+) -> Callable[[tuple], tuple[PyTree, eqx.internal.Static]]:
+    """The function of its arrays under `jit`, which adds an entry to `shapes` for each new one."""
+    others, structure = static
+
+    @functools.wraps(function)
+    def program(arrays: tuple) -> tuple[PyTree, eqx.internal.Static]:
+        shapes.append(None)
+        leaves = [b if a is None else a for a, b in zip(arrays, others, strict=True)]
+        args, kwargs = jax.tree.unflatten(structure, leaves)
+        arrays, rest = eqx.partition(function(*args, **kwargs), eqx.is_array)
+        return arrays, eqx.internal.Static(rest)
+
+    # The names of arguments are those of the program, and not those of the function.
+    del program.__wrapped__
+    return jax.jit(program, **options)  # pyright: ignore[reportArgumentType]
+
+
+def quick_jit(function: Callable[P, T], **options: CompilerOptions) -> Callable[P, T]:
+    """`equinox.filter_jit` of a function, in two thirds of its time, with its last `KEPT` programs.
 
     A short run takes less time than `equinox.filter_jit` does to bind its arguments and to listen
     for errors. Here an error is raised by a second call, which words it as `equinox` does.
 
-    `options` are those of `jax.jit`."""
-    careful = eqx.filter_jit(function, **options)
+    `options`: the `compiler_options` of `jax.jit`. The result has a method `lower`, as that of
+    `jax.jit` does."""
 
-    @functools.partial(jax.jit, static_argnums=1, **options)
-    def program(arrays: tuple, static: tuple) -> tuple[PyTree, eqx.internal.Static]:
-        others, structure = static
-        leaves = [b if a is None else a for a, b in zip(arrays, others, strict=True)]
-        args, kwargs = jax.tree.unflatten(structure, leaves)
-        result = function(*args, **kwargs)  # pyright: ignore[reportCallIssue]
-        arrays, rest = eqx.partition(result, eqx.is_array)
-        return arrays, eqx.internal.Static(rest)
+    @functools.lru_cache(maxsize=KEPT)
+    def program_of(others: tuple, structure: PyTree) -> _Program[T]:
+        return _Program(function, (others, structure), options)
 
-    @functools.wraps(function)
-    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+    def parts(args: tuple, kwargs: dict[str, PyTree]) -> tuple[_Program[T], tuple]:
         leaves, structure = jax.tree.flatten((args, kwargs))
         arrays = tuple(x if isinstance(x, jax.Array | np.ndarray) else None for x in leaves)
         others = tuple(None if isinstance(x, jax.Array | np.ndarray) else x for x in leaves)
-        try:
-            arrays, rest = program(arrays, (others, structure))
-        except (jax.errors.JaxRuntimeError, ValueError):
-            return careful(*args, **kwargs)
-        return eqx.combine(arrays, rest.value)
+        return program_of(others, structure), arrays
 
+    @functools.wraps(function)
+    def call(*args: P.args, **kwargs: P.kwargs) -> T:
+        program, arrays = parts(args, kwargs)
+        try:
+            return program(arrays)
+        except jax.errors.JaxRuntimeError:
+            careful = eqx.filter_jit(function, **options)  # pyright: ignore[reportArgumentType]
+            return careful(*args, **kwargs)
+
+    def lower(*args: P.args, **kwargs: P.kwargs) -> jax.stages.Lowered:
+        program, arrays = parts(args, kwargs)
+        return program.program.lower(arrays)
+
+    call.lower = lower  # pyright: ignore[reportAttributeAccessIssue]
     return call
+
+
+# The programs of functions that are made anew for each use, by the options of the compiler.
+_CALLS: dict[str, Callable] = {}
+
+
+def compiled(function: Callable[P, T], **options: CompilerOptions) -> Callable[P, T]:
+    """`quick_jit` of a function that is made anew for each use, as that of a user's problem: all of
+    these functions together keep their last `KEPT` programs.
+
+    The result is a tree, as is a function that is one: its arrays are arguments of the program,
+    which other functions of the same structure then share."""
+    call = _CALLS.setdefault(repr(options), quick_jit(_call, **options))
+    return eqx.Partial(call, function)
+
+
+def _call(function: Callable[P, T], *args: P.args, **kwargs: P.kwargs) -> T:
+    return function(*args, **kwargs)

@@ -10,6 +10,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import InputError
+from ..core.jit import compiled
 from ..simulation import Event, Phase
 from ..simulation.legs import legs_of
 from ..simulation.phase_runs import MissionTimes
@@ -37,7 +38,7 @@ def choose_times(
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")
     # Compiled, because each operation that builds a mission would be a program of its own.
-    mission = eqx.filter_jit(lambda c: c.mission(c.nominal())[0])(campaign)
+    mission = compiled(lambda c: c.mission(c.nominal())[0])(campaign)
     first = float(campaign.start)
     result = []
     ends = []

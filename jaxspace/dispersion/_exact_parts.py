@@ -10,7 +10,7 @@ from jaxtyping import Array, ArrayLike
 
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.exact_part import exact, leaves_open, takes_many_steps
 from ..integration.status import Status
 from ..simulation.legs import legs_of
@@ -32,7 +32,7 @@ def _turns(campaign: AbstractCampaign) -> list[Array]:
 
 
 # The compiler leaves out of the mission what the turns do not depend on.
-_turns_compiled = eqx.filter_jit(_turns, **QUICK)
+_turns_compiled = jit_quickly(_turns)
 
 
 def has_exact_part(campaign: AbstractCampaign, accuracy: Accuracy) -> bool:

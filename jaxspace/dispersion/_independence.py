@@ -15,8 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import InputError
+from ..core.jit import compiled
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.status import SimulationError, Status
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.mission_runs import run_mission
@@ -62,7 +63,7 @@ def check_outputs(
     check_apart(campaign.outputs, campaign.along, isolate(runs, CHECKED))
 
 
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _first_runs(
     campaign: Campaign, accuracy: Accuracy, drawn: dict[str, Float[Array, " runs"]]
 ) -> FirstRuns:
@@ -108,7 +109,7 @@ def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
     try:
         rows, among = isolate(compute, count)
     except SimulationError as error:
-        nominal = eqx.filter_jit(_taken)(first, np.zeros(count, int), along)
+        nominal = compiled(_taken)(first, np.zeros(count, int), along)
         raise raised("The nominal run", unknown, *nominal, error) from error
     used = (rows == np.arange(count)) & (status <= Status.EVENT)
     # Two runs: the greatest of all runs, as an output, equals that of one of them.
@@ -148,7 +149,7 @@ def _numbers(outputs: Mapping[str, Array]) -> dict[str, np.ndarray]:
     return {name: np.asarray(x).astype(float) for name, x in outputs.items()}
 
 
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _at(
     function: OutputFunction,
     along: int,

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import InputError
+from ..core.jit import quick_jit
 from ..integration.status import SimulationError
 from ..simulation.mission_result import MissionTrajectory
 from ._interface import OutputFunction
@@ -86,7 +87,7 @@ def raised(
     return SimulationError(f"{what} cannot be run: {reason(error)}.")
 
 
-@eqx.filter_jit
+@quick_jit
 def _one(
     function: OutputFunction, result: MissionTrajectory, samples: dict[str, Array], name: str
 ) -> Array:

@@ -15,8 +15,9 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
 from ..core.barrier import barrier
+from ..core.jit import quick_jit
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.programs import Runs, is_small
 from ..integration.status import Status
 from ..simulation.blocks import WIDE_VECTORS, Blocks
@@ -66,7 +67,7 @@ def drawn_by(
     return jax.tree.map(lambda x: x.astype(x.dtype), drawn)
 
 
-draw_inputs = eqx.filter_jit(drawn_by, **QUICK)
+draw_inputs = jit_quickly(drawn_by)
 """`drawn_by`, compiled."""
 
 
@@ -93,7 +94,7 @@ def runs_as_small_program(
 @functools.cache
 def program(platform: str) -> Any:
     """`_run`, compiled for the widest vectors of a CPU."""
-    return eqx.filter_jit(_run, **(WIDE_VECTORS if platform == "cpu" else {}))
+    return quick_jit(_run, **(WIDE_VECTORS if platform == "cpu" else {}))
 
 
 def _run(

@@ -3,7 +3,6 @@
 import warnings
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -14,7 +13,7 @@ from ..core import Scalar
 from ..core.printing import printed
 from ..core.safe import safe_divide
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.status import Status
 from ..simulation.legs import legs_of
 from ..simulation.mission_runs import run_mission
@@ -84,7 +83,7 @@ def run_paths(
 
 
 # A few runs for a picture: the program takes far longer to compile than to run.
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _run(
     campaign: Campaign, accuracy: Accuracy, key: Array, numbers: Array | np.ndarray, num_saved: int
 ) -> tuple[Float[Array, "times runs"], Float[Array, "3 times runs"], Array, Array] | None:

@@ -30,13 +30,13 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..integration.status import SimulationError, Status
@@ -209,7 +209,7 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
     return Moments(names, mean, c, j / scale, inputs, method, 1, seconds)
 
 
-@eqx.filter_jit
+@quick_jit
 def _derivatives(
     campaign: Campaign,
     accuracy: Accuracy,

@@ -14,7 +14,7 @@ from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Key
 
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.status import Status
 from ..sampling.designs import AbstractDesign, Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
@@ -79,7 +79,7 @@ def fixed_normals(campaign: Campaign, runs: int, seed: int) -> Float[Array, "run
 
 
 # One program: alone, each of some two hundred operations on bits would be compiled for itself.
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _normals(
     design: AbstractDesign, key: Key[Array, ""], runs: int, dimensions: int
 ) -> Float[Array, "runs dimensions"]:

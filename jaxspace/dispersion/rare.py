@@ -32,6 +32,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
 from ..sampling.designs import map_normals, normal_columns
@@ -150,7 +151,7 @@ def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
         )
 
 
-@eqx.filter_jit
+@quick_jit
 def _value_and_slope(
     campaign: Campaign, accuracy: Accuracy, z: Float[Array, " n"], output: str
 ) -> tuple[Array, Array]:

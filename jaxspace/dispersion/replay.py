@@ -13,7 +13,7 @@ from jaxtyping import Array
 from ..core import InputError
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..integration.config import IntegrationConfig
 from ..integration.status import SimulationError, Status
 from ..simulation import MissionTrajectory
@@ -57,7 +57,7 @@ class Replay(eqx.Module):
 
 
 # A single run: the program takes far longer to compile than to run.
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _run(
     campaign: AbstractCampaign,
     accuracy: Accuracy,

@@ -25,6 +25,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, Int
 
 from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..simulation import Accuracy, simulate, simulate_batch
@@ -131,7 +132,7 @@ def kalman_filter(
     return _filter_all(given, y0, readings, measure, kind, batch)
 
 
-@eqx.filter_jit
+@quick_jit
 def _filter_all(
     given: FilterArguments, y0: State, readings: Array, measure: Measure, kind: str, batch: bool
 ) -> Filtered:

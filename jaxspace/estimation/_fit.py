@@ -30,6 +30,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import InputError, Scalar
 from ..core.checks import is_concrete
+from ..core.jit import compiled, quick_jit
 from ..core.square_roots import sqrt
 from ..integration.status import sentence_alone
 from ..studies.coordinates import Coordinates
@@ -103,7 +104,7 @@ def fit(
     def one(data: PyTree, parameters: PyTree) -> Fit:
         return _search(model, data, parameters, known, method, max_steps, stated)
 
-    every = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1)) if batch else one
+    every = compiled(jax.vmap(one, in_axes=-1, out_axes=-1)) if batch else one
     # A run of the model may fail, which shows when its numbers are there.
     with sentence_alone():
         return jax.block_until_ready(every(data, parameters))
@@ -139,7 +140,7 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
     return jnp.concatenate(result)
 
 
-@eqx.filter_jit
+@quick_jit
 def _search(
     model: Model,
     data: PyTree,

@@ -22,6 +22,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import State
 from ..core.barrier import barrier
+from ..core.jit import quick_jit
 from ..solvers.dense_output import evaluated
 from ..solvers.protocol import bind, field_of_step, small_program
 from ..solvers.vector_field import TERM
@@ -40,7 +41,7 @@ of them short runs take more steps twice."""
 # longer to write and to read back than to compute, because a step holds all of its stages at once;
 # and the program that stores none of them compiles sooner.
 CHECKPOINTED: diffrax.ODETerm = diffrax.ODETerm(
-    eqx.filter_jit(lambda t, y, field: eqx.filter_checkpoint(field)(t, y))
+    quick_jit(lambda t, y, field: eqx.filter_checkpoint(field)(t, y))
 )
 
 # Maps the cotangents of the results of a step to those of the field and of the state before it.

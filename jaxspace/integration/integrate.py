@@ -9,13 +9,13 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractRegularised, AbstractSystem, Scalar, State
 from ..core.barrier import barrier
+from ..core.jit import quick_jit
 from ..core.tables import breaks_of
 from ..solvers.dense_output import AbstractDenseOutput
 from ..solvers.protocol import bind, field_of_step, for_second_order, solver_traits
@@ -39,7 +39,7 @@ from .normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from .result import IntegrationResult, Outcome, result_of, within_model
 
 
-@eqx.filter_jit
+@quick_jit
 def integrate(
     system: AbstractSystem,
     y0: State,

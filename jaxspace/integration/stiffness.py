@@ -30,7 +30,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State
-from .compiling import QUICK
+from .compiling import jit_quickly
 from .methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a
@@ -134,7 +134,7 @@ def _sizes(y: State) -> Array:
     )
 
 
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Array, Array, Array]:
     """The vector field, its Jacobian and the sizes at the states moved by `away`, and the spans.
 
@@ -158,7 +158,7 @@ def _linearised(starts: InitialConditions, away: ArrayLike) -> tuple[Array, Arra
     return of_each(starts, one, jnp.asarray(away))
 
 
-@eqx.filter_jit(**QUICK)
+@jit_quickly
 def _trial(starts: InitialConditions, h: ArrayLike) -> tuple[Array, Array]:
     """The estimated errors of a step `h` of the exponential method, and the sizes after it."""
 

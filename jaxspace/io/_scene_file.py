@@ -7,13 +7,13 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..control import ClosedLoop, LoopRun
 from ..core import AbstractSystem, InputError, State
+from ..core.jit import quick_jit
 from ..core.listed import Listed
 from ..dispersion import Campaign
 from ..dispersion.purpose import BY_PURPOSE, ByPurpose
@@ -62,7 +62,7 @@ from .by_numpy import by_numpy
 from .units import in_unit
 
 # Traced once for all files of one content.
-_build_as_one = eqx.filter_jit(build_mission)
+_build_as_one = quick_jit(build_mission)
 
 
 @final

@@ -17,6 +17,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, PyTree
 
+from ..core.jit import quick_jit
 from ..core.layout import component_axes_of
 from ._description import AbstractDescription
 from .constraints import constraints_of
@@ -76,7 +77,7 @@ def _symmetries_of(
     return Symmetries(bool(still), tuple(bool(x) for x in cyclic))
 
 
-@eqx.filter_jit
+@quick_jit
 def _slopes(arrays: PyTree, static: PyTree, t: Array, q: PyTree, v: PyTree) -> tuple[Array, Array]:
     """The rates of the energy, (k, places), and of each momentum, (n, k, places), at each place."""
 

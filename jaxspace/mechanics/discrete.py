@@ -23,13 +23,13 @@ __all__ = ["variational_motion"]
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import InputError, Scalar
 from ..core.formula import formula
+from ..core.jit import quick_jit
 from ..core.types import as_float
 from ._description import AbstractDescription, GeneralisedState
 from ._equations import columns, mass_matrix, matmul, momenta, solve
@@ -92,7 +92,7 @@ def variational_motion(
     return _motion(system, q, v, ts, steps, order)
 
 
-@eqx.filter_jit
+@quick_jit
 def _motion(
     system: AbstractDescription, q: Array, v: Array, ts: Array, steps: int, order: int
 ) -> GeneralisedState:

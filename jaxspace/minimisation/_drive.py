@@ -16,6 +16,7 @@ import jax
 from jax import lax
 from jaxtyping import Array
 
+from ..core.jit import compiled
 from ..core.tracing import is_traced
 from ..integration.compiling import QUICK
 from .search_store import SearchStore
@@ -33,7 +34,7 @@ Progress: TypeAlias = Callable[[int, float, float, float], None]
 def at_once(f: Callable[P, R], *args: P.args, **kwargs: P.kwargs) -> R:
     """f(*args) as one compiled program where its numbers are known: otherwise each of its many
     operations would be compiled separately."""
-    return f(*args, **kwargs) if is_traced(args) else eqx.filter_jit(f, **QUICK)(*args, **kwargs)
+    return f(*args, **kwargs) if is_traced(args) else compiled(f, **QUICK)(*args, **kwargs)
 
 
 def drive(
@@ -58,11 +59,11 @@ def drive(
         state = at_once(_strong, state)
         # What `evaluate` holds as arrays is an argument of the program, which another search of
         # the same problem then shares.
-        compiled = eqx.filter_jit(evaluate)
-        first = compiled(state)
+        evaluated = compiled(evaluate)
+        first = evaluated(state)
         # If the problem closes over traced numbers, its results are traced.
         if not is_traced(first):
-            return _watched(compiled, advance, unfinished, state, first, progress, store)
+            return _watched(evaluated, advance, unfinished, state, first, progress, store)
 
     def body(state: S) -> S:
         return advance(state, evaluate(state))
@@ -84,7 +85,7 @@ def _watched(
     progress: Progress | None,
     store: SearchStore | None,
 ) -> tuple[S, bool]:
-    move = eqx.filter_jit(eqx.Partial(_moved, advance, unfinished), **QUICK)
+    move = compiled(eqx.Partial(_moved, advance, unfinished), **QUICK)
     # A search that is resumed may have nothing left to do.
     more = bool(at_once(unfinished, state))
     taken = int(state.taken)

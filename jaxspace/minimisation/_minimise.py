@@ -11,13 +11,13 @@ import functools
 import os
 from collections.abc import Callable
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import PyTree
 
 from ..core import InputError, Scalar
 from ..core.formula import POSITIVE, formula
+from ..core.jit import compiled
 from ..core.tracing import is_traced
 from ..integration.status import sentence_alone
 from ._bounds import as_bounds
@@ -98,7 +98,7 @@ def minimise(
         check_scale(scale, x)
     limits = as_bounds(bounds, x)
     # Traced once for its shapes and its derivatives. One that is a tree of arrays is an argument.
-    problem = eqx.filter_jit(problem)
+    problem = compiled(problem)
     if before is not None and before.search is None:
         raise InputError("start is a Minimum that keeps no search: start from its x.")
     check = check_gradient and before is None
@@ -159,7 +159,7 @@ def minimise_from(
         exact_hessian=exact_hessian,
         scale=scale,
     )
-    in_one_batch = eqx.filter_jit(jax.vmap(one, in_axes=-1, out_axes=-1))
+    in_one_batch = compiled(jax.vmap(one, in_axes=-1, out_axes=-1))
     with sentence_alone():
         every = jax.block_until_ready(in_one_batch(as_point(starts, "starts")))
     if check_gradient and not is_traced(every.gradient_error):

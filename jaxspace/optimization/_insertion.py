@@ -28,6 +28,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractParameters, AbstractSystem, InputError, Scalar, quantity
 from ..core.formula import POSITIVE, formula
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.types import SingleNumberField, as_float
 from ..minimisation import Criterion, Minimum, minimise
@@ -149,7 +150,7 @@ def optimise_insertion(
     return _search(insertion, law, T, form, steps, as_float(tolerance), max_steps, optimiser)
 
 
-@eqx.filter_jit
+@quick_jit
 def _search(
     insertion: Insertion,
     law: Law,

@@ -14,11 +14,11 @@ other minima: start from the best place of a `porkchop`.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
 from ..core import Scalar
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.vectors import norm
 from ..minimisation import Criterion, minimise
@@ -39,7 +39,7 @@ class Rendezvous(NamedTuple):
     converged: Bool[Array, ""]
 
 
-@eqx.filter_jit
+@quick_jit
 def least_rendezvous(
     chaser: OrbitState,
     target: OrbitState,

@@ -24,6 +24,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
 from ..core.formula import POSITIVE, formula
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.types import as_float
 from ..minimisation import Criterion, minimise
@@ -133,7 +134,7 @@ def optimise_steering(
     )
 
 
-@eqx.filter_jit
+@quick_jit
 def _search(
     ascent: Ascent,
     start: Law,

@@ -26,7 +26,6 @@ __all__ = ["StageNumbers", "number_of_stages"]
 import itertools
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -35,6 +34,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import InputError, Scalar
 from ..core.checks import check_non_negative, check_positive
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.types import as_float
@@ -89,7 +89,7 @@ def _best_chain(
     return _chain(increasing_root(missing, 0.0 * v, highest), u, b, c, chosen), able
 
 
-@eqx.filter_jit
+@quick_jit
 def choose_stages(
     u: Float[Array, "stages *#runs"],
     b: Float[Array, "stages *#runs"],

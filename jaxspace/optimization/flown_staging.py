@@ -34,6 +34,7 @@ from jaxtyping import Array, Bool, Float
 from ..core import InputError, Scalar
 from ..core.checks import check_positive
 from ..core.formula import formula
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.tracing import is_traced
@@ -172,7 +173,7 @@ def staging_with_losses(
     )
 
 
-@eqx.filter_jit
+@quick_jit
 def _search(
     goal: Goal,
     tolerance: Scalar,

@@ -28,7 +28,6 @@ from collections.abc import Sequence
 from typing import TypeAlias, final
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
@@ -37,13 +36,14 @@ from jaxtyping import Array, Bool, Float
 from ..core import Flag, InputError, Scalar, check
 from ..core.checks import check_non_negative, check_positive, is_concrete
 from ..core.formula import ABOVE_ZERO, BELOW_ONE, NOT_NEGATIVE, POSITIVE, formula
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
 from ..core.tracing import is_traced
 from ..core.types import as_float
-from ..integration.compiling import QUICK
+from ..integration.compiling import jit_quickly
 from ..minimisation import Criterion, minimise
 from .fixed_masses import all_choices, choose_stages
 from .optimisers import lbfgs
@@ -183,7 +183,7 @@ def _with_fixed_masses(u: Stages, b: Stages, v: Scalar, c: Stages) -> Staging:
     )
 
 
-@eqx.filter_jit
+@quick_jit
 def _solve(u: Stages, b: Stages, v: Scalar) -> Staging:
     limit = velocity_limit(u, b)
     feasible = v < limit
@@ -285,7 +285,7 @@ def _descend(u: Stages, b: Stages, v: Scalar) -> Staging:
 
 
 # Compiled for one rocket, which takes a hundred microseconds either way.
-_descend_quickly = jax.jit(_descend, **QUICK)
+_descend_quickly = jit_quickly(_descend)
 
 
 def _log_mass_ratio(x: Scalar, u: Stages, b: Stages) -> Stages:

@@ -43,6 +43,7 @@ from jaxtyping import Array, Float
 
 from ..core import Flag, Scalar, check
 from ..core.checks import check_finite, check_positive, is_concrete
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.types import as_float
@@ -101,7 +102,7 @@ def linear_tangent_steering(ascent: Ascent) -> LinearTangentSteering:
     return result
 
 
-@eqx.filter_jit
+@quick_jit
 def _solve(ascent: Ascent) -> tuple[LinearTangentSteering, Scalar, Scalar]:
     """The solution, and the lowest and the highest apex for which there is one."""
     # The bracket of T needs no derivative: the root does not depend on it.

@@ -15,17 +15,17 @@ __all__ = ["steps_for"]
 
 import math
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.formula import formula
+from ..core.jit import quick_jit
 from ..core.tracing import is_traced
 from ..core.vectors import dot, norm
 
 
-@eqx.filter_jit
+@quick_jit
 def _mean_motion(system: AbstractSystem, y: State, t: Scalar) -> Scalar:
     """Mean motion, rad/s, (*runs,): zero on an open orbit, NaN where nothing attracts."""
     a = system.vector_field(t, y).velocity

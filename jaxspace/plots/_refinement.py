@@ -11,12 +11,12 @@ import math
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
-import equinox as eqx
 import jax
 import numpy as np
 from jaxtyping import PyTree
 
 from ..core import InputError
+from ..core.jit import quick_jit
 from ..rotations import Quaternion
 from ._leaves import state_leaves
 
@@ -232,7 +232,7 @@ def _first_times(part: "Trajectory", saved: np.ndarray, most: int) -> np.ndarray
     return times if t1 > t0 else times[::-1]
 
 
-@eqx.filter_jit
+@quick_jit
 def _program(part: "Trajectory", ts: jax.Array, shown: Shown) -> tuple["State", dict[str, PyTree]]:
     def one(t: jax.Array) -> tuple["State", dict[str, PyTree]]:
         state = part.at(t)
@@ -254,7 +254,7 @@ def _evaluated(part: "Trajectory", ts: np.ndarray, shown: Shown) -> tuple["State
     return jax.tree.map(lambda *xs: np.concatenate(xs, axis=-1)[..., : len(ts)], *found)
 
 
-_of_saved = eqx.filter_jit(lambda phase, shown: phase.along(shown))
+_of_saved = quick_jit(lambda phase, shown: phase.along(shown))
 
 
 def _along(phase: "Trajectory", shown: Shown) -> dict[str, PyTree]:

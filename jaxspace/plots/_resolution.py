@@ -26,10 +26,10 @@ velocity in the attitude.
 import math
 from typing import TYPE_CHECKING
 
-import equinox as eqx
 import numpy as np
 from jaxtyping import PyTree
 
+from ..core.jit import quick_jit
 from ..rotations import Quaternion
 from ._leaves import state_leaves
 from ._refinement import FEW, Drawn, Shown, bent, leaf_rows, refined
@@ -63,12 +63,12 @@ def resolved(phase: "Trajectory", runs: int = 1, shown: Shown = leaf_rows) -> Dr
     return refined(phase, runs, coarse, shown) if coarse else Drawn(phase.ts, phase.states, coarse)
 
 
-@eqx.filter_jit
+@quick_jit
 def _derivatives(phase: "Trajectory") -> "State":
     return phase.along(lambda system, t, y: system.vector_field(t, y))
 
 
-@eqx.filter_jit
+@quick_jit
 def _of_motion(states: "State") -> dict[str, PyTree]:
     """The derivatives that a state itself holds: of a position, and of an attitude."""
     result = {}

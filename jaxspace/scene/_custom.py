@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, PyTree
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import InputError, Scalar, quantity
+from ..core.jit import quick_jit
 from ..core.shapes import check_components
 from ..core.vectors import dot, norm
 
@@ -114,7 +115,7 @@ class Custom(AbstractEffect):
         return self.break_times
 
 
-@eqx.filter_jit
+@quick_jit
 def _power(
     effect: Custom, t: Scalar, y: BodyState, body: AbstractBody
 ) -> tuple[Array, Array, Array]:

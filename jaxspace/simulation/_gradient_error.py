@@ -9,7 +9,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import NamedTuple, TypeVar
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import InputError
 from ..core.checks import check_positive
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.tracing import is_traced
 from ..integration.accuracy import (
@@ -175,7 +175,7 @@ def _derivative(
     return _program(function, x, accuracy, jnp.asarray(rtol, state_dtype(x)), forward)
 
 
-@eqx.filter_jit
+@quick_jit
 def _program(
     function: Callable[[X, Accuracy], PyTree],
     x: X,

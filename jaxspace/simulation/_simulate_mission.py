@@ -1,11 +1,11 @@
 """`simulate_mission`: the phases of a mission, one after the other, from an initial state."""
 
-import equinox as eqx
 from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
 from ..core.captured import captured_as_leaves
 from ..core.checks import is_concrete
+from ..core.jit import quick_jit
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -104,4 +104,4 @@ def _failed_phase(result: MissionTrajectory) -> str:
 
 
 # Compiled, because outside of `jit` each operation would be compiled and called separately.
-_failed_are_nan = eqx.filter_jit(mask_mission)
+_failed_are_nan = quick_jit(mask_mission)

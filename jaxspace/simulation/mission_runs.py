@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Sequence
 
-import equinox as eqx
 from jaxtyping import Array
 
 from ..core import Scalar, State
@@ -22,7 +21,7 @@ from .trajectory import Trajectory
 
 
 # Compiled, because outside of `jit` each operation would be called separately.
-@eqx.filter_jit
+@quick_jit
 def _left_by(
     then: Callable[[Scalar, State], State] | None, run: Trajectory, run_axes: int
 ) -> tuple[Scalar, State]:

@@ -11,6 +11,7 @@ import numpy as np
 from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar, State
+from ..core.jit import quick_jit
 from ..core.layout import run_axes_of
 from ..core.listed import no_method
 from ..integration.accuracy import Accuracy
@@ -234,7 +235,7 @@ class Trajectory(eqx.Module):
         return dataclasses.replace(part, call=RunCall(self.system, self.accuracy, config))
 
     # One program, because a step has hundreds of operations.
-    @eqx.filter_jit
+    @quick_jit
     def _at(self, t: Array) -> State:
         # One time for each run, because the steps differ between runs.
         t = jnp.broadcast_to(t, self.ts.shape[1:])
@@ -381,7 +382,7 @@ def relative_change(values: Array, run_axes: int) -> Float[Array, "times *#runs"
 
 # One program, because outside of `jit` each operation on the invariants would be compiled by
 # itself.
-@eqx.filter_jit
+@quick_jit
 def _program_drift(run: Trajectory) -> dict[str, Float[Array, "times *#runs"]]:
     invariants = run.along(lambda system, t, y: system.invariants(t, y))
     return {name: relative_change(values, run.run_axes) for name, values in invariants.items()}

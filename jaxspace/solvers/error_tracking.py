@@ -3,12 +3,12 @@
 from typing import ClassVar, final
 
 import diffrax
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import State
+from ..core.jit import quick_jit
 from .protocol import field_of_step
 from .tolerances import Tolerance
 
@@ -81,7 +81,7 @@ class ErrorTrackingSolver(diffrax.AbstractAdaptiveSolver, diffrax.AbstractWrappe
         return y1, error, dense, (inner, max_local_error), result
 
 
-@eqx.filter_jit
+@quick_jit
 def _step(solver: diffrax.AbstractSolver, *args: PyTree) -> tuple:
     """A step of the solver. diffrax traces it three times; the second and third time it is
     cached."""

@@ -13,13 +13,13 @@ has a potential, the step is that of RKN 12(10), otherwise that of DOP853.
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
 from ..core import AbstractRegularised, AbstractSecondOrderForm, Scalar, State
 from ..core.barrier import barrier
+from ..core.jit import quick_jit
 from . import tableaus as tableau
 from ._rkn1210 import POSITION_ERROR, VELOCITY_ERROR
 from .embedded_errors import blend
@@ -43,7 +43,7 @@ class Attempt(NamedTuple):
     rate: Scalar
 
 
-@eqx.filter_jit
+@quick_jit
 def derivative_in(form: PyTree, t: Scalar, duration: Scalar, z: Regular) -> Regular:
     """dz/d(sigma) in a segment that starts at the time `t` and takes a `duration`."""
     z = barrier(z)
@@ -119,7 +119,7 @@ def attempt(
     return Attempt(z1, error, ks[0][-1])
 
 
-@eqx.filter_jit
+@quick_jit
 def _rates(form: AbstractSecondOrderForm, q: Array, held: Array) -> tuple[Array, Scalar]:
     return barrier(form.rates(barrier(q), held))
 

@@ -11,7 +11,6 @@ these two keys.
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from diffrax import AbstractTerm
@@ -20,6 +19,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import InputError, Scalar, State
 from ..core.barrier import barrier
+from ..core.jit import quick_jit
 from .vector_field import just_before
 
 Vectors = Float[Array, "..."]
@@ -54,7 +54,7 @@ def moved(y: State, position: Vectors, velocity: Vectors) -> State:
 
 
 # Under `jit`, so that the seventeen or more stages of a step share one trace of the vector field.
-@eqx.filter_jit
+@quick_jit
 def _acceleration(terms: AbstractTerm, s: Scalar, r: Vectors, y: State, args: PyTree) -> Vectors:
     _, v = known_parts(y)
     return barrier(known_parts(terms.vf(s, moved(y, barrier(r), v), args))[1])

@@ -14,6 +14,7 @@ from jaxtyping import Array, Bool, Float, PyTree
 from ..core import AbstractRegularised, AbstractSplit, Scalar, State
 from ..core.barrier import barrier
 from ..core.groups import project
+from ..core.jit import quick_jit
 
 
 @runtime_checkable
@@ -48,7 +49,7 @@ class ScaledField(Protocol):
         ...
 
 
-@eqx.filter_jit
+@quick_jit
 def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> State:
     """The vector field at one stage.
 
@@ -58,7 +59,7 @@ def evaluate(terms: diffrax.AbstractTerm, t: Scalar, y: State, args: PyTree) -> 
     return barrier(terms.vf(t, barrier(y), args))
 
 
-@eqx.filter_jit
+@quick_jit
 def _field(t: Scalar, y: State, field: ScaledField) -> State:
     """The vector field, traced once for all evaluations in a program."""
     return field(t, y)

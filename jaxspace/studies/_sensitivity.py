@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import AbstractSystem, InputError, State
+from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
@@ -224,7 +225,7 @@ def _carried(
     return [int(b is not None) for a, b in zip(every, own, strict=True) if a is not None]
 
 
-@eqx.filter_jit
+@quick_jit
 def _derivatives(
     system: AbstractSystem | Mission,
     y0: State,

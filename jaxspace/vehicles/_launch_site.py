@@ -18,6 +18,7 @@ from ..core import (
     output,
     quantity,
 )
+from ..core.jit import quick_jit
 from ..core.listed import no_method
 from ..core.types import as_float
 from ..core.vectors import norm
@@ -64,7 +65,7 @@ class LaunchSite(AbstractParameters):
         return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
     # Outside of `jit` each of some hundred operations would be compiled by itself.
-    @eqx.filter_jit
+    @quick_jit
     def winds(self, top: Scalar, count: int = 100) -> tuple[Scalar, Scalar]:
         """The wind to the east and to the north, m/s, each (count, *runs), at heights that are
         evenly spaced from the ground to `top`, m."""

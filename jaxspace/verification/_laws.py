@@ -26,6 +26,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
+from ..core.jit import compiled
 from ..core.text import aligned
 from ..simulation import Accuracy, Status, Trajectory, simulate, simulate_batch
 from ..solvers import DOP853
@@ -182,8 +183,8 @@ class _Check(eqx.Module):
         def measure(y: State) -> Scalar:
             return inner(weights, self.run(y, 0.0, self.duration).final)
 
-        _, forward = eqx.filter_jit(lambda y, d: jax.jvp(measure, (y,), (d,)))(self.y0, direction)
-        reverse = inner(eqx.filter_jit(jax.grad(measure))(self.y0), direction)
+        _, forward = compiled(lambda y, d: jax.jvp(measure, (y,), (d,)))(self.y0, direction)
+        reverse = inner(compiled(jax.grad(measure))(self.y0), direction)
         ahead, behind = (
             measure(jax.tree.map(lambda y, d, h=h: y + h * d, self.y0, direction))
             for h in (STEP, -STEP)

@@ -6,7 +6,6 @@ import warnings
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -15,6 +14,7 @@ from jaxtyping import Array, PyTree
 from ...bodies import AbstractEffect, BodyState
 from ...control import LoopRun
 from ...core import InputError, Scalar, State, output
+from ...core.jit import compiled
 from ...scene.ground_check import ground_warning, lowest_below_ground
 from ...simulation import MissionTrajectory, Trajectory
 from ...simulation.finish import with_doubts
@@ -34,7 +34,7 @@ def outputs_of(nominal: Simulated | LoopRun, outputs: Outputs) -> dict[str, tupl
     # Outputs take runs on the last axis, so that the nominal run is a batch of one; and traced as a
     # whole, because an operation that is carried out by itself takes three times as long as one of
     # a traced function.
-    numbers = eqx.filter_jit(lambda o, run: o(run, {}))(outputs, _as_batch(nominal))
+    numbers = compiled(lambda o, run: o(run, {}))(outputs, _as_batch(nominal))
     return {spec.name: (float(numbers[spec.name][0]), spec.unit) for spec in outputs.specs}
 
 
