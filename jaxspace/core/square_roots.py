@@ -138,8 +138,15 @@ def _register(
     elsewhere: Callable[..., Array],
 ) -> None:
     """Give a primitive its rules, with one form for CPUs and one for other devices."""
-    # Outside of a program: as a program of its own.
-    primitive.def_impl(functools.partial(jax.jit, static_argnames="power")(primitive.bind))
+    program = functools.partial(jax.jit, static_argnames="power")(primitive.bind)
+
+    def alone(x: Array, **params: int) -> Array:
+        # `jax.disable_jit` affects functions, not single operations: without a program this
+        # one would call itself.
+        with jax.disable_jit(False):
+            return program(x, **params)
+
+    primitive.def_impl(alone)
     primitive.def_abstract_eval(_shape)
     ad.primitive_jvps[primitive] = tangent
     batching.defvectorized(primitive)
