@@ -7,13 +7,15 @@ of the call and ends with the exception. Here the log is shortened to the senten
 
 import dataclasses
 import logging
+from collections.abc import Sequence
 from typing import Any, TypeVar
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax.custom_batching import custom_vmap
+from jax.extend.core import Primitive
+from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Int, PyTree
 
 from ..integration.result import DenseOutput
@@ -152,36 +154,64 @@ def _with_numbers(result: Any, numbers: dict[str, Any]) -> Any:
     return dataclasses.replace(result, **numbers)
 
 
-@jax.custom_jvp
 def _raise_where_failed(tree: T, status: Int[Array, ""]) -> T:
     """The arrays of the `tree`, which raise `SimulationError` where they are computed if the
     `status` is that of a failure; of mapped runs the largest status counts."""
-    shapes = jax.eval_shape(lambda: tree)
-    worst = _largest(status)
-
-    def failed(tree: T, worst: Array) -> PyTree:
-        del tree
-        return jax.pure_callback(_fail, shapes, worst)
-
-    # One branch for all mapped runs, because a mapped branch would evaluate both sides.
-    return jax.lax.cond(worst > Status.EVENT, failed, lambda tree, worst: tree, tree, worst)
+    leaves, structure = jax.tree.flatten(tree)
+    return jax.tree.unflatten(structure, raise_p.bind(status, *map(jnp.asarray, leaves)))
 
 
-@_raise_where_failed.defjvp
-def _raise_where_failed_tangent(primals, tangents):
+def _raised_alone(status: Array, *arrays: Array) -> Sequence[Array]:
+    """Outside of a program, where the status can be read."""
+    if status > Status.EVENT:
+        _fail(status)
+    return arrays
+
+
+def _raised_by_program(status: Array, *arrays: Array) -> Sequence[Array]:
+    shapes = jax.eval_shape(lambda: arrays)
+
+    def failed(*arrays: Array) -> PyTree:
+        del arrays
+        return jax.pure_callback(_fail, shapes, status)
+
+    return jax.lax.cond(status > Status.EVENT, failed, lambda *arrays: arrays, *arrays)
+
+
+_by_program = mlir.lower_fun(_raised_by_program, multiple_results=True)
+
+
+def _lowered(context: mlir.LoweringRuleContext, status: object, *arrays: object) -> object:
+    # An exported program runs where there is no Python: the numbers of its failed runs are NaN.
+    if context.module_context.lowering_parameters.for_export:
+        return arrays
+    return _by_program(context, status, *arrays)
+
+
+def _raised_tangent(
+    primals: Sequence[Array], tangents: Sequence[Array | ad.Zero]
+) -> tuple[Sequence[Array], Sequence[Array | ad.Zero]]:
     # The primal values raise, which is enough for the derivatives as well.
-    return _raise_where_failed(*primals), tangents[0]
+    return raise_p.bind(*primals), tangents[1:]
 
 
-@custom_vmap
-def _largest(status: Int[Array, "..."]) -> Int[Array, "..."]:
-    return status
+def _raised_batch(
+    args: Sequence[Array], axes: Sequence[int | None]
+) -> tuple[Sequence[Array], Sequence[int | None]]:
+    status, *arrays = args
+    # One branch for all mapped runs, because a mapped branch would evaluate both sides.
+    worst = status if axes[0] is None else jnp.max(status, axis=axes[0])
+    return raise_p.bind(worst, *arrays), axes[1:]
 
 
-@_largest.def_vmap
-def _largest_of_mapped(axis_size: int, in_batched: object, status: Array) -> tuple[Array, bool]:
-    del axis_size, in_batched
-    return _largest(jnp.max(status, axis=0)), False
+# A primitive, because only its rules know whether numbers are known and what a program is for.
+raise_p = Primitive("raise_where_failed")
+raise_p.multiple_results = True
+raise_p.def_impl(_raised_alone)
+raise_p.def_abstract_eval(lambda status, *arrays: arrays)
+ad.primitive_jvps[raise_p] = _raised_tangent
+batching.primitive_batchers[raise_p] = _raised_batch
+mlir.register_lowering(raise_p, _lowered)  # pyright: ignore[reportArgumentType]
 
 
 def _fail(worst: Array) -> None:
