@@ -20,6 +20,10 @@ SLACK = 1e-6
 """What coincides, in periods: far above rounding, far below what anyone means."""
 
 
+MOST = 10**7
+"""Most ticks of a clock: the commands and readings of as many take some gigabytes."""
+
+
 class Clock(NamedTuple):
     """Ticks at `offset`, and then every `period`, s."""
 
@@ -65,9 +69,17 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     - `ts`: save times, s; the first is the start, from which the clocks count.
     - `clocks`: those of the loop.
     - `breaks`: times from the start, s, (times, *#runs), traced or not; `None` where there are
-      none."""
+      none.
+
+    **Raises** `InputError` for more than `MOST` ticks of a clock."""
     span = float(ts[-1] - ts[0])
     shortest = min(clock.period for clock in clocks)
+    count = span / shortest
+    if count > MOST:
+        raise InputError(
+            f"ts spans {span:.6g} s, in which a period of {shortest:.6g} s passes {count:.3g} "
+            f"times: it may pass 1e7 times at most."
+        )
     slack = SLACK * shortest
     saves = ts - ts[0]
     every = [saves]

@@ -175,7 +175,16 @@ def _nodes_of(
     if breaks is not None:
         # In a phase every run may start at another time.
         breaks = with_rank(breaks, start.ndim) - start
-    return nodes_of(ts, clocks, breaks)
+    nodes = nodes_of(ts, clocks, breaks)
+    shortest, farthest = min(clock.period for clock in clocks), float(np.max(np.abs(ts)))
+    apart = float(jnp.finfo(start.dtype).eps) * farthest
+    if apart > shortest:
+        raise InputError(
+            f"ts reaches {farthest:.6g} s, where numbers of this precision are {apart:.3g} s "
+            f"apart, more than a period of {shortest:.6g} s: count the seconds from an epoch that "
+            f"is close to the run."
+        )
+    return nodes
 
 
 def _method_of(

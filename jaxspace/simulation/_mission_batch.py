@@ -4,6 +4,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError, State
 from ..core.captured import captured_as_leaves
+from ..core.checks import check_finite
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy, as_accuracy, as_state, check_tolerances
 from ..integration.exact_part import exact
@@ -55,6 +56,7 @@ def simulate_mission_batch(
     y0s = as_state(y0s)
     check_num_saved(num_saved)
     t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
+    check_finite("t0", t0)
     if t0.ndim > 1:
         raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)

@@ -4,7 +4,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import InputError
 from ..core.captured import captured_as_leaves
-from ..core.checks import is_concrete
+from ..core.checks import check_finite, is_concrete
 from ..core.jit import quick_jit
 from ..integration.accuracy import (
     Accuracy,
@@ -71,6 +71,7 @@ def simulate_mission(
     y0 = as_state(y0)
     check_initial_state(y0)
     t0 = as_times("t0", t0, y0, "one time, s")
+    check_finite("t0", t0)
     if t0.ndim != 0:
         raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
     check_num_saved(num_saved)

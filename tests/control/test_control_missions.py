@@ -319,3 +319,28 @@ outputs = ["final.mass"]
         path.write_text(text)
         with pytest.raises(SceneError, match=words):
             jaxspace.load(path)
+
+
+@pytest.mark.parametrize(
+    ("ts", "refused"),
+    [
+        ([0.0, 9e18], "passes 2.25e\\+19 times: it may pass 1e7"),
+        ([0.0, 4e11], "passes 1e\\+12 times: it may pass 1e7"),
+        # Numbers of this size are 128 s apart.
+        ([1e18, 1e18 + 1280.0], "count the seconds from an epoch"),
+        ([0.0, np.inf], "two finite times"),
+    ],
+)
+def test_loops_of_too_many_samples_are_refused(ts, refused):
+    with pytest.raises(InputError, match=refused):
+        loop().simulate(START, np.array(ts))
+
+
+@pytest.mark.parametrize("t0", [np.inf, np.nan])
+def test_missions_that_start_at_no_time_are_refused(t0):
+    mission = Mission([Phase(Scene([UniformGravity([0.0, 0.0, -9.8])]), 1.0)])
+    with pytest.raises(InputError, match="t0 is .*: it must be finite"):
+        simulate_mission(mission, START, t0)
+    starts = jax.tree.map(lambda x: jnp.stack([x, x], axis=-1), START)
+    with pytest.raises(InputError, match="t0 is .*: it must be finite"):
+        simulate_mission_batch(mission, starts, np.array([0.0, t0]))
