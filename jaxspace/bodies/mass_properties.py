@@ -31,7 +31,6 @@ __all__ = [
 from functools import partial, reduce
 from typing import NamedTuple, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -40,6 +39,7 @@ from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
 from ..core.shapes import check_components, with_rank
 from ..core.square_roots import inverse_sqrt
+from ..core.structure import HashedModule
 from ..core.vectors import cross, dot, matvec, scale
 from ..rotations import Quaternion
 from .inertia import (
@@ -55,7 +55,7 @@ from .principal_axes import principal_axes
 
 @final
 @printed(mass="kg", centre="m", tensor="kg m^2")
-class MassProperties(eqx.Module):
+class MassProperties(HashedModule):
     """Mass, centre of mass and inertia of a part or of a whole body, in one set of axes.
 
     - `mass`: kg, (*runs,); negative for a hole, as is its tensor.

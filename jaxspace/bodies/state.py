@@ -5,7 +5,6 @@ __all__ = ["PARTS", "sample_state"]
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, PyTree
 
@@ -14,6 +13,7 @@ from ..core.checks import check_positive
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.shapes import check_components
+from ..core.structure import HashedModule
 from ..core.types import as_float
 from ..rotations import Quaternion
 
@@ -39,7 +39,7 @@ def as_part(x: object) -> Any:
 
 @final
 @printed()
-class BodyState(eqx.Module):
+class BodyState(HashedModule):
     """Position and velocity of the centre of mass, orientation, angular velocity and mass of a
     body; also their rates.
 

@@ -9,7 +9,6 @@ effects.
 from abc import abstractmethod
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -17,6 +16,7 @@ from jaxtyping import Array, Bool, Float
 
 from .printing import printed
 from .quantities import AbstractParameters
+from .structure import HashedModule
 from .types import Flag, Scalar, State
 
 
@@ -31,7 +31,7 @@ class RunWarning(NamedTuple):
     runs: Bool[np.ndarray, "*runs"]
 
 
-class AbstractClosedForm(eqx.Module):
+class AbstractClosedForm(HashedModule):
     """The exact motion of a system."""
 
     @abstractmethod
@@ -45,7 +45,7 @@ class AbstractClosedForm(eqx.Module):
         return None
 
 
-class AbstractSplit(eqx.Module):
+class AbstractSplit(HashedModule):
     """A vector field as the sum of two, a drift and a kick, whose motions are known exactly."""
 
     @abstractmethod
@@ -57,7 +57,7 @@ class AbstractSplit(eqx.Module):
         """The exact state a `duration`, s, after `y`, by the kick alone, frozen at time `t`, s."""
 
 
-class AbstractRegularised(eqx.Module):
+class AbstractRegularised(HashedModule):
     """A motion in regularised variables z over a fictitious time sigma.
 
     z is one array with the components first. The motion is smooth in sigma where it is fast or
@@ -141,7 +141,7 @@ class AbstractSecondOrderForm(AbstractRegularised):
         """dt/d(sigma)."""
 
 
-class AbstractDecoupled(eqx.Module):
+class AbstractDecoupled(HashedModule):
     """A motion of which one part is known exactly, and on which the rest does not depend."""
 
     @property

@@ -3,16 +3,16 @@
 from abc import abstractmethod
 from typing import TypeAlias, TypeGuard
 
-import equinox as eqx
 import jax
 from jaxtyping import Array, Float, PyTree
 
+from .structure import HashedModule
 from .types import State
 
 Local: TypeAlias = Float[Array, "n *#runs"]
 
 
-class AbstractGroupElement(eqx.Module):
+class AbstractGroupElement(HashedModule):
     """An element of a Lie group, with local coordinates that are zero at the element itself.
 
     The rate of an element has the type of the element."""

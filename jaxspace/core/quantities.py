@@ -23,6 +23,7 @@ from jaxtyping import Array
 from .checks import InputError, check, is_concrete, shown
 from .field_types import QUANTITY, check_types
 from .printing import Unit, printed_form
+from .structure import HashedModule
 from .types import as_float, as_optional_float
 
 # The marker of dataclasses, so that fields take a default as it is declared.
@@ -310,7 +311,7 @@ def _named_axes(cls: type) -> Mapping[str, Sequence[str]]:
     return result
 
 
-class AbstractParameters(eqx.Module):
+class AbstractParameters(HashedModule):
     """A module whose numbers are declared by `quantity`, and checked when it is constructed.
 
     Raises `InputError` for a value of another kind than its field declares, such as a text, for one

@@ -93,6 +93,16 @@ def _make_of(tree: PyTree) -> _Make:
     return make
 
 
+class HashedModule(eqx.Module):
+    """A module with a hash, although arrays have none: that of its structure and their shapes.
+
+    `jax.jit` hashes the function that it is given, and with a method of a module the module:
+    `jax.jit(task.step)`."""
+
+    def __hash__(self) -> int:
+        return hash(_make_of(self))
+
+
 def same_structure(first: PyTree, second: PyTree) -> bool:
     """Whether two trees differ in the numbers of their arrays alone.
 

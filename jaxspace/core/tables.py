@@ -35,6 +35,7 @@ from .checks import InputError, check, check_finite, is_concrete
 from .field_types import check_types
 from .printing import printed
 from .shapes import with_rank
+from .structure import HashedModule
 from .types import Scalar, as_float
 
 
@@ -126,7 +127,7 @@ def _sum(weights: Array, x: Array) -> Array:
     return jnp.tensordot(weights.reshape(-1), x, 1, precision=lax.Precision.HIGHEST)
 
 
-class AbstractTable(eqx.Module):
+class AbstractTable(HashedModule):
     """A function of time with nodes, at which it or a derivative of it jumps."""
 
     times: eqx.AbstractVar[Float[Array, "nodes *#runs"]]

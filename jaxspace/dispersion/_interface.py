@@ -10,6 +10,7 @@ from jaxtyping import Array, Bool, Float, Integer
 
 from ..core import State
 from ..core.quantities import Quantity
+from ..core.structure import HashedModule
 from ..sampling.designs import AbstractDesign
 from ..sampling.distributions import AbstractDistribution
 from ..simulation import Mission
@@ -24,7 +25,7 @@ Limits: TypeAlias = tuple[float | None, float | None] | Requirement
 """The least and the greatest value that is allowed, or a requirement."""
 
 
-class AbstractCampaign(eqx.Module):
+class AbstractCampaign(HashedModule):
     """What the runs of a campaign follow from; fields and methods are those of `Campaign`."""
 
     # In the order of `Campaign`, which type checkers take for that of its arguments.

@@ -6,13 +6,13 @@ __all__ = ["Evaluator"]
 from collections.abc import Mapping
 from typing import NamedTuple, final
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Key
 
+from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ..integration.compiling import jit_quickly
 from ..integration.status import Status
@@ -102,7 +102,7 @@ def _evaluate(
 
 
 @final
-class Evaluator(eqx.Module):
+class Evaluator(HashedModule):
     """The outputs of a campaign at inputs of one's own choice.
 
     - `campaign`, `accuracy`: what runs, and how accurately."""

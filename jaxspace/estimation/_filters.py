@@ -28,6 +28,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.structure import HashedModule
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies.coordinates import Coordinates
 from ..studies.covariance import MeanCovariance, Noise, Uncertain
@@ -48,7 +49,7 @@ KAPPA = 1.0
 
 @final
 @printed(ts="s")
-class Filtered(eqx.Module):
+class Filtered(HashedModule):
     """Estimates of a filter after each reading; the runs of a batch are on the last axis.
 
     - `ts`, `states`, `covariance`: times (times,), means and covariances (n, n, times, *runs), in

@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ..core import InputError
 from ..core.checks import is_concrete
+from ..core.structure import HashedModule
 from ..studies.coordinates import Coordinates
 from ._residuals import ResidualTests, chi_squared_tail
 
@@ -20,7 +21,7 @@ SEEN = 0.45
 
 
 @final
-class Fit(eqx.Module):
+class Fit(HashedModule):
     """Parameters found by `fit`, and how far they can be trusted. With `batch`, the data sets are
     on the last axis of every array.
 

@@ -36,7 +36,6 @@ __all__ = ["GimbalWalk"]
 
 from typing import final
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
@@ -46,6 +45,7 @@ from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt
+from ..core.structure import HashedModule
 
 # The error of a periodic quadrature falls exponentially with the nodes.
 NODES = 48
@@ -63,7 +63,7 @@ STEPS = 6
     outer_inertia_upright="kg m^2",
     outer_inertia_across="kg m^2",
 )
-class GimbalWalk(eqx.Module):
+class GimbalWalk(HashedModule):
     """One nutation of a gyro in two gimbals without moments, and the drift that it causes.
 
     - `theta`, rad, and `theta_rate`, rad/s: theta_0 and its rate.

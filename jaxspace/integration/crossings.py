@@ -31,6 +31,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ._event_runs import ConditionOnRun, Samples, Zeros, sampled, zeros_between
 from .config import IntegrationConfig
 from .event_zero import pick
@@ -50,7 +51,7 @@ STEPS_TO_ZERO = 256
 
 @final
 @printed(ts="s", status=Status)
-class Crossings(eqx.Module):
+class Crossings(HashedModule):
     """Every zero of the condition of an event along a run, or a batch of runs.
 
     - `ts`: times, s, (zeros, *runs), in the order of the run; NaN behind the last one. Their

@@ -30,6 +30,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_positive
 from ..core.field_types import check_types
 from ..core.one_kernel import in_one_kernel
+from ..core.structure import HashedModule
 from ..core.types import as_optional_float
 from ._vanishing import vanishing
 
@@ -55,7 +56,7 @@ MOST = 10**7
 
 
 @final
-class Event(eqx.Module):
+class Event(HashedModule):
     """A run stops where `condition(t, y)`, a scalar for each run, passes through zero.
 
     - `direction`: 1 for a rise, -1 for a fall along the run, 0 for both.

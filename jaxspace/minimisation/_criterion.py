@@ -15,6 +15,7 @@ from ..core import InputError
 from ..core.checks import is_concrete
 from ..core.listed import no_method
 from ..core.printing import printed
+from ..core.structure import HashedModule
 
 Point: TypeAlias = PyTree[Float[Array, "..."]]
 
@@ -116,7 +117,7 @@ def stop_reason(
 
 @final
 @printed(reason=StopReason)
-class Minimum(eqx.Module):
+class Minimum(HashedModule):
     """The result of `minimise`.
 
     - `x` and the `criterion` there.

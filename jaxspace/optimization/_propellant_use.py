@@ -34,7 +34,6 @@ split, arises for a given T alone. Flat earth, no air.
 import math
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -43,6 +42,7 @@ from ..core.checks import is_concrete
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
+from ..core.structure import HashedModule
 from ..core.types import as_float
 
 
@@ -57,7 +57,7 @@ from ..core.types import as_float
     least_gain="m/s",
     nearest_climb="m",
 )
-class PropellantUse(eqx.Module):
+class PropellantUse(HashedModule):
     """The result of `propellant_use`; each field is (*runs,).
 
     - `first`, `last`: velocity gained by the impulse at the start and at the end, m/s.

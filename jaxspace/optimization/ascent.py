@@ -41,6 +41,7 @@ from ..core import NumberField, Scalar, check, quantity
 from ..core.checks import check_finite, check_non_negative, check_positive, is_concrete
 from ..core.formula import formula
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..core.types import as_float
 
 # The error of Gauss-Legendre quadrature falls as rho^(-2 n): 64 nodes reach rounding for mass flows
@@ -48,7 +49,7 @@ from ..core.types import as_float
 NODES, WEIGHTS = np.polynomial.legendre.leggauss(64)
 
 
-class AbstractThrustAcceleration(eqx.Module):
+class AbstractThrustAcceleration(HashedModule):
     """Thrust over mass as a smooth function of time since ignition."""
 
     @abstractmethod

@@ -26,7 +26,6 @@ import dataclasses
 from collections.abc import Callable
 from typing import TypeAlias, final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float
@@ -37,6 +36,7 @@ from ..core.formula import formula
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
+from ..core.structure import HashedModule
 from ..core.tracing import is_traced
 from ..core.types import as_float
 from ..minimisation import Criterion, Minimum, minimise
@@ -65,7 +65,7 @@ Unknowns: TypeAlias = dict[str, Array]
     height_price="1/m",
     greatest_speed="m/s",
 )
-class FlownStaging(eqx.Module):
+class FlownStaging(HashedModule):
     """The result of `staging_with_losses`.
 
     - `stage_mass` S_i and `propellant`, kg, (stages,); `used`: whether a stage is more than zero.

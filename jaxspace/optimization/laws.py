@@ -27,6 +27,7 @@ from jaxtyping import Array, Float, PyTree
 from ..core import Scalar, Spline, Table
 from ..core.checks import check_finite
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..core.tables import polygon
 from ..core.types import as_float
 
@@ -35,7 +36,7 @@ Law: TypeAlias = Callable[[Scalar], Scalar]
 
 @final
 @printed(times="s", angles="rad")
-class SteeringProfile(eqx.Module):
+class SteeringProfile(HashedModule):
     """Thrust angles at given times, linear in between.
 
     - `times`: ascending, s; `angles`: rad; both (nodes, *runs)."""
@@ -54,7 +55,7 @@ class SteeringProfile(eqx.Module):
 
 @final
 @printed()
-class TangentLaw(eqx.Module):
+class TangentLaw(HashedModule):
     """The tangent of the angle linear in s, or with `denominator` bilinear.
 
     - `tangent` a and `rate` b; `denominator` c, `None` for the linear law; each (*runs,)."""
@@ -74,7 +75,7 @@ class TangentLaw(eqx.Module):
 
 @final
 @printed()
-class SteeringNetwork(eqx.Module):
+class SteeringNetwork(HashedModule):
     """The angle as a `network` from a scalar to a scalar, whose input is s scaled to -1 to 1 over
     the `duration`, in the unit of s."""
 

@@ -46,6 +46,7 @@ from ..core.checks import check_finite, check_positive, is_concrete
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
+from ..core.structure import HashedModule
 from ..core.types import as_float
 from .ascent import Ascent, apex, burnout_state, velocity_gain
 
@@ -67,7 +68,7 @@ def linear_tangent_angle(t: Scalar, initial_angle: Scalar, vanishing_time: Scala
 
 @final
 @printed(initial_angle="rad", vanishing_time="s", final_velocity="m/s")
-class LinearTangentSteering(eqx.Module):
+class LinearTangentSteering(HashedModule):
     """The steering tan phi = (1 - t/T) tan theta_0, and its result; each field is (*runs,).
 
     - `initial_angle` theta_0, rad; `vanishing_time` T, s, at which phi = 0: the time of the apex.
@@ -196,7 +197,7 @@ def minimum_time_steering(
 
 @final
 @printed(initial_angle="rad", duration="s", final_velocity="m/s")
-class MaximumVelocitySteering(eqx.Module):
+class MaximumVelocitySteering(HashedModule):
     """The steering tan phi = (1 - 2t/T) tan theta_0, and the velocity that it reaches.
 
     - `initial_angle`: theta_0, rad; `duration`: T, s; `final_velocity`: m/s; each (*runs,)."""

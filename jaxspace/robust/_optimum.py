@@ -10,6 +10,7 @@ from jax.flatten_util import ravel_pytree
 from jax.tree_util import keystr, tree_leaves_with_path
 
 from ..core.listed import Listed
+from ..core.structure import HashedModule
 from ..core.text import aligned
 from ..minimisation import Criterion, Minimum
 from ..minimisation.batch_descent import BatchMinimum
@@ -21,7 +22,7 @@ DRIFT = 1e-6
 
 
 @final
-class DesignOptimum(eqx.Module):
+class DesignOptimum(HashedModule):
     """The best design that a search found, on the runs of the search.
 
     - `x`: the design; `start`: that of the search.

@@ -12,6 +12,7 @@ from jax.tree_util import tree_leaves_with_path
 
 from ..core.listed import Listed
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..core.text import aligned
 from ..statistics import Dispersion
 from ..statistics.limits import Probability
@@ -81,7 +82,7 @@ class AssessedDesign(NamedTuple):
 
 
 @final
-class DesignAssessment(eqx.Module):
+class DesignAssessment(HashedModule):
     """Designs assessed by the same fresh runs.
 
     - `designs`: a `AssessedDesign` for each, by name; the optimum of the search is "robust".

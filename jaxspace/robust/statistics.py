@@ -50,6 +50,7 @@ from jaxtyping import Array, Bool, Float
 
 from ..core import InputError
 from ..core.safe import safe_sqrt
+from ..core.structure import HashedModule
 from ..statistics.limits import check_share, quantile
 from ..statistics.requirements import Requirement
 from ._smoothed import count, hinge, smoothed_quantile, width_of_all
@@ -74,7 +75,7 @@ class Measured(NamedTuple):
         return float(np.sqrt(np.sum(self.influence**2)))
 
 
-class AbstractStatistic(eqx.Module):
+class AbstractStatistic(HashedModule):
     """A statistic of one `output` of a campaign. A concrete one is final."""
 
     output: eqx.AbstractVar[str]
@@ -132,7 +133,7 @@ class AbstractStatistic(eqx.Module):
 
 
 @final
-class Constraint(eqx.Module):
+class Constraint(HashedModule):
     """A limit of a statistic, made by its `at_most` and `at_least`.
 
     - `limit`: the greatest value if `upper`, otherwise the least.

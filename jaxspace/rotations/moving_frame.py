@@ -28,6 +28,7 @@ from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
+from ..core.structure import HashedModule
 from ..core.vectors import cross, dot, norm
 from ._quaternion import Quaternion
 
@@ -45,7 +46,7 @@ def _sum(a: Vector, b: Vector) -> Vector:
 
 @final
 @printed(omega="rad/s", omega_rate="rad/s^2", position="m", velocity="m/s", acceleration="m/s^2")
-class MovingFrame(eqx.Module):
+class MovingFrame(HashedModule):
     """A frame at an instant: how its origin moves, and how it is turned and turns.
 
     - `attitude`: from the frame's axes to inertial ones.

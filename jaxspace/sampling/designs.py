@@ -25,12 +25,13 @@ from jaxtyping import Array, Float, Integer
 
 from ..core import InputError
 from ..core.barrier import barrier
+from ..core.structure import HashedModule
 from .distributions import AbstractDistribution
 
 BITS = 32
 
 
-class AbstractDesign(eqx.Module):
+class AbstractDesign(HashedModule):
     """Sampling of the runs in the unit cube."""
 
     @abstractmethod

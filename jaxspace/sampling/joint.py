@@ -13,10 +13,11 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import InputError
+from ..core.structure import HashedModule
 from .distributions import AbstractDistribution
 
 
-class AbstractJoint(eqx.Module):
+class AbstractJoint(HashedModule):
     """A distribution of several numbers together."""
 
     @property

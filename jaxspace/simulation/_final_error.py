@@ -17,6 +17,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 from ..core import InputError
 from ..core.checks import check_positive, is_concrete
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..core.types import as_float
 from ..integration.accuracy import DEFAULT, Accuracy, check_number
 from ..integration.status import Status
@@ -38,7 +39,7 @@ class Measured(NamedTuple):
 
 @final
 @printed(relative="")
-class FinalError(eqx.Module):
+class FinalError(HashedModule):
     """The error that a run may have at its end: `simulate(..., accuracy=FinalError(position=1.0))`.
 
     The verbs then repeat the run with smaller tolerances until the error, as the runs show it, is

@@ -18,6 +18,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.checks import check_finite, is_concrete
 from ..core.field_types import check_types
+from ..core.structure import HashedModule
 from ..core.types import as_float
 from ..integration.events import Event
 from .runnable import AbstractRunnable
@@ -73,7 +74,7 @@ def _with_known_end(phase: Any) -> Any:
 
 
 @final
-class Phase(eqx.Module):
+class Phase(HashedModule):
     """One phase: the `system` that moves, `until` when, and `then` what jumps.
 
     - `system`: any system, or a `ClosedLoop` of one, whose controller starts again with the phase.
@@ -127,7 +128,7 @@ class Phase(eqx.Module):
 
 
 @final
-class Mission(eqx.Module):
+class Mission(HashedModule):
     """Phases, one after the other.
 
     - `start`: a function (t, y) -> y before the first phase: for a branch the state of the part

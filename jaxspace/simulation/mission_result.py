@@ -12,6 +12,7 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ..integration.status import Status, combine_status
 from ._summary import summary_of_mission
@@ -36,7 +37,7 @@ class BranchEnd(NamedTuple):
 
 
 @final
-class MissionTrajectory(eqx.Module):
+class MissionTrajectory(HashedModule):
     """Trajectories of the phases of a mission, each up to its end before the jump.
 
     It reads as a list of its phases: `len(result)`, `for phase in result`, `result[0]`; also by

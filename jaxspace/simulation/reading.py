@@ -7,6 +7,7 @@ import equinox as eqx
 from jaxtyping import Array, Int, PyTree
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ._summary import Summary, summary_of_run
 from .trajectory import Trajectory
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-class AbstractRun(eqx.Module):
+class AbstractRun(HashedModule):
     """A run that holds more than its `trajectory`, and has the attributes of the trajectory as
     well."""
 

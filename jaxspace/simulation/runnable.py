@@ -7,13 +7,14 @@ import equinox as eqx
 from jaxtyping import PyTree
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from .trajectory import Trajectory
 
 
-class AbstractRunnable(eqx.Module):
+class AbstractRunnable(HashedModule):
     """An object that a phase runs in place of a system, such as a closed loop: it integrates
     itself, with sample times that are known before it starts.
 

@@ -14,6 +14,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.jit import quick_jit
 from ..core.layout import run_axes_of
 from ..core.listed import no_method
+from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings
@@ -39,7 +40,7 @@ T = TypeVar("T")
 
 
 @final
-class Trajectory(eqx.Module):
+class Trajectory(HashedModule):
     """Result of a run or of a batch of runs. Axes are components, then times, then runs.
 
     - `ts`: save times, s, (times,) or (times, runs). If an event stopped a run, its later times

@@ -13,6 +13,7 @@ from ..core import InputError
 from ..core.extras import extra
 from ..core.listed import Listed
 from ..core.record import resuming
+from ..core.structure import HashedModule
 from ..core.text import aligned, in_words
 from ..integration.status import Status
 from ._failures import Failure, failures_of
@@ -37,7 +38,7 @@ MOST_ROWS = 30
 
 
 @final
-class Dispersion(eqx.Module):
+class Dispersion(HashedModule):
     """The runs of a campaign; each array is (runs,).
 
     - `inputs`, `outputs`: values by name.

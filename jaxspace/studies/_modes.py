@@ -21,6 +21,7 @@ from jaxtyping import Array, ArrayLike, Bool, Complex, Float
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..core.tracing import is_traced
 from ._eigenvalues import eigenvalues, ordered
 from ._linearise import Blocks, Input, Output, forced, jacobian, measured
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 @final
 @printed(eigenvalues="1/s")
-class Modes(eqx.Module):
+class Modes(HashedModule):
     """A system linearised about a state, with its modes in the order of their frequencies.
 
     - `matrix` A, `input_matrix` B, `output_matrix` C: (n, n, *runs), (n, m, *runs), (p, n, *runs).

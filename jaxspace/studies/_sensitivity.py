@@ -29,6 +29,7 @@ from jaxtyping import Array, ArrayLike, Float, PyTree
 from ..core import AbstractSystem, InputError, State
 from ..core.jit import quick_jit
 from ..core.printing import printed
+from ..core.structure import HashedModule
 from ..integration.accuracy import as_accuracy
 from ..simulation import Accuracy, Event, Mission, MissionTrajectory, Trajectory
 from ..simulation.batch_layout import InAxes, split_batch
@@ -46,7 +47,7 @@ def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
 
 @final
 @printed()
-class Sensitivity(eqx.Module):
+class Sensitivity(HashedModule):
     """The derivatives of the states of a run, or of one phase of a mission.
 
     - `rows`, `columns`: names of the components of the state, and of what is varied.
