@@ -17,8 +17,8 @@ TASKS = {
         "Describe a body": "RigidBody BurningBody BodyState state AbstractBody",
         "Compute its mass and inertia": "MassProperties mass_properties solids PrincipalInertia "
         "InertiaTensor inertia principal_axes principal_frame",
-        "Know the air": "StandardAtmosphere standard_atmosphere ExponentialAtmosphere Air "
-        "AbstractAtmosphere atmosphere",
+        "Know the air": "StandardAtmosphere standard_atmosphere PadAtmosphere "
+        "ExponentialAtmosphere Air AbstractAtmosphere atmosphere",
         "Move it": "newton_euler FreeRotation",
         "Let it come apart": "parting Detached",
         "Write an effect, a jump or an end": "AbstractEffect Load effects AbstractJump "

@@ -10,6 +10,7 @@ from ._body import RigidBody as RigidBody
 from ._condition import AbstractCondition as AbstractCondition
 from ._free_motion import FreeRotation as FreeRotation
 from ._jump import AbstractJump as AbstractJump
+from ._pad_atmosphere import PadAtmosphere as PadAtmosphere
 from .atmosphere import AbstractAtmosphere as AbstractAtmosphere
 from .atmosphere import Air as Air
 from .atmosphere import ExponentialAtmosphere as ExponentialAtmosphere

@@ -8,9 +8,10 @@ from typing import final
 import equinox as eqx
 import jax.numpy as jnp
 
-from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState
+from ..bodies import AbstractAtmosphere, AbstractEffect, BodyState, PadAtmosphere
 from ..core import (
     AbstractParameters,
+    InputError,
     NumberField,
     OptionalNumberField,
     Scalar,
@@ -58,11 +59,35 @@ class LaunchSite(AbstractParameters):
     gusts: DrydenGusts | None = eqx.field(
         default=None, metadata={"doc": "turbulence beside the wind; none by default"}
     )
+    temperature: OptionalNumberField = quantity(
+        "K",
+        low=180.0,
+        high=340.0,
+        optional=True,
+        doc="of the air at the ground; without an atmosphere, of the standard by default",
+    )
+    pressure: OptionalNumberField = quantity(
+        "Pa",
+        positive=True,
+        optional=True,
+        doc="of the air at the ground; without an atmosphere, of the standard by default",
+    )
+
+    def __check_init__(self):
+        for name in ("temperature", "pressure"):
+            if getattr(self, name) is not None and self.atmosphere is not None:
+                raise InputError(
+                    f"LaunchSite.{name} and LaunchSite.atmosphere are both given: it must be one "
+                    "of them."
+                )
 
     @property
     def air(self) -> LocalAir:
         """The air over the site: its atmosphere, wind and gusts."""
-        return LocalAir(self.atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
+        atmosphere = self.atmosphere
+        if self.temperature is not None or self.pressure is not None:
+            atmosphere = PadAtmosphere(self.elevation, self.temperature, self.pressure)
+        return LocalAir(atmosphere, elevation=self.elevation, wind=self.wind, gusts=self.gusts)
 
     # Outside of `jit` each of some hundred operations would be compiled by itself.
     @quick_jit

@@ -5,8 +5,10 @@ import jax.numpy as jnp
 import mpmath
 import numpy as np
 import pytest
+from jax.test_util import check_grads
+from scipy.integrate import quad
 
-from jaxspace.bodies import StandardAtmosphere
+from jaxspace.bodies import PadAtmosphere, StandardAtmosphere
 from jaxspace.bodies.atmosphere import GAS_CONSTANT, GRAVITY, MOLAR_MASS
 from jaxspace.bodies.standard_atmosphere import (
     LAYERS,
@@ -17,6 +19,7 @@ from jaxspace.bodies.standard_atmosphere import (
     standard_atmosphere,
 )
 from jaxspace.core import InputError
+from jaxspace.vehicles import LaunchSite
 
 # Table I: geometric height, km; T, K; p, Pa; rho, kg/m^3; c, m/s.
 LOW = np.array(
@@ -184,3 +187,79 @@ def test_precision_factor_and_input():
     assert float(half.scaled(3.0).density_factor) == 1.5
     with pytest.raises(InputError, match="StandardAtmosphere.density_factor is -1"):
         StandardAtmosphere(-1.0)
+
+
+# ---------------------------------------------------------------- over a launch pad
+
+
+def test_air_over_a_pad_is_in_equilibrium():
+    """T linear from the pad to 11 km; p by a quadrature of g_0 M_0 / (R T), below the pad and above
+    the tropopause, too; without values of its own it is the standard."""
+    z = jnp.array([-200.0, 1400.0, 3000.0, 9e3, 11e3, 12e3, 4e4, 9e4])
+    plain, standard = PadAtmosphere(1400.0).air_at(z), air(z)
+    for found, expected in zip(plain, standard, strict=True):
+        np.testing.assert_allclose(found, expected, rtol=1e-13)
+    pad = float(geopotential_height(1400.0))
+    levels = np.asarray(geopotential_height(z))
+    per_kelvin = 9.80665 * 28.9644 / 8314.32
+    # Warm, cold, and as cold as the tropopause, where the layer is isothermal.
+    for kelvin in (313.0, 245.0, 216.65, 216.6500001):
+        one = PadAtmosphere(1400.0, kelvin, 84e3)
+        found = one.air_at(z)
+        slope = (216.65 - kelvin) / (11e3 - pad)
+
+        def at(level, kelvin=kelvin, slope=slope):
+            return kelvin + slope * (level - pad)
+
+        def fall(level, at=at):
+            return quad(lambda h: per_kelvin / at(h), pad, level, epsabs=0.0, epsrel=1e-12)[0]
+
+        low = levels < 11e3
+        np.testing.assert_allclose(found.temperature[low], at(levels[low]), rtol=1e-14)
+        np.testing.assert_allclose(found.temperature[~low], standard.temperature[~low], rtol=1e-14)
+        expected = [84e3 * np.exp(-fall(level)) for level in levels[low]]
+        np.testing.assert_allclose(found.pressure[low], expected, rtol=1e-11)
+        # Above by the ratio at the tropopause, 22632.06 Pa of the standard.
+        ratio = 84e3 * np.exp(-fall(11e3)) / 22632.06397
+        np.testing.assert_allclose(found.pressure[~low] / standard.pressure[~low], ratio, rtol=1e-9)
+        density = found.pressure * 28.9644 / (8314.32 * found.temperature)
+        np.testing.assert_allclose(found.density[:-1], density[:-1], rtol=1e-12)
+
+
+def test_derivatives_and_precision_of_the_air_over_a_pad():
+    """In both modes, also where the layer is isothermal, and for a batch of pads."""
+    heights = jnp.array([1400.0, 5e3, 2e4])
+
+    def total(elevation, kelvin, pressure):
+        one = PadAtmosphere(elevation, kelvin, pressure).air_at(heights)
+        return jnp.log(one.density), one.sound_speed
+
+    for kelvin in (216.65, 300.0):
+        check_grads(total, (1400.0, kelvin, 86e3), 1, atol=1e-6, rtol=1e-6)
+    many = PadAtmosphere(0.0, jnp.array([280.0, 300.0])).scaled(2.0).air_at(jnp.array([0.0, 1e3]))
+    for k, (kelvin, z) in enumerate(((280.0, 0.0), (300.0, 1e3))):
+        alone = PadAtmosphere(0.0, kelvin).air_at(jnp.asarray(z))
+        np.testing.assert_allclose(many.density[k], 2.0 * alone.density, rtol=1e-14)
+    fields = (jnp.asarray(x, jnp.float32) for x in (1400.0, 300.0, 86e3))
+    single = PadAtmosphere(*fields).air_at(heights.astype(jnp.float32))
+    assert {x.dtype for x in single} == {jnp.dtype("float32")}
+    whole = PadAtmosphere(1400.0, 300.0, 86e3).air_at(heights)
+    np.testing.assert_allclose(single.density, whole.density, rtol=1e-5)
+
+
+def test_a_launch_site_takes_the_air_of_its_pad():
+    site = LaunchSite(5.0, 1.4, elevation=1400.0, temperature=308.0, pressure=86e3)
+    state, _ = site.air.at(jnp.zeros(3))
+    assert (float(state.temperature), float(state.pressure)) == (308.0, pytest.approx(86e3))
+    warm, _ = LaunchSite(5.0, 1.4, temperature=308.0).air.at(jnp.zeros(3))
+    assert float(warm.pressure) == pytest.approx(101325.0, rel=1e-13)
+    for wrong in (
+        lambda: LaunchSite(5.0, 1.4, temperature=35.0),
+        lambda: PadAtmosphere(0.0, 35.0),
+        lambda: PadAtmosphere(0.0, 300.0, -1.0),
+        lambda: PadAtmosphere(2e4, 300.0),
+    ):
+        with pytest.raises(InputError, match="it must be"):
+            wrong()
+    with pytest.raises(InputError, match="LaunchSite.pressure and LaunchSite.atmosphere are both"):
+        LaunchSite(5.0, 1.4, atmosphere=StandardAtmosphere(), pressure=1e5)

@@ -7,6 +7,7 @@ from jaxspace.bodies import (
     BodyState,
     ExponentialAtmosphere,
     InertiaTensor,
+    PadAtmosphere,
     PrincipalInertia,
     RigidBody,
     StandardAtmosphere,
@@ -199,6 +200,13 @@ def airs(x):
     state, found = one.air_at(x[3]), standard.air_at(x[3])
     numbers_ = state.density, one.density_at(x[3]), found.density, found.pressure, found.sound_speed
     return numbers(*numbers_)
+
+
+def airs_of_a_pad(x):
+    """Pressure, density and temperature over a pad, from 3 numbers."""
+    pad = PadAtmosphere(*x[:3])
+    found = pad.air_at(x[3])
+    return numbers(pad.density_at(x[3]), found.pressure, found.temperature, found.sound_speed)
 
 
 ROLLER = (1.0, 0.3, 0.0225, 0.045, 9.8)
@@ -425,6 +433,16 @@ FORMS = (
             "rotations.Quaternion.projected",
         ),
         [(*GENERAL, 0.1, 0.2, -0.3, 3.0, 2.0, 1.5, 0.5, -0.4, 0.7, 0.1)],
+    ),
+    Form(
+        airs_of_a_pad,
+        ("bodies.PadAtmosphere.air_at", "bodies.PadAtmosphere.density_at"),
+        [
+            (1400.0, 308.0, 86e3, 1400.0),
+            (0.0, 216.65, 101e3, 4e3),
+            (0.0, 216.7, 101e3, 0.0),
+            (100.0, 250.0, 102e3, 2e4),
+        ],
     ),
     Form(
         airs,

@@ -109,8 +109,9 @@ def test_parts_of_another_kind_are_refused():
             Aerodynamics(0.0127, 0.4, **parts)
 
 
-def test_a_file_has_lists_of_fins_and_tails(tmp_path):
-    """A table for one, a list of tables for several; their numbers may be dispersed."""
+def test_a_file_has_lists_of_fins_and_tails_and_the_air_of_the_pad(tmp_path):
+    """A table for one, a list of tables for several; their numbers may be dispersed. Temperature
+    and pressure at the pad are those of the site."""
     (tmp_path / "scenes").mkdir()
     (tmp_path / "model_rockets").mkdir()
     name = "model_rockets/cesaroni_m1670.eng"
@@ -121,6 +122,7 @@ def test_a_file_has_lists_of_fins_and_tails(tmp_path):
     canted = fins.replace("leading_edge", "cant = 0.01\nleading_edge")
     two = text.replace("[vehicle.tail]", canted + "[[vehicle.tail]]")
     two = two.replace("[vehicle.fins]", "[[vehicle.fins]]")
+    two = two.replace("[site]", '[site]\ntemperature = "35 degC"\npressure = "865 hPa"')
     two += '"vehicle.fins.1.span" = { deviation = "1 mm" }\n'
     path.write_text(two)
     file = jaxspace.load(path)
@@ -128,6 +130,8 @@ def test_a_file_has_lists_of_fins_and_tails(tmp_path):
     scene = file.mission.phases[1].system
     (forces,) = (e for e in scene.effects if isinstance(e, Aerodynamics))
     assert [x.cant for x in forces.fins] == [None, 0.01] and len(forces.tail) == 1
+    state, _ = forces.air.at(jnp.zeros(3))
+    np.testing.assert_allclose(state[:2], [308.15, 86500.0], rtol=1e-13)
     path.write_text(two.replace("cant = 0.01", "cant = 9"))
     with pytest.raises(SceneError, match=r"vehicle\.fins\.1\.cant is 9"):
         jaxspace.load(path)
