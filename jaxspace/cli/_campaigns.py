@@ -21,7 +21,7 @@ from ..io.units import read_option
 from ..statistics import Dispersion, StopRule
 from ..stores import DamagedStore, StoreError, open_store
 from ._commands import draw, path_of, print_next, show_page
-from ._folder import make_folder
+from ._output import make_folder
 from ._report import accuracy_of, keep_pictures, nominal_outputs
 from ._stopping import Stopped, is_stop
 from ._waiting import progress, waiting
@@ -170,11 +170,14 @@ def _run_and_report(
         with waiting("computing the moments by other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
         print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
-    keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
+    written = keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(_times(result, time.perf_counter() - began))
     print(f"store  {store}")
     # The cause of a failure comes first.
     print_next(file, "report" if result.good.all() else "failures", store)
+    # A picture that cannot be drawn costs no number; a disk on which nothing more fits is told.
+    if written == 2:
+        return 2
     # Single failed runs are part of the result; a campaign of which all failed is none.
     return 0 if result.good.any() else 1
 

@@ -24,8 +24,8 @@ from ..simulation import Mission, MissionTrajectory, Status, Trajectory
 from ..studies import AccuracyCost, EffectBudget, accuracy_cost, effect_budget
 from ..studies.budget_table import effect_names
 from ..studies.cost_table import price_table
-from ._folder import make_folder
 from ._optimize_design import optimize_design
+from ._output import make_folder, replacing, write_text
 from ._waiting import progress, waiting
 
 # Largest growth of the steps of a search until a run confirms it: four repetitions.
@@ -125,7 +125,8 @@ def optimize(
         path = path_of(file, folder, f"_optimum_{name}.png".replace(" ", "_"))
         draw(file, phase, path, f"{file.title}, optimum: {name}")
     figure = path_of(file, folder, "_search.png")
-    result.minimum.plot(file.title).savefig(figure)
+    with replacing(figure) as unfinished:
+        result.minimum.plot(file.title).savefig(unfinished)
     print(f"figure {figure}")
     print_next(file, "run", best)
     # The file is written in any case: the code tells a script whether it is an optimum.
@@ -135,8 +136,7 @@ def optimize(
 def _confirmed(file: SceneFile, found: Optimum, best: str) -> Confirmed:
     """The optimum, compared with a run of its file, which is written to `best`; the outputs of that
     run, and the run."""
-    with open(best, "w", encoding="utf-8") as out:
-        out.write(found.text())
+    write_text(best, found.text())
     # Read back, so that what is confirmed is what the file says, rounding included.
     optimum = load(best, modules=file.modules)
     # At the accuracy of the file, with adaptive steps, by which the optimum is confirmed.
@@ -290,8 +290,7 @@ def verify(precision: str, device: str | None, path: str | None) -> int:
     result = run_cases(precision=precision, device=device)
     print(result)
     if path is not None:
-        with open(path, "w", encoding="utf-8") as file:
-            file.write(result.json())
+        write_text(path, result.json())
     return 0 if result.passed else 1
 
 
@@ -306,7 +305,8 @@ def draw(file: SceneFile, trajectory: Trajectory, path: str, title: str = "") ->
     # Draws to files alone, so that a machine without a display serves.
     matplotlib.use("Agg")
     title = title or file.title
-    trajectory_figure(trajectory, scale=file.shown_unit, title=title).savefig(path)
+    with replacing(path) as unfinished:
+        trajectory_figure(trajectory, scale=file.shown_unit, title=title).savefig(unfinished)
     print(f"figure {path}")
 
 
@@ -338,7 +338,8 @@ def _draw_table(table: AccuracyCost | EffectBudget, path: str) -> None:
     import matplotlib
 
     matplotlib.use("Agg")
-    table.plot().savefig(path)
+    with replacing(path) as unfinished:
+        table.plot().savefig(unfinished)
     print(f"figure {path}")
 
 

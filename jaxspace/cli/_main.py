@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 
 from ._parser import parser, with_joined_runs
-from ._stopping import STOPPED, clear_interruption
+from ._stopping import STOPPED, clear_interruption, ignore_signals, stopped_afterwards
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -17,12 +17,19 @@ def main(arguments: Sequence[str] | None = None) -> int:
     given = parser().parse_args(with_joined_runs(words))
     try:
         # Imports JAX, for which `--help` and a wrong option must not wait.
-        carry_out = _imported()
+        with stopped_afterwards() as came:
+            carry_out = _imported()
+        if came:
+            raise KeyboardInterrupt
+        return carry_out(given)
     except KeyboardInterrupt:
         clear_interruption()
         print("jaxspace: stopped.", file=sys.stderr)
         return STOPPED
-    return carry_out(given)
+    finally:
+        # The program ends: an impatient Ctrl-C would print where Python was at that.
+        if arguments is None:
+            ignore_signals()
 
 
 def _imported() -> Callable[[argparse.Namespace], int]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from ..io import SceneFile
 from ..optimization import Progress
 from ..robust import DesignAssessment, DesignOptimum, assess_designs
-from ._folder import make_folder
+from ._output import make_folder, replacing, write_text
 from ._waiting import progress, waiting
 
 
@@ -66,13 +66,16 @@ def _keep(
 ) -> None:
     """Write the file of the optimum, its page, and the figures of its runs and of the search."""
     best = f"{beginning}_optimum.toml"
-    with open(best, "w", encoding="utf-8") as out:
-        out.write(file.with_design(optimum))
+    write_text(best, file.with_design(optimum))
     print(f"file   {best}")
-    print(f"page   {assessment.page(f'{beginning}_designs.html', file.title)}")
+    page = f"{beginning}_designs.html"
+    with replacing(page) as unfinished:
+        assessment.page(unfinished, file.title)
+    print(f"page   {page}")
     for ending, figure in (
         ("_designs.png", assessment.plot(title=file.title)),
         ("_search.png", optimum.plot(file.title)),
     ):
-        figure.savefig(beginning + ending)
+        with replacing(beginning + ending) as unfinished:
+            figure.savefig(unfinished)
         print(f"figure {beginning + ending}")

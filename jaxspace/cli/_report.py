@@ -18,7 +18,7 @@ from ..statistics import Dispersion
 from ..stores import open_store
 from ..vehicles import LaunchSite
 from ._commands import print_next
-from ._folder import make_folder
+from ._output import make_folder, replacing, say
 from ._waiting import waiting
 from ._warning_lines import warnings_as_lines
 
@@ -33,17 +33,17 @@ def keep_pictures(
     start: str,
     paths: RunPaths | None = None,
     site: LaunchSite | None = None,
-) -> None:
+) -> int:
     """Draw the figures and write the page, at paths that begin with `start`; print where.
 
     A picture that cannot be drawn is reported on the error output; the numbers are written
-    anyway."""
+    anyway. Returns the largest exit status of them."""
     import matplotlib
 
     from ..plots import dispersion_figure, dispersion_page, footprint_figure
 
     if not result.good.any():
-        return
+        return 0
     # No window: the command also runs where there is no display.
     matplotlib.use("Agg")
     values = {name: value for name, (value, _) in nominal.items()}
@@ -60,10 +60,10 @@ def keep_pictures(
         there = (values["east"], values["north"]) if {"east", "north"} <= set(values) else None
         footprint_figure(result, wind=wind, title=title, nominal=there).savefig(path, dpi=150)
 
-    _attempt("figure", f"{start}.png", figure)
+    statuses = [_attempt("figure", f"{start}.png", figure)]
     if result.footprint() is not None:
-        _attempt("figure", f"{start}_landings.png", landings)
-    _attempt("page", f"{start}.html", page)
+        statuses.append(_attempt("figure", f"{start}_landings.png", landings))
+    return max(*statuses, _attempt("page", f"{start}.html", page))
 
 
 def nominal_outputs(
@@ -86,7 +86,8 @@ def _top(result: Dispersion) -> float:
 
 
 def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
-    """Write the page of a store with trajectories, and its runs as tables."""
+    """Write the page of a store with trajectories, and its runs as tables. The status tells whether
+    every file is there: 1 where one cannot be made, 2 where one cannot be written."""
     with warnings_as_lines():
         result = open_store(path)
     file = _scene(result, modules)
@@ -117,14 +118,14 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         tables = dispersion_report(result, nominal)
     print(tables)
     start = os.path.join(folder, name)
-    keep_pictures(result, title, nominal, start, paths, site)
-    _attempt("table", f"{start}.csv", result.to_csv)
+    statuses = [keep_pictures(result, title, nominal, start, paths, site)]
+    statuses.append(_attempt("table", f"{start}.csv", result.to_csv))
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:
-        _attempt("table", f"{start}.parquet", result.to_parquet)
+        statuses.append(_attempt("table", f"{start}.parquet", result.to_parquet))
     if file is not None:
         print_next(file, "replay", path, "--run", 0, "--show")
-    return 0
+    return max(statuses)
 
 
 def accuracy_of(file: SceneFile, result: Dispersion) -> Accuracy:
@@ -148,13 +149,18 @@ def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
         return None
 
 
-def _attempt(what: str, path: str, write: Callable[[str], None]) -> None:
-    """Write a file, and say where it is or why it is not there."""
+def _attempt(what: str, path: str, write: Callable[[str], None]) -> int:
+    """Write a file, and say where it is or why it is not there. Returns its exit status: 1 for a
+    file that cannot be made, 2 for one that cannot be written."""
     try:
-        with waiting(f"writing {path}"):
-            write(path)
+        with waiting(f"writing {path}"), replacing(path) as unfinished:
+            write(unfinished)
+    except OSError as error:
+        say(f"{path} cannot be written: {error.strerror or error}.")
+        return 2
     # Any error of a plotting library, because the numbers are to be written anyway.
     except Exception as error:
-        print(f"{path} is left out: {type(error).__name__}: {error}", file=sys.stderr)
-        return
+        say(f"{path} is left out: {type(error).__name__}: {error}")
+        return 1
     print(f"{what:<6} {path}")
+    return 0

@@ -1,15 +1,26 @@
-"""The end of a command by Ctrl-C or by SIGTERM: a sentence, and what was stored stays."""
+"""The end of a command by a signal: Ctrl-C, the end of its terminal, or the system. It ends with a
+sentence, and what was stored stays.
+
+A signal raises `KeyboardInterrupt` once. More of them, as of an impatient Ctrl-C, are left aside
+while the command tidies up: each would interrupt that in turn. Where it lasts, one counts again.
+"""
 
 import contextlib
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from types import FrameType
+from typing import Any
 
 STOPPED = 130
 """The exit status, as a shell reports a command that SIGINT has ended."""
+SIGNALS = ("SIGINT", "SIGTERM", "SIGHUP")
+"""Signals that stop a command; Windows has fewer. SIGHUP comes when a terminal is closed."""
+PATIENCE = 10.0
+"""Seconds after one of them in which further ones are left aside."""
 
 
 class Stopped(Exception):
@@ -32,34 +43,71 @@ def clear_interruption() -> None:
 
 
 @contextlib.contextmanager
+def _handled(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """While signals that stop a command call this handler."""
+    before: dict[int, Any] = {}
+    # Elsewhere signals are not ours to handle.
+    if threading.current_thread() is threading.main_thread():
+        for name in SIGNALS:
+            number = getattr(signal, name, None)
+            # `nohup` and the background of a shell ignore some of them on purpose.
+            if number is not None and signal.getsignal(number) is not signal.SIG_IGN:
+                before[number] = signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number, earlier in before.items():
+            # `None` stands for a handler that Python has not set.
+            signal.signal(number, earlier or signal.SIG_DFL)
+
+
+@contextlib.contextmanager
 def stopped_by_signals() -> Iterator[None]:
-    """SIGTERM, with which systems end a process, is met like Ctrl-C."""
+    """Meet each of the `SIGNALS` like Ctrl-C, once."""
+    last = -PATIENCE
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise KeyboardInterrupt
-
-    # Elsewhere signals are not ours to handle.
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
+        nonlocal last
+        now = time.monotonic()
+        if now - last >= PATIENCE:
+            last = now
+            raise KeyboardInterrupt
 
     def again(what: "sys.UnraisableHookArgs") -> None:
+        nonlocal last
         # Met where Python can only print it, as in a callback of its collector: raised again later.
         if issubclass(what.exc_type, KeyboardInterrupt):
+            last = -PATIENCE
             timers.append(threading.Timer(0.05, os.kill, (os.getpid(), signal.SIGINT)))
             timers[-1].start()
         else:
             hook(what)
 
     timers: list[threading.Timer] = []
-    before = signal.signal(signal.SIGTERM, stop)
     hook = sys.unraisablehook
     sys.unraisablehook = again
-    try:
-        yield
-    finally:
-        # The command has ended: a late one would kill the process in place of its status.
-        for timer in timers:
-            timer.cancel()
-        sys.unraisablehook = hook
-        signal.signal(signal.SIGTERM, before)
+    with _handled(stop):
+        try:
+            yield
+        finally:
+            # The command has ended: a late one would kill the process in place of its status.
+            for timer in timers:
+                timer.cancel()
+            sys.unraisablehook = hook
+
+
+@contextlib.contextmanager
+def stopped_afterwards() -> Iterator[list[int]]:
+    """Put off the signals that stop a command, while modules are imported: an interruption would
+    leave them half made. The signals that came."""
+    came: list[int] = []
+    with _handled(lambda number, frame: came.append(number)):
+        yield came
+
+
+def ignore_signals() -> None:
+    """Leave further signals aside, in a process that only has to return its exit status."""
+    if threading.current_thread() is threading.main_thread():
+        for name in SIGNALS:
+            if hasattr(signal, name):
+                signal.signal(getattr(signal, name), signal.SIG_IGN)

@@ -1,18 +1,14 @@
 """The warnings about a campaign and its store, as lines on the error output."""
 
-import sys
 import warnings
 from collections.abc import Callable
 from typing import Any
 
 from ..stores import DamagedStore
+from ._output import harmless, say
 
 UNFINISHED = ".* planned runs are in the store"
 """How a warning of an unfinished store reads, which every report says in its own place."""
-
-
-def _print(line: str) -> None:
-    print(line, file=sys.stderr)
 
 
 class warnings_as_lines:
@@ -20,7 +16,7 @@ class warnings_as_lines:
 
     `write`: what takes a line; by default it is printed on the error output."""
 
-    def __init__(self, write: Callable[[str], None] = _print):
+    def __init__(self, write: Callable[[str], None] = say):
         self.write = write
         self.context = warnings.catch_warnings()
 
@@ -32,7 +28,7 @@ class warnings_as_lines:
             message: Warning | str, category: type[Warning], *more: Any, **options: Any
         ) -> None:
             if issubclass(category, UserWarning):
-                self.write(str(message))
+                self.write(harmless(str(message)))
             else:
                 before(message, category, *more, **options)
 

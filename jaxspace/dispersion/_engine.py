@@ -8,6 +8,7 @@ import warnings
 from collections.abc import Callable, Mapping, Sequence
 from typing import Literal, overload
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -20,9 +21,11 @@ from ..engines.ending import check_rule
 from ..engines.named import as_engine
 from ..integration.accuracy import Accuracy
 from ..integration.config import check_tolerance
+from ..simulation.legs import legs_of
 from ..statistics import Dispersion
 from ..statistics.spread import StopRule
 from ..stores import DamagedStore
+from ..stores.columns import check_array_name
 from ..stores.results import RunResults
 from ..stores.store import ENOUGH
 from ..stores.writer import StoreWriter
@@ -169,6 +172,8 @@ def disperse(
     asked = as_campaign_accuracy(campaign.accuracy if accuracy is None else accuracy)
     accuracy = _resolved(campaign.accuracy_for(asked))
     kept_states = _states_to_store(campaign, samples, times, store)
+    if store is not None:
+        _check_stored_names(campaign, kept_states)
     using = as_engine(engine)
     local = _devices(devices)
     if isinstance(using, MultiHost) and store is None:
@@ -319,6 +324,18 @@ def _states_to_store(
     if samples or store is None:
         raise InputError("times must be given with a store, and without samples.")
     return choose_times(campaign, times)
+
+
+def _check_stored_names(campaign: Campaign, kept: StatesToStore) -> None:
+    """Raise `StoreError` for an input, or a phase of which states are kept, with a name that no
+    array of a store can have: before anything is compiled."""
+    names = list(campaign.inputs)
+    if kept:
+        # Only the names of the phases are needed, and nothing is computed.
+        mission = eqx.filter_eval_shape(lambda c: c.mission(c.nominal())[0], campaign)
+        names += [f"{leg.name}.time" for leg in legs_of(mission)[0]]
+    for name in names:
+        check_array_name(name)
 
 
 def _resolved(accuracy: Accuracy) -> Accuracy:

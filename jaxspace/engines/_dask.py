@@ -1,6 +1,7 @@
 """The engine of Dask distributed."""
 
 import contextlib
+import logging
 import queue
 from collections.abc import Iterator, Sequence
 from typing import Any, final
@@ -20,6 +21,8 @@ from ._transfer import compute_chunk, payload_of, without_main
 
 # The kinds of connection that Dask knows.
 SCHEMES = ("tcp", "tls", "ws", "wss", "ucx", "inproc")
+# Whose logs of broken connections say nothing that the error of the engine does not say.
+LIBRARIES = ("distributed", "tornado")
 # Interval of the checks that the scheduler is alive, s.
 PULSE = 2.0
 
@@ -92,7 +95,7 @@ class DaskCluster(AbstractEngine):
         where = "of this machine" if self.address is None else f"at {self.address}"
         with contextlib.ExitStack() as stack:
             # Dask's log of broken connections is silenced, because the error below reports them.
-            stack.enter_context(_quiet("distributed"))
+            stack.enter_context(_quiet())
             try:
                 target = self.address
                 if target is None:
@@ -133,13 +136,24 @@ def _closed(client: Any) -> None:
 
 
 @contextlib.contextmanager
-def _quiet(name: str) -> Iterator[None]:
-    import logging
-
-    logger = logging.getLogger(name)
-    before = logger.level
-    logger.setLevel(logging.CRITICAL)
+def _quiet() -> Iterator[None]:
+    """Without the logs of Dask, whose parts have levels of their own."""
+    names = [name for name in logging.root.manager.loggerDict if name.startswith(LIBRARIES)]
+    loggers = [logging.getLogger(name) for name in names]
+    before = [logger.level for logger in loggers]
+    # Stays, for what Dask leaves behind fails later, when the collector meets it.
+    logging.getLogger("asyncio").addFilter(_is_of_others)
     try:
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
         yield
     finally:
-        logger.setLevel(before)
+        for logger, level in zip(loggers, before, strict=True):
+            logger.setLevel(level)
+
+
+def _is_of_others(record: logging.LogRecord) -> bool:
+    """Whether a message about a task is not one of Dask."""
+    kind = record.exc_info[0] if record.exc_info else None
+    texts = (record.getMessage(), "" if kind is None else kind.__module__)
+    return not any(library in text for library in LIBRARIES for text in texts)

@@ -53,7 +53,7 @@ def load(
     - `modules`: paths of Python files, which are run; the file may use the names that they define.
       The key `modules` of a file names those that it needs, and does not run them.
     - `text`: of the file, if it is not to be read.
-    - `files`: texts of files that it names, which then are not read either.
+    - `files`: texts of all files that it names, of which none is read then.
 
     **Returns** the checked file, which builds its system on request.
 
@@ -65,7 +65,7 @@ def load(
     user_modules = read_modules(modules)
     if missing_module(data, user_modules):
         raise SceneError(path, missing_module(data, user_modules))
-    named = NamedFiles(Path(path).parent, files)
+    named = NamedFiles(Path(path).parent, files, closed=files is not None)
     known = catalog(also, user_modules).numbered(named_effects(data))
     table, errors = form(data, known)
     # If the form is unknown nothing can be read, and any further error would be a guess.
@@ -140,4 +140,6 @@ def stored_scene(
     user_modules = read_modules(modules)
     check_stored(dispersion.attributes, user_modules)
     path = str(dispersion.attributes.get("scene_file", "scene.toml"))
-    return load(path, modules=user_modules, text=text, files=dispersion.attributes.get("files"))
+    # No file is read for it: a store has the texts of all that its scene names.
+    files = dispersion.attributes.get("files", {})
+    return load(path, modules=user_modules, text=text, files=files)

@@ -100,7 +100,9 @@ class SearchStore:
     def _replace(self, content: bytes) -> None:
         beside = self.path.with_name(f"{self.path.name}.{os.getpid()}.part")
         try:
-            with open(beside, "wb") as file:
+            beside.unlink(missing_ok=True)
+            # New, because a link of this name would lead elsewhere.
+            with open(beside, "xb") as file:
                 file.write(content)
                 file.flush()
                 # On the disk before the name is, also where the machine fails.

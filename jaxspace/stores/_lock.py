@@ -50,14 +50,19 @@ class Lock:
         where the file cannot be opened or written, or is not a regular file of its own."""
         while self.handle is None:
             handle, self.created = _open(self.path)
+            locked = False
             try:
                 owner = self._wait(handle)
+                locked = True
                 # Its last owner may have removed it while this process waited.
                 if _is_at(handle, self.path):
                     self._write_name(handle, owner)
                     self.handle = handle
             finally:
                 if self.handle is None:
+                    # As on a full disk, or by Ctrl-C: who has it open takes another one then.
+                    if self.created and locked:
+                        self.path.unlink(missing_ok=True)
                     os.close(handle)
 
     def _wait(self, handle: int) -> Owner | None:
@@ -81,16 +86,10 @@ class Lock:
             self.stale = f"The {before} ended without releasing the store."
         now = time.strftime("%Y-%m-%dT%H:%M:%S%z")
         text = json.dumps({"pid": os.getpid(), "host": socket.gethostname(), "since": now})
-        try:
-            # Emptied first, because the name of an earlier owner may be longer.
-            os.ftruncate(handle, 0)
-            os.lseek(handle, 0, os.SEEK_SET)
-            os.write(handle, text.encode())
-        # As on a full disk.
-        except OSError:
-            if self.created:
-                self.path.unlink(missing_ok=True)
-            raise
+        # Emptied first, because the name of an earlier owner may be longer.
+        os.ftruncate(handle, 0)
+        os.lseek(handle, 0, os.SEEK_SET)
+        os.write(handle, text.encode())
 
     def release(self, remove: bool = False) -> None:
         """Empty the file and release the lock. `remove`: whether the file goes, too."""

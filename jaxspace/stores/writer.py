@@ -116,9 +116,12 @@ class StoreWriter:
     def _leave(self) -> None:
         """Release the lock; without a store, leave the folder as it was, or remove the one that was
         there for the store alone."""
-        if self.lock.handle is None:
-            return
         path = self.store.path
+        if self.lock.handle is None:
+            if self._own_folder:
+                with contextlib.suppress(OSError):
+                    path.rmdir()
+            return
         remove = only_lock = False
         try:
             only_lock = {x.name for x in path.iterdir()} == {NAME}

@@ -42,15 +42,24 @@ class NamedFiles:
 
     - `folder`: that of the scene file, where names begin.
     - `texts`: of the files that have been read, or that a store holds.
+    - `closed`: whether these are all of them, and none is read.
     - `entries`: of the scene file that name a file, by their path."""
 
-    def __init__(self, folder: Path | None = None, texts: Mapping[str, str] | None = None):
+    def __init__(
+        self,
+        folder: Path | None = None,
+        texts: Mapping[str, str] | None = None,
+        closed: bool = False,
+    ):
         self.folder = Path() if folder is None else folder
         self.texts = dict(texts or {})
+        self.closed = closed
         self.entries: dict[str, NamedFile] = {}
 
     def text(self, name: str) -> str:
         """The text of a file. Raises `ValueError` with the path of one that cannot be read."""
+        if name not in self.texts and self.closed:
+            raise ValueError(f"{name} cannot be read: its text is not in the store.")
         if name not in self.texts:
             path = self.path(name)
             try:

@@ -4,6 +4,7 @@ files."""
 import math
 from dataclasses import dataclass
 
+from ...core.file_names import SEPARATORS, file_name_fault
 from ...core.quantities import Quantity
 from ...core.text import is_printable
 from ..units import dimension, expected, read_number
@@ -12,6 +13,8 @@ from .kind import Kind, Reading, Schema, Value
 
 LONGEST_TEXT = 200
 """Characters of a title or a name: a longer one is no line of a table and no head of a figure."""
+LONGEST_PART = 100
+"""Bytes of a name in the names of files, which have 255 with all of their parts."""
 
 
 # A float, so that checks compare it like any number; only dispersions need the rest.
@@ -136,6 +139,27 @@ class Text(Kind):
 
     def schema(self) -> Schema:
         return {"type": "string", "maxLength": LONGEST_TEXT}
+
+
+@dataclass(frozen=True, eq=False)
+class PartOfFileName(Kind):
+    """A name that becomes a part of the names of files and of arrays in a store."""
+
+    def read(self, value: object, path: str, reading: Reading) -> Value:
+        if isinstance(value, str) and not file_name_fault(value, LONGEST_PART):
+            return value
+        reading.errors.append(wrong(path, value, self.expected()))
+        return None
+
+    def expected(self) -> str:
+        return (
+            f"text that can be a part of the name of a file: at most {LONGEST_PART} bytes that can "
+            f"be printed, without {' '.join(SEPARATORS)}, that begins with no dot, ends with "
+            f"neither a dot nor a space, and names no device of Windows"
+        )
+
+    def schema(self) -> Schema:
+        return {"type": "string", "minLength": 1, "maxLength": LONGEST_PART}
 
 
 @dataclass(frozen=True, eq=False)

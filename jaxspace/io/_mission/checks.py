@@ -5,10 +5,12 @@ from collections.abc import Mapping
 
 from ...bodies import AbstractBody
 from ...core import AbstractParameters, InputError
+from ...core.file_names import file_name_fault
 from ...core.quantities import REQUIRED
 from ...scene.reading import Reading, read_effects
 from .._kinds.errors import missing, unknown, wrong
 from .._kinds.kind import Maker
+from .._kinds.values import LONGEST_PART
 from .building import at
 from .control import control_errors
 from .ends import condition_of, end_kind, event_needs, is_event
@@ -257,6 +259,10 @@ def name_errors(file: Parsed) -> list[str]:
 def branch_errors(file: Parsed) -> list[str]:
     """Errors of the branches, by which what follows makes no sense."""
     result = []
+    for key in file.values["branch"]:
+        # Its name is a part of the names of files, as those of its phases are.
+        if fault := file_name_fault(key, LONGEST_PART):
+            result.append(wrong("branch", key, f"a name that is {fault}"))
     known = {line.key: line for line in file.lines}
     for key, branch in file.values["branch"].items():
         if key in known:

@@ -11,7 +11,7 @@ from .._catalog.catalog import Catalog, part_entries, state_class, state_way
 from .._catalog.declared import entry_of, function_way
 from .._kinds.kind import Entry, Kind, Maker
 from .._kinds.tables import NamedTables, Object, Table
-from .._kinds.values import ListOf, Number, OneName, Text, Whole
+from .._kinds.values import ListOf, Number, OneName, PartOfFileName, Text, Whole
 from .control import control_kind
 from .effect_tables import EffectName, EffectTables
 from .ends import end_kind
@@ -118,7 +118,7 @@ def _phase(catalog: Catalog) -> Table:
     active = ListOf(EffectName(tuple(catalog.effects)))
     return Table(
         {
-            "name": Entry(Text(), doc="of the phase, for tables and figures"),
+            "name": Entry(PartOfFileName(), doc="of the phase, for tables and figures"),
             "effects": Entry(active, (), doc="the effects that act in this phase"),
             "duration": Entry(DURATION, None, doc="how long it lasts"),
             "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
