@@ -116,7 +116,9 @@ def read_tle(source: str | os.PathLike[str]) -> list[CataloguedOrbit]:
         for one in element_lines(text, called)
     ]
     if not result:
-        raise InputError("no two-line element set was found: its lines must begin with 1 and 2.")
+        raise InputError(
+            f"{called} has no two-line element set: its lines must begin with 1 and 2."
+        )
     return result
 
 

@@ -94,11 +94,23 @@ def read_columns(path: Path, lines: list[str]) -> list[Point]:
         text = line.strip().lstrip("#;% ")
         heads.append(Head(number, line, _is_comment(line), _split(text, separator)))
     layout = _layout(path, heads, len(_fields(entries[first][1])))
+    if layout == Layout() and separator == ",":
+        _check_commas(path, entries[first:])
     return [
         _point(path, number, line, layout)
         for number, line in entries[first:]
         if not _is_comment(line)
     ]
+
+
+def _check_commas(path: Path, entries: list[tuple[int, str]]) -> None:
+    """Raise `InputError` for rows such as `0,5,10,2`, whose commas may separate or be decimal ones,
+    in a file without headings that would tell."""
+    rows = [(number, line) for number, line in entries if not _is_comment(line)]
+    wide = [(number, line) for number, line in rows if len(_fields(line)) > 2]
+    if wide and not any("." in line for _, line in rows):
+        what = "two columns, or below headings: its commas may be decimal ones"
+        raise wrong_line(path, *wide[0], what)
 
 
 def _is_row(line: str) -> bool:

@@ -78,6 +78,8 @@ THRUST = "thrust"
 # Mach numbers of a flight that lie closer than this become one point.
 # Time steps of a flight give thousands of points, which differ by noise alone.
 APART = 0.01
+# Of a number in a table: the slopes between larger ones would overflow.
+LARGEST = 1e100
 
 
 def read_columns(path: str | os.PathLike[str]) -> dict[str, np.ndarray]:
@@ -125,7 +127,7 @@ def _column(path: str, sheet: Sheet, k: int, gaps: bool = False) -> np.ndarray:
             result[i] = np.nan
             continue
         value = finite_number(text.replace(",", "."))
-        if value is None:
+        if value is None or abs(value) > LARGEST:
             raise InputError(
                 f"{path}, line {line}: {sheet.names[k]} is {text[:40]!r}: it must be a finite "
                 "number."

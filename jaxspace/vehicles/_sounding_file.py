@@ -70,7 +70,7 @@ QUANTITIES = {
     "speed": (("wind speed", "speed", "sknt", "sped"), SPEEDS),
 }
 ALLOWED = {
-    "pressure": ("above 0", lambda x: x > 0.0),
+    "pressure": ("above 0 and at most 120 kPa", lambda x: (x > 0.0) & (x <= 1.2e5)),
     "height": ("from -500 m to 100 km", lambda x: (x >= -500.0) & (x <= 1e5)),
     "temperature": ("from 100 to 350 K", lambda x: (x >= 100.0) & (x <= 350.0)),
     "direction": ("from 0 to 360 deg", lambda x: (x >= 0.0) & (x <= 360.0)),
@@ -88,30 +88,21 @@ class SoundingFile(NamedTuple):
     wind_heights: np.ndarray
     east: np.ndarray
     north: np.ndarray
-    air_gap: str = ""
-    wind_gap: str = ""
+    air_fault: str = ""
+    wind_fault: str = ""
 
     def air_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Heights, pressures and temperatures. Raises `InputError` for fewer than two levels or a
         gap."""
-        levels = self.heights, self.pressure, self.temperature
-        return _usable("a pressure and a temperature", self.air_gap, *levels)
+        if self.air_fault:
+            raise InputError(self.air_fault)
+        return self.heights, self.pressure, self.temperature
 
     def wind_levels(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Heights and winds. Raises `InputError` for fewer than two levels or a gap."""
-        levels = self.wind_heights, self.east, self.north
-        return _usable("a direction and a speed", self.wind_gap, *levels)
-
-
-def _usable(what: str, gap: str, *levels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    if gap:
-        raise InputError(gap)
-    heights, first, second = levels
-    if heights.size < 2:
-        raise InputError(
-            f"The sounding has {heights.size} levels with {what}: it must have two or more."
-        )
-    return heights, first, second
+        if self.wind_fault:
+            raise InputError(self.wind_fault)
+        return self.wind_heights, self.east, self.north
 
 
 class Levels(NamedTuple):
@@ -130,8 +121,8 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     levels = _csv(str(path), lines) if listed is None else _levels(str(path), *listed, True)
     for name, x in levels.columns.items():
         what, within = ALLOWED[name]
-        # NaN is an empty field, which is left out or refused by itself.
-        bad = np.isfinite(x) & ~within(np.nan_to_num(x))
+        # NaN is a missing value.
+        bad = ~np.isnan(x) & ~within(np.nan_to_num(x))
         if np.any(bad):
             k = int(np.argmax(bad))
             raise InputError(
@@ -150,8 +141,11 @@ def read_sounding_file(path: str | os.PathLike[str]) -> SoundingFile:
     # The direction is where the wind comes from: the air moves the other way.
     angle = np.radians(direction)
     east, north = -speed * np.sin(angle), -speed * np.cos(angle)
-    gaps = _gap(str(path), air), _gap(str(path), wind)
-    return SoundingFile(heights, pressure, temperature, above, east, north, *gaps)
+    faults = (
+        _fault(str(path), air, "a pressure and a temperature"),
+        _fault(str(path), wind, "a direction and a speed"),
+    )
+    return SoundingFile(heights, pressure, temperature, above, east, north, *faults)
 
 
 def _csv(path: str, lines: list[str]) -> Levels:
@@ -204,7 +198,9 @@ def _levels(path: str, heads: list[str], rows: list[Row], service: bool) -> Leve
             raise InputError(
                 f"{path}: the unit of {name} is {unit!r}: it must be one of {', '.join(units)}."
             )
-        x = units[unit] * np.array([_number(path, row, k, name) for row in rows])
+        # What overflows is refused by its range.
+        with np.errstate(over="ignore"):
+            x = units[unit] * np.array([_number(path, row, k, name) for row in rows])
         if key == "temperature" and unit != "k":
             x = x + FREEZING
         if key == "height" and name in ("geopotential height", "hght"):
@@ -260,8 +256,11 @@ def _profile(path: str, levels: Levels, first: str, second: str) -> Profile:
     return profile
 
 
-def _gap(path: str, profile: Profile) -> str:
-    """The sentence of a gap without levels; nothing where there is none."""
+def _fault(path: str, profile: Profile, quantities: str) -> str:
+    """Why a profile cannot be used, too few levels or a gap between them; nothing if it can."""
+    count = profile.lines.size
+    if count < 2:
+        return f"{path} has {count} levels with {quantities}: it must have two or more."
     what = f"at most {LARGEST_GAP:g} m above that of the row before"
     return _step(path, profile, np.diff(profile.levels[0]) > LARGEST_GAP, what)
 

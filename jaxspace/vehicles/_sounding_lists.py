@@ -44,7 +44,7 @@ def read_list(path: str, lines: list[str]) -> Sheet | None:
     **Raises** `InputError` for a list of several soundings, or of another form."""
     for number, line in enumerate(lines):
         if line.split()[:2] == ["PRES", "HGHT"]:
-            return _wyoming(lines, number)
+            return _wyoming(path, lines, number)
         if line.strip() == "%RAW%":
             return _spc(path, lines, number)
         if IGRA_HEAD.match(line):
@@ -52,7 +52,7 @@ def read_list(path: str, lines: list[str]) -> Sheet | None:
     return None
 
 
-def _wyoming(lines: list[str], head: int) -> Sheet:
+def _wyoming(path: str, lines: list[str], head: int) -> Sheet:
     names = [lines[head][k : k + WIDTH].strip() for k in range(0, len(lines[head]), WIDTH)]
     # A page that ends with its heading has no units.
     below = lines[head + 1] if head + 1 < len(lines) else ""
@@ -68,6 +68,10 @@ def _wyoming(lines: list[str], head: int) -> Sheet:
         if not re.match(r"[\s\d.+-]+$", line):
             if "<" in line or line.lstrip()[:7] == "Station":
                 break
+        if "\t" in line:
+            raise InputError(
+                f"{path}, line {number} has tabulators: its columns must have {WIDTH} characters."
+            )
         row = [line[k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)]
         result.rows.append(Row(number, row))
     return result

@@ -17,8 +17,8 @@ class Sounding(SoundingFile):
     - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
     - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.
 
-    Empty where the file has none of these. `air_gap` and `wind_gap` say why a gap without levels
-    allows no atmosphere or no wind; they are empty without one."""
+    Empty where the file has none of these. `air_fault` and `wind_fault` say why the file gives no
+    atmosphere or no wind (too few levels, or a gap between them); they are empty if it does."""
 
     __slots__ = ()
 

@@ -232,7 +232,7 @@ def test_faults_of_two_line_sets(tmp_path):
         read_tle(TLE.replace("4753", "4754"))
     with pytest.raises(InputError, match="line 2 .*a second line must follow"):
         read_tle("\n".join(TLE.splitlines()[:2]) + "\n")
-    with pytest.raises(InputError, match="no two-line"):
+    with pytest.raises(InputError, match="the text has no two-line"):
         read_tle("nothing\n")
     decayed = TLE.replace("1859667", "9859667").replace("413667", "413665")
     with pytest.raises(InputError, match="SGP4 has no state of VANGUARD 1"):

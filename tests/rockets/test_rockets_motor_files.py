@@ -201,6 +201,8 @@ def test_columns_are_found_by_their_headings(tmp_path, kind):
         ("time,thrust\n0,0\nnan,5\n1,0\n", "line 3 is 'nan,5': it must be a time, s, and"),
         ("0,0\n1,5\n\n0.5,3\n2,0\n", "times that do not ascend: 0.5 s in line 4 comes after 1 s"),
         ("0,0\n1,5\n1,6\n0.9,1\n2,0\n", "0.9 s in line 4 comes after 1 s in line 3"),
+        # 0.2 s and 5.5 N, or 0 s and 2 N.
+        ("0,0\n0,2,5,5\n1,4,0\n", "line 2 is '0,2,5,5': it must be two columns, or below head"),
         ("1,5\n1,6\n", "has 1 points of a thrust curve: it must have two."),
         ("0,0\n1e999,5\n2,0\n", "line 2 is '1e999,5': it must be a time, s, and a thrust, N"),
         ("0,0\n1_0,5\n20,0\n", "line 2 is '1_0,5': it must be a time, s, and a thrust, N"),

@@ -380,7 +380,7 @@ def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, rasaero):
     assert "has 2 rows for mach 0.5, angle 0 rad" in refusal("\n".join([*rows, rows[1]]))
     text = "\n".join([*rows[:3], rows[3].replace("0.90", "n/a"), *rows[4:]])
     assert f"{path}, line 4: cn is 'n/a': it must be a finite number." in refusal(text)
-    for number in ("nan", "inf", "1e999", "1_0", "0x1", "", "٣"):
+    for number in ("nan", "inf", "1e999", "1e300", "1_0", "0x1", "", "٣"):
         bad = refusal(f"Mach,CA\n0,0.4\n\n1,{number}\n")
         assert f"{path}, line 4: ca is {number!r}: it must be a finite number." in bad
     # With a decimal comma all columns behind it are shifted.

@@ -156,6 +156,7 @@ def test_lists_of_the_services_agree(tmp_path):
         (spc().replace("40.00", "400.0"), "line 13: speed is 205.778: it must be from 0 to 150"),
         (igra().replace("  124B", "  1x4B"), "line 6: temp is '1x4': it must be a finite number."),
         (igra().replace("  315 ", "  515 "), "line 8: direction is 515: it must be from 0 to 360"),
+        (WYOMING.replace("  992.0", "\t992.0"), "line 9 has tabulators: its columns must have 7"),
         (igra() + igra(), "line 9 begins another sounding, of 2: it must have one. Keep the lines"),
         (igra(()), "has no level of an atmosphere or a wind"),
     ],
@@ -273,6 +274,10 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
     )
     assert "line 4: direction is 400: it must be from 0 to 360" in changed("180,20", "400,20")
     assert "line 3 has 6 fields: it must have 5, as many" in changed("8.5", "8,5")
+    assert "line 3: pressure is 8.9875e+06: it must be above 0 and at most 120 kPa" in changed(
+        "898.75", "89875"
+    )
+    assert "line 3: pressure is inf: it must be above 0" in changed("898.75", "1e308")
     for number in ("inf", "1e999", "1_0"):
         bad = changed("8.5", number)
         assert f"line 3: temperature is {number!r}: it must be a finite number." in bad
