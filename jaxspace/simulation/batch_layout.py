@@ -18,6 +18,9 @@ from ..integration.config import IntegrationConfig
 from ..integration.mapping import BLOCK
 from .blocks import Blocks, NumRuns, Order
 
+# Bytes in the widest vectors of processors; those of other processors divide it.
+VECTOR = 64
+
 T = TypeVar("T")
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
 
@@ -151,4 +154,16 @@ def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
     devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
     blocks = Blocks.on(devices, runs)
     # A program for any number of runs has blocks of one size; the last one is padded.
-    return blocks if is_symbolic_dim(runs) else Blocks(min(blocks.size, runs), blocks.mesh)
+    if is_symbolic_dim(runs):
+        return blocks
+    return Blocks(min(blocks.size, _whole_vectors(leaves, runs)), blocks.mesh)
+
+
+def _whole_vectors(arrays: list[jax.Array], runs: int) -> int:
+    """The next number of runs that fills the vectors of any processor.
+
+    The compiler rounds runs that are left over in another way, so that the bits of a run would
+    depend on its place in the batch. A single run has no other place."""
+    sizes = [x.dtype.itemsize for x in arrays if jnp.issubdtype(x.dtype, jnp.inexact)]
+    lanes = VECTOR // min(sizes, default=VECTOR)
+    return runs if runs == 1 else lanes * -(-runs // lanes)

@@ -9,6 +9,7 @@ from jaxspace import Accuracy, BodyState, Event, Scene, simulate_batch
 from jaxspace.integration import _record
 from jaxspace.orbits import Oblateness, PointGravity
 from jaxspace.simulation import Status
+from jaxspace.simulation.batch_layout import local_blocks
 from jaxspace.solvers import DOP853, RKN1210, Tsit5
 
 SCENE = Scene((PointGravity(1.0), Oblateness(1.0, 1e-3, 1.0)))
@@ -42,14 +43,15 @@ def flown(y: BodyState, ts, method, events=()):
     return jax.tree.map(np.asarray, numbers)
 
 
-# Of whole vectors, as the runs of a block are: a lane that is left over is rounded by itself. A
-# block has 64 runs: the last one is filled up with copies of its last run.
+# A block has 64 runs, or as many as fill whole vectors: the last one is filled up with copies of
+# its last run.
 ORDERS = {
     "turned round": np.arange(RUNS)[::-1],
     "beside one that fails": np.where(np.arange(RUNS) == 3, 3, FAILING),
     "beside slow ones": np.where(np.arange(RUNS) % 8 == 3, np.arange(RUNS), SLOW),
     "beside a quick one": np.where(np.arange(RUNS) == QUICK, QUICK, 3),
     "cut": np.arange(8, 16),
+    "some": np.arange(19, 7, -1),
     "filled up with the one that fails": np.append(np.arange(7), FAILING),
     "filled up with the slow one": np.append(np.arange(7), SLOW),
     "mixed in two blocks": np.random.default_rng(0).integers(0, RUNS, 72),
@@ -72,6 +74,34 @@ def test_a_run_does_not_depend_on_its_neighbours(method, saves):
         for a, b in zip(jax.tree.leaves(some), jax.tree.leaves(whole), strict=True):
             b = b[..., order] if b.shape[-1:] == (RUNS,) else b
             np.testing.assert_array_equal(a, b, err_msg=name)
+
+
+def test_blocks_are_whole_vectors():
+    """Of batches of 2 to 70 runs, in both precisions; a single run has no neighbours."""
+    for runs in range(1, 71):
+        for precision, lanes in (("float64", 8), ("float32", 16)):
+            size = local_blocks(jnp.zeros(3, precision), runs).size
+            if runs == 1:
+                assert size == 1
+            else:
+                assert size % lanes == 0 and min(runs, 64) <= size < min(runs, 64) + lanes
+
+
+# The other numbers of runs are padded to one of these.
+@pytest.mark.parametrize(
+    "runs", [12, *(pytest.param(n, marks=pytest.mark.sweep) for n in (7, 17, 30, 33, 47, 55, 63))]
+)
+def test_any_number_of_runs_in_any_order(runs):
+    g = np.random.default_rng(runs)
+    e, tilt = g.uniform(0.0, 0.6, runs), g.uniform(0.1, 1.0, runs)
+    v = np.sqrt(0.5 * (1.0 + e)) * np.stack([0.0 * e, np.cos(tilt), np.sin(tilt)])
+    x = np.stack([2.0 + 0.0 * e, 0.0 * e, 0.0 * e])
+    y, ts = BodyState(jnp.asarray(x), jnp.asarray(v)), jnp.linspace(0.0, 30.0, 2)
+    whole = flown(y, ts, DOP853())
+    for order in (np.arange(runs)[::-1], np.roll(np.arange(runs), 1), g.permutation(runs)):
+        some = flown(jax.tree.map(lambda x, k=order: x[..., k], y), ts, DOP853())
+        for a, b in zip(jax.tree.leaves(some), jax.tree.leaves(whole), strict=True):
+            np.testing.assert_array_equal(a, b[..., order] if b.shape[-1:] == (runs,) else b)
 
 
 def test_events_do_not_depend_on_the_neighbours():
