@@ -16,6 +16,7 @@ from jaxtyping import Array, ArrayLike, Bool, Float, PyTree
 
 from ..core import InputError
 from ..core.checks import check_positive, is_concrete
+from ..core.layout import run_axes_of
 from ..core.printing import printed
 from ..core.structure import HashedModule
 from ..core.types import as_float
@@ -27,13 +28,14 @@ from .trajectory import Trajectory
 
 class Measured(NamedTuple):
     """What is compared of a run: `values`, the error that each of them is `allowed`, (*runs,),
-    whether the run is `good`, or steps `missed` its tolerance, (*runs,), and its `evaluations` of
-    the vector field."""
+    whether the run is `good`, or steps `missed` its tolerance, (*runs,), whether it `jumps` at an
+    event, (*runs,), and its `evaluations` of the vector field."""
 
     values: tuple[Array, ...]
     allowed: tuple[Array, ...]
     good: Bool[Array, "*runs"]
     missed: Bool[Array, "*runs"]
+    jumps: Bool[Array, "*runs"]
     evaluations: Array
 
 
@@ -47,7 +49,9 @@ class FinalError(HashedModule):
     units of what is asked, `stats["final_error_evaluations"]` what all runs took together, and
     `run.accuracy.rtol` the tolerance of the last. `stats["final_error_price"]` is how many times
     the evaluations of the last run a tenth of its error would take, as these runs show it. Where
-    the error cannot be met the status is `FINAL_ERROR_MISSED`.
+    the error cannot be met the status is `FINAL_ERROR_MISSED`. The error of a closed form is that
+    of its roundings: the estimate is three times what roundings of the initial state and of the
+    times change.
 
     **Arguments**
 
@@ -107,7 +111,10 @@ class FinalError(HashedModule):
         axes = last.run_axes
         status = result.status
         ended = status <= Status.EVENT, status == Status.TOLERANCE_MISSED
-        counts = *ended, jnp.asarray(result.evaluations)
+        in_place = not all(phase.undisturbed for phase in result.phases)
+        before = (phase.status == Status.EVENT for phase in result.phases[:-1])
+        jumps = functools.reduce(jnp.logical_or, before, jnp.full_like(ended[0], in_place))
+        counts = *ended, jumps, jnp.asarray(result.evaluations)
         if self.output is not None:
             values, form = jax.tree.flatten(self.output(result))
             within = jax.tree.leaves(self.within)
@@ -142,18 +149,20 @@ class FinalError(HashedModule):
         found = [x for name, x in self.blocks.items() if _belongs(block, name)]
         return found[-1] if found else None
 
-    def usual_tolerance(self, y0: PyTree) -> Array | np.ndarray | float:
+    def usual_tolerance(self, y0: PyTree, runs: tuple[int, ...] = ()) -> Array | np.ndarray | float:
         """The tolerance with which a motion that neither forgets nor amplifies its errors would
-        have this error."""
+        have this error; of each of the `runs` of a batch by its own state."""
         if self.relative is not None:
             return self.relative
-        pairs = [(x, self._of_block(name)) for name, x in _named(y0).items()]
-        asked = [(x, allowed) for x, allowed in pairs if allowed is not None]
+        axes = run_axes_of(y0, lambda x: min(x.ndim, 1)) if runs else jax.tree.map(lambda _: 0, y0)
+        blocks = zip(_named(y0).items(), jax.tree.leaves(axes), strict=True)
+        pairs = [(x, k, self._of_block(name)) for (name, x), k in blocks]
+        asked = [(x, k, allowed) for x, k, allowed in pairs if allowed is not None]
         # By NumPy where the numbers are known: each operation would be a program of its own.
-        lib = np if all(is_concrete(x) and is_concrete(a) for x, a in asked) else jnp
+        lib = np if all(is_concrete(x) and is_concrete(a) for x, _, a in asked) else jnp
         parts = []
-        for x, allowed in asked:
-            size = lib.max(lib.abs(x))
+        for x, k, allowed in asked:
+            size = lib.max(lib.abs(x), axis=tuple(range(x.ndim - k)))
             # Of a block that starts at zero the size is not known.
             known = size > 0.0
             ratio = allowed / lib.where(known, size, 1.0)
@@ -184,6 +193,12 @@ def distance(a: Measured, b: Measured) -> Float[Array, "*runs"]:
     return jnp.where(a.good & jnp.isfinite(worst), worst, jnp.inf)
 
 
+def rounding(a: Measured) -> Float[Array, "*runs"]:
+    """The rounding of the largest value, for each run, in units of what is allowed."""
+    zero = a._replace(values=tuple(map(jnp.zeros_like, a.values)))
+    return distance(a, zero) * jnp.finfo(a.values[0].dtype).eps
+
+
 def _error(name: str, value: object) -> Array | np.ndarray:
     """An error that is asked for, as an array; of NumPy where it is known, also under `jit`."""
     check_number(f"FinalError.{name}", value)
@@ -202,12 +217,13 @@ def _of_one_precision(
     allowed: Iterable[Any],
     good: Bool[Array, "*runs"],
     missed: Bool[Array, "*runs"],
+    jumps: Bool[Array, "*runs"],
     evaluations: Array,
 ) -> Measured:
     arrays = tuple(map(jnp.asarray, values))
     pairs = zip(allowed, arrays, strict=True)
     limits = tuple(jnp.asarray(a, x.dtype) for a, x in pairs)
-    return Measured(arrays, limits, good, missed, evaluations)
+    return Measured(arrays, limits, good, missed, jumps, evaluations)
 
 
 def _named(state: PyTree) -> dict[str, Array]:

@@ -200,5 +200,6 @@ def _measured(gradient: PyTree, within: PyTree[Float[ArrayLike, ""]]) -> Measure
         )
     # A derivative that is not finite shows no error, and asks for a smaller tolerance.
     good = jnp.asarray(all(bool(np.all(np.isfinite(x))) for x in values))
+    no = jnp.asarray(False)
     limits = tuple(jnp.asarray(a, x.dtype) for a, x in zip(allowed, values, strict=True))
-    return Measured(tuple(values), limits, good, jnp.asarray(False), jnp.asarray(0))
+    return Measured(tuple(values), limits, good, no, no, jnp.asarray(0))

@@ -3,15 +3,22 @@
 Runs with ever smaller tolerances r_0 > r_1 > ... differ at their ends by d_k = |y_k - y_k+1|, which
 is about the error of the run k, and errors fall with the tolerance by a power p:
 
-    E_k+1 = S d_k (r_k+1 / r_k)^p,     p = log(d_k-1 / d_k) / log(r_k-1 / r_k)
+    E_k+1 = S max(d_k (r_k+1 / r_k)^p, d_k-1 (r_k+1 / r_k-1)^p)
+    p     = log(d_k-1 / d_k) / log(r_k-1 / r_k)
 
-with a safety S. The run with E <= 1, in units of what is asked, is returned. A tolerance is a
-number of the program: all runs are one program. Each run of a batch has its own, and keeps it where
-the others need more. Under a transformation the search is a loop without derivatives, and the last
-run is made once more, with them.
+with a safety S; of two differences, because the errors of two runs may be equal by chance. After
+jumps at events the errors follow no power: the latest difference is not taken to fall. The run with
+E <= 1, in units of what is asked, is returned. A tolerance is a number of the program: all runs are
+one program. Each run of a batch has its own, and keeps it where the others need more. Under a
+transformation the search is a loop without derivatives, and the last run is made once more, with
+them.
+
+Of a closed form the error is that of its roundings: `AMPLIFIED` times what roundings of the initial
+state and of the times change.
 """
 
 import dataclasses
+import functools
 import warnings
 from collections.abc import Callable
 from typing import Any, NamedTuple, TypeAlias
@@ -27,7 +34,7 @@ from ..core.captured import captured_as_leaves
 from ..core.tracing import is_traced
 from ..integration.accuracy import as_state, least_tolerance, state_dtype
 from ..integration.status import Status
-from ._final_error import FinalError, Measured, distance
+from ._final_error import FinalError, Measured, distance, rounding
 from .finish import finished
 from .mission_result import Result, Simulated
 
@@ -49,12 +56,18 @@ POWER, FLATTEST, STEEPEST = 0.85, 0.5, 1.1
 # What the difference of two runs hides: with it all runs of `python -m validation` that say that an
 # error is met are within it, the worst at 0.99.
 SAFETY = 3.0
+# How much larger than the first difference an error after jumps may be, in units of the safety:
+# that the errors of two runs are so close by chance is rare, and no earlier run shows it.
+FIRST = 2.0
 # What the roundings of the steps add to a tolerance, in units in the last place: below it errors
 # fall no more.
 ROUNDED = 64.0
 # A following run aims below what is asked, and its tolerance is at most so many times smaller.
 AIM, LONGEST, SHORTEST = 0.7, 1e-3, 0.3
 MOST_RUNS = 8
+# How often the inputs of a closed form are rounded in another way, and how many times what this
+# changes its own roundings may.
+ROUNDINGS, AMPLIFIED = 2, 3.0
 
 
 class Search(NamedTuple):
@@ -111,7 +124,7 @@ def to_final_error(
     parts = captured_as_leaves(((run[0], y0, run[2]), options))
 
     least = 2.0 * least_tolerance(dtype)
-    second = jnp.clip(SECOND * asked.usual_tolerance(y0), least, MOST / APART)
+    second = jnp.clip(SECOND * asked.usual_tolerance(y0, runs), least, MOST / APART)
     first = jnp.broadcast_to((APART * second).astype(dtype), runs)
     if is_traced((parts, asked)):
         result, search = _traced(simulated, parts, asked, first, least)
@@ -138,7 +151,7 @@ def _known(
             result = simulated(parts, rtol)
         now = asked.measured(result)
         if _is_exact(result):
-            return result, _exact(now, rtol)
+            return result, _exact(now, rtol, _rounded(simulated, parts, asked, rtol))
         search = begun(now, rtol, least) if search is None else advance(search, now, least)
         if np.all(search.over):
             again = np.any(search.rtol != rtol)
@@ -162,7 +175,8 @@ def _traced(
     shape = eqx.filter_eval_shape(simulated, still, first)
     if _is_exact(shape):
         result = simulated(parts, first)
-        return result, _exact(asked.measured(result), first)
+        rounded = _without_derivatives(_rounded(simulated, still, asked, first))
+        return result, _exact(_without_derivatives(asked.measured(result)), first, rounded)
     blank = jax.tree.map(lambda x: jnp.zeros(x.shape, x.dtype), jax.eval_shape(measured, first))
     # Of a run that was not made nothing is good, so that the first pass only remembers.
     start = begun(blank, first * APART, least)._replace(rtol=first, runs=jnp.asarray(0))
@@ -201,10 +215,39 @@ def begun(now: Measured, rtol: Rtol | float, least: float) -> Search:
     )
 
 
-def _exact(now: Measured, rtol: Rtol) -> Search:
-    """The search of a closed form, which has no error beside that of its roundings."""
+def _rounded(
+    simulated: Callable[[tuple, Rtol], Result], parts: tuple, asked: FinalError, rtol: Rtol
+) -> list[Measured]:
+    """What is measured of closed forms after roundings of the initial state and of the times."""
+    (system, y0, ts), options = parts
+    eps, runs = float(jnp.finfo(state_dtype(y0)).eps), rtol.ndim
+    # By other signs, because the effects of two roundings may cancel.
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (ROUNDINGS, 4))
+
+    def run(row: np.ndarray) -> Measured:
+        def rounded(x: Array) -> Array:
+            # Each component by itself; zeros stay.
+            some = np.resize(row, x.shape[0]) if x.ndim > runs else row[:1]
+            sign = some.reshape(-1, *(1,) * (x.ndim - 1)) if x.ndim else some[0]
+            return x * (1.0 + eps * sign).astype(x.dtype)
+
+        times = jax.tree.map(lambda t: t * (1.0 + eps * float(row[3])), ts)
+        moved = (system, jax.tree.map(rounded, y0), times), options
+        return asked.measured(simulated(moved, rtol))
+
+    return [run(row) for row in signs]
+
+
+def _exact(now: Measured, rtol: Rtol, rounded: list[Measured]) -> Search:
+    """The search of a closed form, whose error is that of its roundings: `rounded` is measured with
+    those of its inputs."""
     search = begun(now, rtol, 0.0)
-    return search._replace(estimate=jnp.zeros_like(search.estimate), over=jnp.ones_like(now.good))
+    changes = [distance(now, other) for other in rounded]
+    estimate = AMPLIFIED * functools.reduce(jnp.maximum, changes, rounding(now))
+    runs = jnp.asarray(1 + len(rounded))
+    spent = sum((other.evaluations for other in rounded), now.evaluations)
+    over = jnp.ones_like(now.good)
+    return search._replace(estimate=estimate, over=over, runs=runs, evaluations=spent)
 
 
 @jax.jit
@@ -215,8 +258,16 @@ def advance(s: Search, now: Measured, least: Scalar) -> Search:
     seen = jnp.log(s.apart / apart) / jnp.log(s.made[0] / before)
     power = jnp.where(jnp.isfinite(seen), jnp.clip(seen, 0.0, STEEPEST), POWER)
     rounded = ROUNDED * jnp.finfo(apart.dtype).eps
-    factor = SAFETY * ((rtol + rounded) / (before + rounded)) ** power
-    estimate = factor * apart
+
+    def fall(start: Array, exponent: Array | float) -> Array:
+        return ((rtol + rounded) / (start + rounded)) ** exponent
+
+    first = ~jnp.isfinite(s.apart)
+    power = jnp.where(now.jumps, jnp.clip(power, POWER, STEEPEST), power)
+    slower = jnp.where(first, FIRST, 1.0)
+    latest = apart * jnp.where(now.jumps, slower, fall(before, power))
+    earlier = jnp.where(first, 0.0, s.apart) * fall(s.made[0], power)
+    estimate = SAFETY * jnp.maximum(latest, earlier)
     smaller = jnp.clip((AIM / estimate) ** (1.0 / jnp.maximum(power, FLATTEST)), LONGEST, SHORTEST)
     runs = s.runs + 1
     # A run that failed has its own status.
