@@ -8,6 +8,7 @@ a file is one ephemeris. Messages in XML are refused.
 
 __all__ = ["Ephemeris", "read_oem", "write_oem"]
 
+import math
 import os
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -148,7 +149,7 @@ class _Segment(NamedTuple):
         for name, column in zip(_STATE, columns, strict=False):
             value = finite_number(column)
             # The standard has km and km/s.
-            if value is None or not np.isfinite(1e3 * value):
+            if value is None or not math.isfinite(1e3 * value):
                 raise InputError(f"{where}: {name} is {column[:40]!r}: it must be a finite number.")
             state.append(1e3 * value)
         self.epochs.append((epoch, time))
