@@ -106,8 +106,8 @@ class Probes(eqx.Module):
         sizes = lengths(tolerance, self.start)
         none = jax.tree.map(jnp.zeros_like, sizes)
         always = jnp.zeros_like(jax.vmap(tolerance.alive)(self.start)[0])
-        times = [jnp.zeros(always.shape)] * 4
-        return ProbeState(self.start, sizes, none, *times, always)
+        time = jnp.zeros(always.shape)
+        return ProbeState(self.start, sizes, none, time, time, time, time, always)
 
     def after(
         self,
