@@ -2,7 +2,8 @@
 
 For each system of the registry: each array that may be zero set to zero, those of its parameters
 alone or together, those of its state, and all, so that it is at rest, or on a straight line, or
-without a force. There the derivatives of the final state by every array, in forward and in reverse
+without a force; and states of equilibrium to which Newton's method leads, which rounding leaves
+inexact. There the derivatives of the final state by every array, in forward and in reverse
 mode, are compared with the variational equations
 
     d' = f_y d + f_p p,    d(0) = dy0
@@ -10,6 +11,7 @@ mode, are compared with the variational equations
 as equations of motion of their own, in so many fixed steps that half of them give the same. It ends
 with status 1 where a derivative is wrong and no note says why."""
 
+import itertools
 import sys
 from collections.abc import Iterator
 from typing import Any, NamedTuple
@@ -19,6 +21,9 @@ import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+import restricted
+from jax.flatten_util import ravel_pytree
+from restricted import EARTH_MOON, RestrictedBody
 
 from jaxspace.core import InputError
 from jaxspace.core.quantities import quantities
@@ -35,6 +40,8 @@ MODES = 1e-7
 # Truths that half of the steps change by more are none, as those of a fall into a centre.
 RESOLVED = 1e-7
 STEPS, SAVED = 800, 16
+# Starts and iterations of Newton's method, and the rate that it leaves, relative to its terms.
+STARTS, ITERATIONS, LEFT = 4, 60, 1e-12
 # Errors that are no defect: system, what is zero there, and by what is differentiated.
 NOTES = {
     ("inertial_navigator", ".attitude", ".roll_frequency"): (
@@ -140,6 +147,38 @@ class Subject:
             leaves = [_zero(x) if k in numbers else x for k, x in enumerate(self.leaves)]
             if numbers and _allowed(eqx.combine(self.tree(leaves), self.static)):
                 yield Place(zero, leaves)
+
+    def equilibria(self) -> Iterator[Place]:
+        """States whose rate is a rounding error."""
+        start, shaped = ravel_pytree(self.tree(self.leaves)[1])
+        number = sum(path[0].idx == 0 for path in self.paths)
+
+        @jax.jit
+        def rate(y):
+            arrays = (self.tree(self.leaves)[0], shaped(y))
+            system, y = eqx.combine(arrays, self.static)
+            return ravel_pytree(system.vector_field(jnp.zeros(()), y))[0]
+
+        slope, random, found = jax.jit(jax.jacfwd(rate)), np.random.default_rng(0), []
+        for _ in range(STARTS):
+            y = np.array(start) * random.uniform(0.3, 1.5, start.shape)
+            for _ in range(ITERATIONS):
+                matrix, left = np.asarray(slope(y)), np.asarray(rate(y))
+                if not (np.all(np.isfinite(matrix)) and np.all(np.isfinite(left))):
+                    break
+                y = y - np.linalg.lstsq(matrix, left, rcond=1e-10)[0]
+            # Also where an equilibrium is a state of whole numbers.
+            y = y + np.finfo(float).eps * np.abs(start) * random.choice([-1.0, 1.0], start.shape)
+            terms = np.abs(np.asarray(slope(y))) @ np.abs(y)
+            at_rest = np.max(np.abs(rate(y))) <= LEFT * np.max(terms)
+            new = all(np.max(np.abs(y - other)) > 1e-6 * np.max(np.abs(y)) for other in found)
+            if not (at_rest and new):
+                continue
+            found.append(y)
+            state = jax.tree.leaves(shaped(jnp.asarray(y)), is_leaf=is_attitude)
+            leaves = [*self.leaves[:number], *state]
+            if _allowed(eqx.combine(self.tree(leaves), self.static)):
+                yield Place(f"equilibrium {len(found)}", leaves)
 
     def direction(self, k: int, leaves: list):
         """A change of the array number `k` of these, by its size in the sample."""
@@ -260,14 +299,17 @@ def _rows(x, axes: int = 1) -> np.ndarray:
 def look(sample) -> list[Slope]:
     """All derivatives of a system at all places."""
     subject = Subject(sample)
-    return [found for place in subject.places() for found in derivatives_at(subject, place)]
+    places = itertools.chain(subject.places(), subject.equilibria())
+    return [found for place in places for found in derivatives_at(subject, place)]
 
 
 def main() -> int:
-    from systems import SAMPLES
+    from systems import SAMPLES, Sample
 
+    moon = RestrictedBody(jnp.asarray(EARTH_MOON))
+    start = restricted.Place(jnp.array([0.6, 0.7]), jnp.array([0.01, 0.02]))
     defect = False
-    for sample in SAMPLES:
+    for sample in (Sample("restricted_body", moon, start, 15.0), *SAMPLES):
         if sys.argv[1:] and sample.name not in sys.argv[1:]:
             continue
         found = look(sample)
