@@ -102,7 +102,7 @@ def resume(store: str, engine: str, modules: Sequence[str] = ()) -> int:
     file = _scene(store, dispersion, modules)
     there = {**dispersion.attributes, "seed": dispersion.seed}
     # From the store, because another seed would be another campaign.
-    stored = {name: there[name] for name in ("seed", "chunk", "samples")}
+    stored = {"seed": there["seed"], "chunk": there["chunk"], "samples": there.get("samples", 0)}
     stored["times"] = there.get("times")
     stored["until"] = StopRule(**there["until"]) if there.get("until") else None
     print(_head(file, there["planned_runs"], there["seed"], stored["until"]))

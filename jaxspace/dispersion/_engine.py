@@ -300,7 +300,7 @@ def _prepared(
     # A store that goes on keeps its tolerance, by which its runs have their digits.
     if there is not None:
         by_purpose = isinstance(asked, ByPurpose) and "by_purpose" in there
-        return prepare(there["rtol"] if by_purpose else given), {}
+        return prepare(there.get("rtol", given) if by_purpose else given), {}
     if isinstance(asked, ByPurpose):
         found = tolerance_by_purpose(simulated, runs)
         return prepare(found.purpose.tolerance), found.record

@@ -215,6 +215,22 @@ def test_report_on_a_full_disk(flown, tmp_path, capsys):
         assert [path.name for path in disk.iterdir()] == ["ballast"]
 
 
+def test_report_where_no_file_may_grow(flown, tmp_path, capsys):
+    """As of a quota, also where no disk can be mounted."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (2000, before[1]))
+    try:
+        status = main(["report", str(flown / "coast.zarr"), "--out", str(tmp_path)])
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    told = capsys.readouterr().err
+    assert status == 2
+    for end in ("png", "html", "csv"):
+        assert f"coast.{end} cannot be written: File too large." in told
+    assert list(tmp_path.iterdir()) == []
+
+
 def test_a_file_takes_the_place_of_another_when_it_is_whole(tmp_path):
     (tmp_path / "old").write_text("old")
     (tmp_path / "link").symlink_to("old")

@@ -5,12 +5,14 @@ that of a campaign that nothing has disturbed, to the last bit."""
 import contextlib
 import os
 import random
+import shutil
 import signal
 import subprocess
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
 
+import numpy as np
 import pytest
 from test_campaign_commands import COAST, LONG, LONG_CHUNK, stopped
 from test_campaigns import (
@@ -141,6 +143,43 @@ except StoreError as error:
         any(f"in use by process {pid}" in loser for pid in pids) or "runs already" in loser
     )
     assert files_of(tmp_path / "s.zarr") == files_of(whole)
+
+
+def test_chunks_that_changed_places_are_computed_again(whole, tmp_path):  # noqa: F811
+    store = tmp_path / "s.zarr"
+    shutil.copytree(whole, store)
+    pairs = (
+        [store / f".manifest/{k}.json" for k in (1, 3)],
+        *(
+            [folder / "c" / str(k) for k in (1, 3)]
+            for folder in store.glob("[!.]*")
+            if folder.is_dir()
+        ),
+    )
+    for one, other in pairs:
+        one.rename(store / "aside")
+        other.rename(one)
+        (store / "aside").rename(other)
+    with pytest.warns(DamagedStore, match="has the entry of runs"):
+        kept = open_store(store)
+    np.testing.assert_array_equal(kept.outputs["x"], fly().outputs["x"][kept.numbers])
+    assert kept.runs == RUNS - 2 * 512
+    assert resumed(store) == 2
+    assert files_of(store) == files_of(whole)
+
+
+# Connecting is tried for 30 s.
+@pytest.mark.sweep
+@pytest.mark.filterwarnings("ignore")
+def test_a_store_outlives_a_campaign_without_a_scheduler(whole, tmp_path):  # noqa: F811
+    pytest.importorskip("distributed")
+    store = tmp_path / "s.zarr"
+    shutil.copytree(whole, store)
+    for path in (store, tmp_path / "new.zarr"):
+        with pytest.raises(StoreError, match="The Dask cluster at tcp://127.0.0.1:9 failed"):
+            fly(path, overwrite=True, engine="tcp://127.0.0.1:9")
+    assert open_store(store).runs == RUNS and files_of(store) == files_of(whole)
+    assert not (tmp_path / "new.zarr").exists()
 
 
 @pytest.fixture(scope="module")

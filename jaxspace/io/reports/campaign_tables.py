@@ -141,7 +141,7 @@ def status_lines(result: Dispersion) -> str:
         f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
     ]
     planned = int(result.attributes.get("planned_runs", result.runs))
-    if result.runs < planned and "design: LatinHypercube" in result.attributes.get("inputs", ""):
+    if result.runs < planned and "design: LatinHypercube" in str(result.attributes.get("inputs")):
         lines.append(
             f"These are {result.runs} of {planned} runs of a Latin hypercube: only all of them "
             f"together lie evenly."
