@@ -1,63 +1,59 @@
 """Probabilities too small for a plain Monte Carlo campaign: one violation in a million runs.
 
-Importance sampling (Melchers, Structural Reliability, 2nd edition, 3.4; design points by the method
-of Hasofer, Lind, Rackwitz and Fiessler):
+    method         file              finds violations by           density of the runs
+    "importance"   `_importance.py`  derivatives and a short       mixture about violations
+                                     subset simulation
+    "subset"       `_subset.py`      levels of one tenth each      chains within each level
 
-    z_(i+1) = ((s . z_i - g(z_i)) / (s . s)) s,   s = grad g          to the nearest violation
-    p = mean of 1[g(z) < 0] w(z),   w = phi(z) / sum_k a_k phi(z - z_k)
-
-Subset simulation (Au and Beck, Prob. Eng. Mech. 16 (2001), 263; chains of Papaioannou et al., Prob.
-Eng. Mech. 41 (2015), 89):
-
-    p = p_0^(m-1) P(last level),   z' = r z + sqrt(1 - r^2) u
-
-    symbol    meaning                                                        unit
-    z         standard normal numbers behind the inputs                      1
-    g         margin of the requirement, negative where it is violated       of the output
-    z_k, a_k  the design points found, and the share of the draws about each 1
-    p_0, m    share of the runs that pass a level, and the levels            1, 1
-    r, u      correlation of a step of a chain, standard normal numbers      1, 1
+Both search among standard normal numbers behind the inputs, and among the values of a list
+(`Discrete`) with probabilities of their own, so that a rare one is met; the runs are weighted by
+the ratio of the probabilities. A first sample decides: from a fifth to four fifths plain Monte
+Carlo is better, and above the rare event is that the requirement is met.
 """
 
 __all__ = ["RareEvent", "rare_event"]
 
-import math
-from collections.abc import Callable
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
+from jax.typing import ArrayLike
 from jaxtyping import Array, Float
 
 from ..core import InputError, Scalar
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..integration.accuracy import Accuracy
-from ..sampling.designs import map_normals, normal_columns
+from ..sampling.designs import map_normals, normal_columns, search_normals
+from ..statistics.limits import clopper_pearson
 from ._campaign import Campaign, in_order
+from ._design_points import design_points
+from ._importance import importance
+from ._subset import subset
 from ._whole import check_whole
-from .evaluate import Evaluator, evaluate_traced
+from .evaluate import BLOCK, Evaluator, evaluate_traced
 
-STARTS, ITERATIONS = 6, 25
-LEVEL = 0.1
-CORRELATION = 0.8
-CHAINED = 4.5
-"""How much the runs of a chain, which resemble one another, widen the interval: its variance is 1 +
-this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
+# Below, and above one minus this, an event is rare.
+RARE = 0.2
+MONTE_CARLO = "monte_carlo"
 
 
 @printed()
 class RareEvent(NamedTuple):
     """The probability of a violation.
 
-    - `value`, from `low` to `high` with 95 % confidence (normal in the logarithm).
+    - `value`, from `low` to `high` with 95 % confidence: an interval for few weighted violations,
+      which is above zero where none was found.
     - `variation`: standard error over the value.
     - `runs`: all runs made; `failed`: those that failed, which count as violations.
     - `points`: the design points, (points, dimensions); their distances from zero are the
       reliability indices. None for subset simulation.
-    - `method`: how it was found."""
+    - `method`: how it was found: as asked for, or "monte_carlo" where the event is not rare.
+    - `warning`: a sentence where the value rests on few violations, or on places that the search
+      may have missed, which the interval allows for; empty where it does not."""
 
     value: float
     low: float
@@ -67,6 +63,7 @@ class RareEvent(NamedTuple):
     failed: int
     points: np.ndarray
     method: str
+    warning: str = ""
 
 
 def rare_event(
@@ -87,53 +84,128 @@ def rare_event(
     - `campaign`: what runs.
     - `output`: its name; `above` or `below`: the limit.
     - `runs`: about how many.
-    - `method`: "importance" looks for the nearest violations along the derivatives and draws about
-      them: best where there are few of them. "subset" needs no derivatives, and no nearest point,
-      and is less accurate.
+    - `method`: "importance" looks for the nearest violations along the derivatives, and for others
+      without them, and draws about all of them: the more accurate one. "subset" needs no
+      derivatives, and costs less where there are many inputs and slow runs.
     - `seed`, `accuracy`: as in `disperse`.
 
-    **Raises** `InputError` unless exactly one limit is given, for another method, for an output
-    that there is not, for `runs` and a `seed` that are no whole numbers, and where the search for a
-    design point finds none (the violation cannot be reached, or the derivative is zero)."""
+    **Returns** a `RareEvent`. Inputs and outputs may move in steps. A probability that is not below
+    a fifth comes from plain Monte Carlo, and one above four fifths from its complement.
+
+    **Raises** `InputError` unless exactly one finite limit is given, for another method, for an
+    output that there is not, for `runs` and a `seed` that are no whole numbers, and where
+    importance sampling finds no violation (the limit cannot be reached)."""
     if (above is None) == (below is None):
         raise InputError("above and below: exactly one of them must be given.")
     if method not in ("importance", "subset"):
         raise InputError(f"method is {method!r}: it must be importance or subset.")
     limit, sign = (above, -1.0) if above is not None else (below, 1.0)
     assert limit is not None
+    if not np.isfinite(limit):
+        raise InputError(f"{'below' if above is None else 'above'} is {limit}: it must be finite.")
     check_whole("runs", runs, 2)
     check_whole("seed", seed, 0)
     accuracy = campaign.accuracy_for(accuracy)
     _check_output(campaign, accuracy, output)
-    n = sum(map(len, normal_columns(campaign.inputs).values()))
-    run = Evaluator(campaign, accuracy)
-    failed = 0
-
-    def margin(z: np.ndarray) -> np.ndarray:
-        """g of runs, (runs,), from z, (runs, n); minus infinity where a run failed."""
-        nonlocal failed
-        result = run(map_normals(campaign.inputs, z))
-        g = sign * (result.outputs[output].astype(float) - limit)
-        failed += int(np.count_nonzero(~result.good))
-        # An infinite output lies on one side of the limit; what is not a number meets none.
-        return np.where(result.good & ~np.isnan(g), g, -np.inf)
-
+    margins = _Margins(campaign, accuracy, output, limit, sign)
     rng = np.random.default_rng(seed)
-    if method == "subset":
-        value, variation, made = _subset(margin, n, runs, rng)
-        points = np.zeros((0, n))
+    n = sum(map(len, normal_columns(campaign.inputs).values()))
+    # Enough for a decision.
+    first = rng.standard_normal((max(100, runs // 50), n))
+    share = float(np.mean((margins(first) < 0.0) * margins.likelihood(first)))
+    points = np.zeros((0, n))
+    found = None
+    if not RARE <= share <= 1.0 - RARE:
+        margins.inverted = share > RARE
+        if method == "subset":
+            found = subset(margins, margins.likelihood, n, runs, rng)
+        else:
+            points = design_points(margins.slopes, n, rng)
+            found = importance(margins, margins.likelihood, points, runs - margins.runs, rng)
+        if found is None and not margins.inverted:
+            raise InputError(
+                f"No violation was found in {margins.runs} runs, neither along the derivatives nor "
+                f"by subset simulation: check that the limit can be reached."
+            )
+    if found is None:
+        low, value, high = margins.plain(runs, rng)
+        variation = float(np.sqrt((1.0 - value) / (value * runs))) if value > 0.0 else np.inf
+        how = MONTE_CARLO
+        warning = ""
     else:
+        value, variation, how, warning = found.value, found.variation, method, found.warning
+        low, high = found.interval()
+        if margins.inverted:
+            variation *= value / (1.0 - value)
+            low, value, high = 1.0 - high, 1.0 - value, 1.0 - low
+    return RareEvent(
+        value, low, high, variation, margins.runs, margins.failed, points, how, warning
+    )
 
-        def slope(z: np.ndarray) -> tuple[float, np.ndarray]:
-            y, dy = _value_and_slope(campaign, accuracy, jnp.asarray(z), output)
-            return sign * (float(y) - limit), sign * np.asarray(dy)
 
-        points = _design_points(slope, n, rng)
-        value, variation, made = _importance(margin, points, runs, rng)
-    # The deviation of the logarithm, of a lognormal value of this variation.
-    spread = math.sqrt(math.log1p(variation**2)) if math.isfinite(variation) else math.inf
-    low, high = (value * math.exp(s * 1.96 * spread) if value > 0.0 else 0.0 for s in (-1, 1))
-    return RareEvent(value, low, min(high, 1.0), variation, made, failed, points, method)
+class _Margins:
+    """The margin of a requirement as a function of the standard normal numbers of a search.
+
+    `runs`, `failed`: how many runs were made, and failed. If `inverted`, the event is that the
+    requirement is met."""
+
+    def __init__(
+        self, campaign: Campaign, accuracy: Accuracy, output: str, limit: float, sign: float
+    ):
+        self.campaign, self.accuracy, self.output = campaign, accuracy, output
+        self.limit, self.sign = limit, sign
+        self.run = Evaluator(campaign, accuracy)
+        self.runs = self.failed = 0
+        self.inverted = False
+
+    def __call__(self, z: np.ndarray) -> np.ndarray:
+        """g of runs, (runs,), from z, (runs, n); minus infinity where a run failed."""
+        return self._of(_searched(self.campaign, z)[0])
+
+    def likelihood(self, z: np.ndarray) -> np.ndarray:
+        """The factor by which the search draws the runs too seldom, (runs,)."""
+        return _searched(self.campaign, z)[1]
+
+    def slopes(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """g, (starts,), and its derivatives, (starts, n), at z, (starts, n)."""
+        y, dy = _values_and_slopes(self.campaign, self.accuracy, jnp.asarray(z), self.output)
+        sign = -self.sign if self.inverted else self.sign
+        return sign * (np.asarray(y, float) - self.limit), sign * np.asarray(dy, float).T
+
+    def plain(self, runs: int, rng: np.random.Generator) -> tuple[float, float, float]:
+        """Limits and value of the probability by plain Monte Carlo."""
+        self.inverted = False
+        n = sum(map(len, normal_columns(self.campaign.inputs).values()))
+        g = self._of(map_normals(self.campaign.inputs, rng.standard_normal((runs, n))))
+        found = clopper_pearson(int(np.count_nonzero(g < 0.0)), runs)
+        return found.low, found.value, found.high
+
+    def _of(self, samples: Mapping[str, ArrayLike]) -> np.ndarray:
+        result = self.run(samples)
+        g = self.sign * (result.outputs[self.output].astype(float) - self.limit)
+        self.runs += len(g)
+        self.failed += int(np.count_nonzero(~result.good))
+        # An infinite output lies on one side of the limit; what is not a number meets none.
+        g = np.where(result.good & ~np.isnan(g), g, -np.inf)
+        # A margin of zero meets the requirement.
+        return np.where(g == 0.0, -np.finfo(float).tiny, -g) if self.inverted else g
+
+
+def _searched(campaign: Campaign, z: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
+    """The inputs of a search at z, (runs, n), each (runs,), and their likelihood, (runs,)."""
+    runs = len(z)
+    # In blocks, so that one program serves every number of runs.
+    filled = np.concatenate([z, np.zeros((-runs % BLOCK, z.shape[1]))])
+    blocks = [_block(campaign, jnp.asarray(x)) for x in np.split(filled, len(filled) // BLOCK)]
+    samples, likelihood = jax.tree.map(lambda *x: np.concatenate(x)[:runs], *blocks)
+    return samples, likelihood.astype(float)
+
+
+@quick_jit
+def _block(
+    campaign: Campaign, z: Float[Array, "runs n"]
+) -> tuple[dict[str, Float[Array, " runs"]], Float[Array, " runs"]]:
+    return search_normals(campaign.inputs, z)
 
 
 def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
@@ -152,145 +224,20 @@ def _check_output(campaign: Campaign, accuracy: Accuracy, output: str) -> None:
 
 
 @quick_jit
-def _value_and_slope(
-    campaign: Campaign, accuracy: Accuracy, z: Float[Array, " n"], output: str
-) -> tuple[Array, Array]:
-    """An output and its derivative in the standard normal numbers."""
+def _values_and_slopes(
+    campaign: Campaign, accuracy: Accuracy, z: Float[Array, "starts n"], output: str
+) -> tuple[Float[Array, " starts"], Float[Array, "n starts"]]:
+    """An output at several places, and its derivatives there in the standard normal numbers."""
 
     def value(z: Array) -> tuple[Array, Array]:
-        samples = map_normals(campaign.inputs, z[None, :])
-        y = evaluate_traced(campaign, accuracy, samples)[0][output][0]
+        samples = search_normals(campaign.inputs, z)[0]
+        y = evaluate_traced(campaign, accuracy, samples)[0][output]
         return y, y
 
-    slope, y = jax.jacfwd(value, has_aux=True)(z)
-    return y, slope
+    def along(direction: Array) -> tuple[Array, Array]:
+        # Each run moves with its own place alone: one direction serves all of them.
+        _, slope, y = jax.jvp(value, (z,), (jnp.broadcast_to(direction, z.shape),), has_aux=True)
+        return slope, y
 
-
-Slope = Callable[[np.ndarray], tuple[float, np.ndarray]]
-Margin = Callable[[np.ndarray], np.ndarray]
-
-
-def _design_points(slope: Slope, n: int, rng: np.random.Generator) -> np.ndarray:
-    """The nearest violations, (points, n), from several starts."""
-    result: list[np.ndarray] = []
-    # Not at the origin, where magnitudes have no slope; each start has its opposite.
-    away = rng.standard_normal((STARTS // 2, n))
-    away /= np.linalg.norm(away, axis=1)[:, None]
-    for start in np.concatenate([0.5 * away, -0.5 * away]):
-        z = _nearest(slope, start)
-        # Points nearer than this are the same one, about which runs must be drawn once only.
-        if z is not None and all(np.linalg.norm(z - other) > 0.3 for other in result):
-            result.append(z)
-    if not result:
-        raise InputError(
-            "No violation was found along the derivatives: take method='subset', or check that "
-            "the limit can be reached."
-        )
-    points = np.stack(result)
-    distance = np.linalg.norm(points, axis=1)
-    # What lies farther off by so much is rarer by a factor of a thousand or more.
-    return points[0.5 * distance**2 < 0.5 * distance.min() ** 2 + 7.0]
-
-
-def _nearest(slope: Slope, z: np.ndarray) -> np.ndarray | None:
-    """The nearest violation by the damped iteration; `None` where it does not converge."""
-    g, s = slope(z)
-    scale = abs(g)
-    for _ in range(ITERATIONS):
-        square = float(s @ s)
-        if not (np.isfinite(g) and np.isfinite(square) and square > 0.0):
-            return None
-        step = (s @ z - g) / square * s - z
-        # A merit that the step lowers, for a penalty above |z| / |s| (Zhang and Der Kiureghian).
-        penalty = 2.0 * (np.linalg.norm(z) + 1.0) / math.sqrt(square)
-        merit = 0.5 * z @ z + penalty * abs(g)
-        # If no step lowers the merit the shortest is taken, because the slope there may be another.
-        for damping in (1.0, 0.5, 0.25, 0.125):
-            trial = z + damping * step
-            g_new, s_new = slope(trial)
-            if np.isfinite(g_new) and 0.5 * trial @ trial + penalty * abs(g_new) < merit:
-                break
-        moved = float(np.linalg.norm(trial - z))
-        z, g, s = trial, g_new, s_new
-        if moved < 1e-3 and abs(g) < 1e-3 * scale:
-            return z
-    # Close enough to draw about, if it lies on the border at all.
-    return z if np.isfinite(g) and abs(g) < 0.05 * scale else None
-
-
-def _importance(
-    margin: Margin, points: np.ndarray, runs: int, rng: np.random.Generator
-) -> tuple[float, float, int]:
-    """Probability, variation and runs, from draws about the design points."""
-    squares = np.sum(points**2, axis=1)
-    # In proportion to the density at each point, divided by the greatest against underflow.
-    shares = np.exp(-0.5 * (squares - squares.min()))
-    shares /= shares.sum()
-    which = rng.choice(len(points), runs, p=shares)
-    z = points[which] + rng.standard_normal((runs, points.shape[1]))
-    # ln(phi(z - z_k) / phi(z)), which does not overflow.
-    ratio = z @ points.T - 0.5 * squares
-    top = ratio.max(axis=1)
-    mixed = np.log(np.exp(ratio - top[:, None]) @ shares) + top
-    terms = np.where(margin(z) < 0.0, np.exp(-mixed), 0.0)
-    value = float(terms.mean())
-    error = float(terms.std(ddof=1)) / math.sqrt(runs)
-    return value, error / value if value > 0.0 else math.inf, runs
-
-
-def _subset(
-    margin: Margin, n: int, runs: int, rng: np.random.Generator
-) -> tuple[float, float, int]:
-    """Probability, variation and runs, level by level."""
-    # Seven levels reach 1e-7 with this budget; more levels, if needed, make more runs.
-    size = max(100, runs // 7)
-    keep = max(int(LEVEL * size), 2)
-    z = rng.standard_normal((size, n))
-    g = margin(z)
-    made = size
-    value = 1.0
-    variance = 0.0
-    for level in range(30):
-        # Stable, so that equal margins, as of failed runs, have one order on every machine.
-        order = np.argsort(g, kind="stable")
-        below, above = float(g[order[keep - 1]]), float(g[order[keep]])
-        # Between failed runs and infinitely safe ones there is no middle.
-        border = 0.5 * (below + above) if below > -math.inf else below
-        # The runs of the first level are independent, those of the chains are not.
-        widened = 1.0 if level == 0 else 1.0 + CHAINED
-        if border <= 0.0:
-            share = float(np.mean(g < 0.0))
-            variance += (1.0 - share) / (share * size) * widened
-            return value * share, math.sqrt(variance), made
-        value *= LEVEL
-        variance += (1.0 - LEVEL) / (LEVEL * size) * widened
-        z, g, more = _chains(margin, z[order[:keep]], g[order[:keep]], border, size, rng)
-        made += more
-    # Thirty levels reach 1e-30: what is rarer still counts as impossible.
-    return 0.0, math.inf, made
-
-
-def _chains(
-    margin: Margin,
-    z: np.ndarray,
-    g: np.ndarray,
-    border: float,
-    size: int,
-    rng: np.random.Generator,
-) -> tuple[np.ndarray, np.ndarray, int]:
-    """`size` runs below the border, by chains from those there; all chains step at once."""
-    every_z = [z]
-    every_g = [g]
-    made = 0
-    while sum(map(len, every_g)) < size:
-        u = rng.standard_normal(z.shape)
-        # The step preserves the normal distribution, so that only the border can refuse it.
-        trial = CORRELATION * z + math.sqrt(1.0 - CORRELATION**2) * u
-        g_trial = margin(trial)
-        made += len(g)
-        better = g_trial < border
-        # A refused step repeats its place: without it the chain would have another distribution.
-        z, g = np.where(better[:, None], trial, z), np.where(better, g_trial, g)
-        every_z.append(z)
-        every_g.append(g)
-    return np.concatenate(every_z)[:size], np.concatenate(every_g)[:size], made
+    slopes, y = jax.vmap(along, out_axes=(0, None))(jnp.eye(z.shape[1], dtype=z.dtype))
+    return y, slopes

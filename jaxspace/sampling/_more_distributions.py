@@ -167,6 +167,14 @@ class Discrete(AbstractDistribution):
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
         return self.values[_place(self.weights, ndtr(z), ndtr(-z))]
 
+    def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        # One of five draws takes every value that may occur alike.
+        shares = self.weights / jnp.sum(self.weights)
+        some = (shares > 0.0).astype(shares.dtype)
+        flat = 0.8 * shares + 0.2 * some / jnp.sum(some)
+        place = _place(flat, ndtr(z), ndtr(-z))
+        return self.values[place], shares[place] / flat[place]
+
     def outside(self, low: float, high: float) -> float:
         values, weights = np.asarray(self.values), np.asarray(self.weights)
         return float(weights[(values < low) | (values > high)].sum() / weights.sum())

@@ -209,13 +209,32 @@ def map_normals(
     inputs: Mapping[str, AbstractDistribution], z: Float[Array, "runs dimensions"] | np.ndarray
 ) -> dict[str, Float[Array, " runs"]]:
     """The inputs, each (runs,), from independent standard normal numbers."""
+    return {name: jax.vmap(inputs[name].from_normal)(x) for name, x in _taken(inputs, z).items()}
+
+
+def search_normals(
+    inputs: Mapping[str, AbstractDistribution], z: Float[Array, "runs dimensions"] | np.ndarray
+) -> tuple[dict[str, Float[Array, " runs"]], Float[Array, " runs"]]:
+    """Inputs, each (runs,), in which rare values of a list are frequent, from independent standard
+    normal numbers; and how likely each run is in comparison, (runs,)."""
+    found = {name: jax.vmap(inputs[name].searched)(x) for name, x in _taken(inputs, z).items()}
+    # The numbers of a joint distribution have no values that are rare by themselves: their factors
+    # are one.
+    likelihood = jnp.prod(jnp.stack([factor for _, factor in found.values()]), axis=0)
+    return {name: x for name, (x, _) in found.items()}, likelihood
+
+
+def _taken(
+    inputs: Mapping[str, AbstractDistribution], z: Float[Array, "runs dimensions"] | np.ndarray
+) -> dict[str, Array]:
+    """The standard normal numbers of each input, (runs,) or (runs, dimensions)."""
     columns = normal_columns(inputs)
     by_source = {inputs[first].source or first: places for first, places in columns.items()}
     z = jnp.asarray(z)
     result = {}
     for name, d in inputs.items():
         places = by_source[d.source or name]
-        result[name] = jax.vmap(d.from_normal)(z[:, places] if d.source else z[:, places[0]])
+        result[name] = z[:, places] if d.source else z[:, places[0]]
     return result
 
 

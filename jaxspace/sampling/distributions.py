@@ -73,6 +73,12 @@ class AbstractDistribution(AbstractParameters):
 
         `z`: (), or (dimensions,) where one draw takes several."""
 
+    def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
+        """The value at `z` in a search for rare events, and how likely it is in comparison with
+        that search: one, except where a single value is rare, which a search must meet."""
+        value = self.from_normal(z)
+        return value, jnp.ones_like(value)
+
     @abstractmethod
     def outside(self, low: float, high: float) -> float:
         """The share of all draws, from 0 to 1, that fall below `low` or above `high`."""

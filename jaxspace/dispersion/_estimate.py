@@ -1,0 +1,60 @@
+"""The estimate of a small probability, and its confidence interval."""
+
+import math
+from typing import NamedTuple
+
+# Fewer independent violations are few, and a share of this size that may be missing matters.
+FEW, DOUBTFUL = 4, 0.01
+
+
+class Estimate(NamedTuple):
+    """A probability as a sum of the weights of violations.
+
+    - `value`: the sum.
+    - `variation`: its standard error over the value.
+    - `heaviest`: the greatest part of the sum that one violation may be.
+    - `unseen`: estimated share of the violations that lie where no draw was made.
+    - `runs`: number of runs made."""
+
+    value: float
+    variation: float
+    heaviest: float
+    unseen: float
+    runs: int
+
+    @property
+    def warning(self) -> str:
+        """A sentence where the value is not well known; empty where it is."""
+        if self.value == 0.0:
+            return "No violation was found: the probability is at most `high`."
+        sentences = []
+        if self.variation > FEW**-0.5:
+            sentences.append(
+                f"The value rests on about {1.0 / self.variation**2:.2g} independent violations."
+            )
+        if self.unseen > DOUBTFUL:
+            sentences.append(
+                f"One search for violations does not cover all that another one found: some "
+                f"{100.0 * self.unseen:.2g} % of the probability may be missing."
+            )
+        if sentences:
+            sentences.append("More runs tell more.")
+        return " ".join(sentences)
+
+    def interval(self) -> tuple[float, float]:
+        """The limits of 95 % confidence, those of a weighted sum of Poisson counts (Fay and Feuer,
+        Stat. Med. 16 (1997), 791): wider than the normal ones where few violations, or one of a
+        large weight, decide, and above zero where there are none."""
+        from scipy.special import gammaincinv
+
+        low, square = 0.0, 0.0
+        if self.value > 0.0 and math.isfinite(self.variation):
+            square = (self.value * self.variation) ** 2
+            low = self.value
+        if square > 0.0:
+            low = square / self.value * float(gammaincinv(self.value**2 / square, 0.025))
+        total, spread = self.value + self.heaviest, square + self.heaviest**2
+        high = total
+        if spread > 0.0:
+            high = spread / total * float(gammaincinv(total**2 / spread, 0.975))
+        return low, min(high / (1.0 - self.unseen), 1.0)
