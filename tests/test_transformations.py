@@ -18,6 +18,7 @@ from jaxspace import (
     simulate_mission,
 )
 from jaxspace.bodies import Load
+from jaxspace.core import InputError
 from jaxspace.core.square_roots import inverse_sqrt, sqrt
 from jaxspace.integration.status import SimulationError
 from jaxspace.orbits import PointGravity, TwoBody
@@ -103,3 +104,47 @@ def test_failed_runs_outside_of_jit_raise_their_sentence(transformed):
     x = jnp.asarray([1.0, 1.1] if transformed is jax.vmap else 1.0)
     with pytest.raises(SimulationError, match="The steps ran out"):
         transformed(lambda mu: radius(mu, few))(x)
+
+
+DURATION = 0.5
+
+
+def braked(x):
+    """The distance of a point that a user's own effect brakes by k, from the speed v: (v, k)."""
+    v, k = x
+    y0 = BodyState(jnp.zeros(3), v * jnp.array([1.0, 0.0, 0.0]))
+    scene = Scene([Custom(lambda t, y, body: Load(acceleration_N=-k * y.velocity))])
+    run = simulate(scene, y0, jnp.array([0.0, DURATION]), accuracy=Accuracy(1e-9))
+    return run.final.position[0]
+
+
+def exact(x):
+    v, k = x
+    return v * (1.0 - jnp.exp(-k * DURATION)) / k
+
+
+MODES = {"forward": jax.jacfwd, "reverse": jax.jacrev}
+POINTS = jnp.array([[1.0, 0.3], [2.0, 1.7]])
+
+
+@pytest.mark.parametrize("inner", MODES)
+@pytest.mark.parametrize("outer", MODES)
+@pytest.mark.parametrize("mapped", ["inside", "between", "outside"])
+def test_second_derivatives_of_mapped_runs(outer, inner, mapped):
+    """All combinations of both modes with a map, of a function that captures what is moved."""
+    one, two = MODES[inner], MODES[outer]
+
+    def hessians(f):
+        if mapped == "inside":
+            return two(one(lambda x: jax.vmap(f)(jnp.stack([x, 1.5 * x]))))(POINTS[0])
+        if mapped == "between":
+            return two(jax.vmap(one(f)))(POINTS)
+        return jax.vmap(two(one(f)))(POINTS)
+
+    # The derivatives of a closed form; the tolerance is a hundred times that of the run.
+    np.testing.assert_allclose(jax.jit(lambda: hessians(braked))(), hessians(exact), atol=1e-7)
+
+
+def test_reverse_mode_of_a_third_derivative_is_refused():
+    with pytest.raises(InputError, match="take jax.jacfwd"):
+        jax.eval_shape(jax.jacrev(jax.jacfwd(jax.jacfwd(braked))), POINTS[0])

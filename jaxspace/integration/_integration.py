@@ -96,6 +96,10 @@ class Integration(eqx.Module):
         ends = jnp.asarray(math.inf) if ends is None else ends
         return Record(layout, recording.numbers, recording.stride, count, ends, recording.shared)
 
+    def with_tangents(self, given: Tangents) -> "Integration":
+        """The tangents of field and initial state in a tree like this one; none of the settings."""
+        return Integration(*given, jax.tree.map(lambda _: None, self.settings))
+
     def replay(self, record: Record, moving: PyTree[bool]) -> tuple[Replay, PyTree]:
         """The replay of a recorded run, and the differentiated part of its field."""
         part, fixed = eqx.partition(self.field, moving)

@@ -13,18 +13,17 @@ from jax.extend.core import Primitive
 from jax.interpreters import batching
 from jaxtyping import Array, PyTree
 
-from ._integration import Integration, moving_in
+from ._integration import Integration, Moving, moving_in
+from ._mapped_integration import AnyIntegration, MappedIntegration
 from ._primitives import (
     Arguments,
     Program,
     Traced,
     bind,
-    cotangent,
     cotangent_p,
     derivative_p,
     record_p,
     solve_p,
-    tangent,
     tangent_p,
     traced,
 )
@@ -59,12 +58,22 @@ def _by_jax(function: Program, values: PyTree, dims: Dims) -> tuple[PyTree, Dims
     return _on(0, eqx.filter_vmap(lambda x: function(*x), in_axes=(dims,))(values))
 
 
-def _run_batch(run: Integration, dims: Dims, program: Traced) -> tuple[PyTree, Dims]:
+def _as_batch(
+    run: AnyIntegration, dims: Dims, size: int, moving: Moving | None = None
+) -> tuple[Integration, PyTree] | None:
+    """`add_run_axis`; `None` for runs that are mapped already, without being a batch."""
+    if isinstance(run, MappedIntegration):
+        return None
+    return add_run_axis(run, dims, size, moving)
+
+
+def _run_batch(run: AnyIntegration, dims: Dims, program: Traced) -> tuple[PyTree, Dims]:
     """The outcomes of mapped runs; `program`: that of one of them, for its shapes."""
     size = _size(run, dims)
-    mapped = add_run_axis(run, dims, size)
+    mapped = _as_batch(run, dims, size)
     if mapped is None:
-        return _by_jax(lambda run: run.run()[0], (run,), (dims,))
+        whole = MappedIntegration.of(run, dims, size)
+        return _on(0, bind(solve_p, whole, traced(whole)))
 
     def block(run: Integration) -> PyTree:
         return bind(solve_p, run, traced(run))
@@ -87,7 +96,7 @@ def _record_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
     return (outs, empty), (out_dims, jax.tree.map(lambda _: None, empty))
 
 
-def _linear_batch(primitive: Primitive, program: Program) -> Program:
+def _linear_batch(primitive: Primitive) -> Program:
     """The batching rule of `tangent` or of `cotangent`."""
 
     @eqxi.filter_primitive_batching
@@ -101,13 +110,12 @@ def _linear_batch(primitive: Primitive, program: Program) -> Program:
             return _on(0, bind(primitive, run, record, last, columns + 1, *rest))
         # Every run has its own derivative with respect to the arrays that move.
         moving = moving_in((run.field, run.y0), last) if primitive is tangent_p else rest[1]
-        mapped = add_run_axis(run, dims[0], size, moving)
+        mapped = _as_batch(run, dims[0], size, moving)
         if mapped is None:
-
-            def one(run: Integration, last: PyTree) -> PyTree:
-                return program(run, run.run(moving)[1], last, *rest)
-
-            return _by_jax(one, (run, last), (dims[0], dims[2]))
+            whole, columns = MappedIntegration.of(run, dims[0], size, moving), rest[0]
+            _, record = bind(record_p, whole, moving, traced(whole, moving))
+            last = _with_axis(last, dims[2], size, columns)
+            return _on(columns, bind(primitive, whole, record, last, *rest))
 
         def block(run: Integration, last: PyTree) -> PyTree:
             _, record = bind(record_p, run, moving, traced(run, moving))
@@ -121,12 +129,12 @@ def _linear_batch(primitive: Primitive, program: Program) -> Program:
 
 @eqxi.filter_primitive_batching
 def _derivative_batch(values: Arguments, dims: Arguments) -> tuple[PyTree, Dims]:
-    function, *arrays, _ = values
+    function, *arrays, _, _ = values
     return _by_jax(function, tuple(arrays), tuple(dims[1:3]))
 
 
 batching.primitive_batchers[solve_p] = _solve_batch
 batching.primitive_batchers[record_p] = _record_batch
-batching.primitive_batchers[tangent_p] = _linear_batch(tangent_p, tangent)
-batching.primitive_batchers[cotangent_p] = _linear_batch(cotangent_p, cotangent)
+batching.primitive_batchers[tangent_p] = _linear_batch(tangent_p)
+batching.primitive_batchers[cotangent_p] = _linear_batch(cotangent_p)
 batching.primitive_batchers[derivative_p] = _derivative_batch

@@ -6,7 +6,6 @@ for a derivative that is zero by structure. The rules are registered with JAX wh
 imported.
 """
 
-import functools
 from collections.abc import Callable
 from typing import Protocol, TypeAlias, cast, runtime_checkable
 
@@ -17,10 +16,11 @@ import jax.numpy as jnp
 from jax.core import ShapedArray
 from jax.extend.core import Primitive
 from jax.interpreters import ad, mlir
-from jaxtyping import PyTree
+from jaxtyping import Array, PyTree
 
 from ..core import InputError, State
-from ._integration import Integration, Moving, Tangents, moving_in
+from ._integration import Moving, Tangents, moving_in
+from ._mapped_integration import AnyIntegration, MappedIntegration
 from ._record import Record
 from .result import Outcome
 
@@ -29,8 +29,7 @@ Program: TypeAlias = Callable[..., PyTree]
 Arguments: TypeAlias = tuple[PyTree, ...]
 
 REVERSE_OF_DERIVATIVE = (
-    "Reverse mode of a derivative of a run is not available: take jax.jacfwd(jax.grad(f)), which "
-    "is jax.hessian(f), or jax.jacfwd(jax.jacfwd(f))."
+    "Reverse mode of a second derivative of a run is not available: take jax.jacfwd of it."
 )
 bind = eqxi.filter_primitive_bind
 
@@ -41,21 +40,21 @@ class Traced(Protocol):
 
     out_struct: PyTree
 
-    def __call__(self, run: Integration) -> tuple[Outcome, Record | None]: ...
+    def __call__(self, run: AnyIntegration) -> tuple[Outcome, Record | None]: ...
 
 
-def traced(run: Integration, moving: Moving | None = None) -> Traced:
+def traced(run: AnyIntegration, moving: Moving | None = None) -> Traced:
     """Trace a run; one that is differentiated, by what is `moving`."""
-    program = eqx.filter_closure_convert(functools.partial(Integration.run, moving=moving), run)
+    program = eqx.filter_closure_convert(lambda run: run.run(moving), run)
     return cast(Traced, program)
 
 
-def _solved(run: Integration, program: Traced) -> Outcome:
+def _solved(run: AnyIntegration, program: Traced) -> Outcome:
     """The outcome of a run, by its traced program."""
     return jax.tree.map(jnp.asarray, program(run)[0])
 
 
-def _recorded(run: Integration, moving: Moving, program: Traced) -> tuple[Outcome, Record]:
+def _recorded(run: AnyIntegration, moving: Moving, program: Traced) -> tuple[Outcome, Record]:
     """The outcome and the record of a run, by its traced program."""
     # A result that is known is a number in a traced program.
     return jax.tree.map(jnp.asarray, program(run))
@@ -68,34 +67,45 @@ def map_columns(function: Program, columns: int) -> Program:
     return function
 
 
-def tangent(run: Integration, record: Record, given: Tangents, columns: int) -> State:
+def tangent(run: AnyIntegration, record: Record, given: Tangents, columns: int) -> State:
     """The tangents of the saved states, for tangents with `columns` as their leading axes."""
     return map_columns(lambda given: run.forward(record, given)[0], columns)(given)
 
 
 def cotangent(
-    run: Integration, record: Record, cotangents: State, columns: int, moving: Moving
+    run: AnyIntegration, record: Record, cotangents: State, columns: int, moving: Moving
 ) -> Tangents:
     """The cotangents of the arrays that move, for cotangents with leading axes."""
     return map_columns(lambda c: run.backward(record, moving, c), columns)(cotangents)
 
 
-def _tangent_shapes(run: Integration, record: Record, given: PyTree, columns: int) -> PyTree:
-    save_ts = run.settings.save_ts
-    rows = 1 if save_ts is None else save_ts.shape[0]
+def _tangent_shapes(run: AnyIntegration, record: Record, given: PyTree, columns: int) -> PyTree:
     lead = jax.tree.leaves(given)[0].shape[:columns]
-    return jax.tree.map(lambda x: ShapedArray((*lead, rows, *x.shape), x.dtype), run.y0)
+    saved = _saved_shapes(run)
+    return jax.tree.map(lambda x: ShapedArray((*lead, *x.shape), x.dtype), saved)
+
+
+def _saved_shapes(run: AnyIntegration) -> PyTree:
+    """The shapes of the saved states."""
+    if isinstance(run, MappedIntegration):
+        lead, of = run.size, _saved_shapes(run.one)
+    else:
+        save_ts, of = run.settings.save_ts, run.y0
+        lead = 1 if save_ts is None else save_ts.shape[0]
+    return jax.tree.map(lambda x: jax.ShapeDtypeStruct((lead, *x.shape), x.dtype), of)
 
 
 def _cotangent_shapes(
-    run: Integration, record: Record, cotangents: PyTree, columns: int, moving: Moving
+    run: AnyIntegration, record: Record, cotangents: PyTree, columns: int, moving: Moving
 ) -> PyTree:
     lead = jax.tree.leaves(cotangents)[0].shape[:columns]
     of = eqx.filter((run.field, run.y0), moving)
     return jax.tree.map(lambda x: ShapedArray((*lead, *x.shape), x.dtype), of)
 
 
-def _derivative(function: Program, values: PyTree, given: PyTree, like: PyTree) -> PyTree:
+def _derivative(
+    function: Program, values: PyTree, given: PyTree, like: Program, back: Program | None
+) -> PyTree:
     return function(values, given)
 
 
@@ -119,13 +129,23 @@ record_p = _primitive(
 )
 tangent_p = _primitive("tangent_along_steps", tangent, _tangent_shapes)
 cotangent_p = _primitive("cotangent_along_steps", cotangent, _cotangent_shapes)
-# A separate primitive only so that its transpose can be refused with a helpful sentence.
-derivative_p = _primitive("derivative_along_steps", _derivative, lambda f, v, g, like: like)
+# `function(values, given)`, linear in what is `given`, with results of the shapes `like()`. It is a
+# primitive for its transpose, `back(values, given, cotangents)`; without one it is refused.
+derivative_p = _primitive("derivative_along_steps", _derivative, lambda f, v, g, like, back: like())
 
 
 def _none(tree: PyTree) -> PyTree:
     """The tangents of a tree that has none."""
     return jax.tree.map(lambda _: None, tree)
+
+
+def _zeros_of(tree: PyTree) -> PyTree:
+    """Cotangents of zero for the linear inputs of a transpose, and none for others."""
+
+    def leaf(x: ad.UndefinedPrimal | Array) -> Array | None:
+        return jnp.zeros(x.aval.shape, x.aval.dtype) if ad.is_undefined_primal(x) else None
+
+    return jax.tree.map(leaf, tree, is_leaf=ad.is_undefined_primal)
 
 
 def _jvp_of(function: Program, values: PyTree, given: PyTree) -> tuple[PyTree, PyTree]:
@@ -134,7 +154,7 @@ def _jvp_of(function: Program, values: PyTree, given: PyTree) -> tuple[PyTree, P
     return jax.jvp(lambda moving: function(eqx.combine(moving, fixed)), (moving,), (given,))
 
 
-def _tangents_of(run: Integration, tangents: PyTree) -> tuple[Tangents, Moving]:
+def _tangents_of(run: AnyIntegration, tangents: PyTree) -> tuple[Tangents, Moving]:
     """The tangents of field and initial state, and which arrays have one."""
     # Those of the settings are zero, and counters have none.
     given = eqx.filter((tangents.field, tangents.y0), eqx.is_inexact_array)
@@ -156,10 +176,49 @@ def _record_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree
     # written out most of the program.
     run, moving, _ = primals
     outcome, record = run.run(moving, small=True)
-    given, _ = _tangents_of(run, tangents[0])
-    states, numbers = run.forward(record, given, recorded=True)
+    given, moves = _tangents_of(run, tangents[0])
+
+    def change(values: PyTree, given: PyTree) -> PyTree:
+        run, record = values
+        return run.forward(record, given, recorded=True)
+
+    def back(values: PyTree, given: PyTree, cotangents: PyTree) -> PyTree:
+        # Not by the numbers of the record: see `_hessian_product`.
+        del given
+        return bind(cotangent_p, *values, cotangents[0], 0, moves)
+
+    shapes = (_tangent_shapes(run, record, given, 0), jax.typeof(record.numbers))
+    states, numbers = bind(derivative_p, change, (run, record), given, lambda: shapes, back)
     d_record = eqx.tree_at(lambda r: r.numbers, _none(record), numbers, is_leaf=lambda x: x is None)
     return (outcome, record), (_none(outcome)._replace(states=states), d_record)
+
+
+def _hessian_product(
+    fixed: tuple[AnyIntegration, Record],
+    direction: Tangents,
+    cotangents: State,
+    columns: int,
+    moving: Moving,
+) -> Tangents:
+    """The cotangents of the arrays that are `moving`, from the derivative of `cotangent` along a
+    `direction`, with the record as a function of the run.
+
+        d/de cotangent(p + e a, y*) = d/dp (y* . tangent(p, a))
+
+    This is the transpose of the derivatives of both: second derivatives are symmetric. It contains
+    what the tangents of the record transmit, which therefore get no cotangents."""
+    run, record = fixed
+
+    def one(direction: Tangents, cotangents: State) -> Tangents:
+        _, numbers = run.forward(record, direction, recorded=True)
+        d_record = eqx.tree_at(
+            lambda r: r.numbers, _none(record), numbers, is_leaf=lambda x: x is None
+        )
+        given = (run.with_tangents(direction), d_record)
+        return _jvp_of(lambda x: cotangent(x[0], x[1], cotangents, 0, moving), fixed, given)[1]
+
+    every = map_columns(lambda pair: one(*pair), columns)((direction, cotangents))
+    return jax.tree.map(lambda x: jnp.sum(x, tuple(range(columns))), every)
 
 
 def _linear_jvp(primitive: Primitive, program: Program) -> Program:
@@ -182,8 +241,17 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Program:
                 fixed, last = values
                 return _jvp_of(lambda fixed: program(*fixed, last, *rest), fixed, given)[1]
 
-            like = jax.tree.map(jax.typeof, outs)
-            more = bind(derivative_p, change, ((run, record), last), given, like)
+            def back(values: PyTree, given: PyTree, ends: PyTree) -> PyTree:
+                fixed, last = values
+                of_run, of_record = given
+                # A tangent is paired with cotangents, and cotangents with a tangent.
+                pair = (last, ends) if primitive is tangent_p else (ends, last)
+                moves = moving_in((run.field, run.y0), (of_run.field, of_run.y0))
+                result = _hessian_product(fixed, *pair, rest[0], moves)
+                return run.with_tangents(result), _zeros_of(of_record)
+
+            shapes = jax.tree.map(jax.typeof, outs)
+            more = bind(derivative_p, change, ((run, record), last), given, lambda: shapes, back)
             d_outs = more if d_outs is None else jax.tree.map(jnp.add, d_outs, more)
         return outs, _none(outs) if d_outs is None else d_outs
 
@@ -193,10 +261,15 @@ def _linear_jvp(primitive: Primitive, program: Program) -> Program:
 @eqxi.filter_primitive_jvp
 def _derivative_jvp(primals: Arguments, tangents: Arguments) -> tuple[PyTree, PyTree]:
     """By JAX's own rules."""
-    function, values, given, _ = primals
+    function, *values, like, _ = primals
     # Counters have no derivative that `jax.jvp` would take.
     moves = eqx.filter(tuple(tangents[1:3]), eqx.is_inexact_array)
-    return _jvp_of(lambda x: function(*x), (values, given), moves)
+
+    def change(values: PyTree, given: PyTree) -> PyTree:
+        return _jvp_of(lambda x: function(*x), values, given)[1]
+
+    outs = bind(derivative_p, *primals)
+    return outs, bind(derivative_p, change, tuple(values), moves, like, None)
 
 
 def _tangent_transpose(inputs: Arguments, cotangents: State) -> PyTree:
@@ -212,8 +285,23 @@ def _cotangent_transpose(inputs: Arguments, cotangents: Tangents) -> PyTree:
     return _none(run), _none(record), given, None, _none(moving)
 
 
-def _refuse_transpose(inputs: Arguments, cotangents: PyTree) -> PyTree:
-    raise InputError(REVERSE_OF_DERIVATIVE)
+def _derivative_transpose(inputs: Arguments, cotangents: PyTree) -> PyTree:
+    _, values, given, _, back = inputs
+    if back is None:
+        raise InputError(REVERSE_OF_DERIVATIVE)
+    return None, _none(values), back(values, given, cotangents), None, None
+
+
+def _registered(transpose: Program) -> Program:
+    """The rule as JAX calls it."""
+    rule = eqxi.filter_primitive_transpose(transpose, materialise_zeros=True)
+
+    def of_arrays(cotangents: PyTree, *inputs: PyTree, **params: object) -> PyTree:
+        # A known number may be a literal, which equinox does not take for an array.
+        known = (x if ad.is_undefined_primal(x) else jnp.asarray(x) for x in inputs)
+        return rule(cotangents, *known, **params)
+
+    return of_arrays
 
 
 ad.primitive_jvps[solve_p] = _solve_jvp
@@ -224,8 +312,6 @@ ad.primitive_jvps[derivative_p] = _derivative_jvp
 for primitive, transpose in (
     (tangent_p, _tangent_transpose),
     (cotangent_p, _cotangent_transpose),
-    (derivative_p, _refuse_transpose),
+    (derivative_p, _derivative_transpose),
 ):
-    ad.primitive_transposes[primitive] = eqxi.filter_primitive_transpose(
-        transpose, materialise_zeros=True
-    )
+    ad.primitive_transposes[primitive] = _registered(transpose)

@@ -10,13 +10,14 @@ is linear in the tangents, computed forwards along the record, and backwards whe
     tangent    (field, y0), record, (dp)    -> dy             linear in dp
     cotangent  (field, y0), record, (y*)    -> p*             the transpose of tangent
 
-All further derivatives except for reverse mode over these two are JAX's: it differentiates the
-loops of `tangent` and `cotangent` forwards.
+All further derivatives are JAX's: it differentiates the loops of `tangent` and `cotangent`
+forwards. The transpose of a second derivative follows from its symmetry.
 
 A mapped integration (`jax.vmap`) does not use JAX's batching of the loop, in which every run would
 take the steps of the slowest and the components would be innermost. Its batching rule adds an axis
 of runs to the layout and calls the batch path, in blocks. It recomputes the record there, so that
-no residual depends on how the runs were grouped.
+no residual depends on how the runs were grouped. Runs that cannot be a batch become one
+`MappedIntegration`, whose primitives have the same rules.
 
 The programs are in `_integration.py`, the primitives and their derivatives in `_primitives.py`,
 the rules for mapped runs in `_mapped_rules.py`.
