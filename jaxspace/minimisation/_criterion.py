@@ -196,6 +196,25 @@ class Minimum(HashedModule):
         )
         return f"{sentence} {helps}" if helps else sentence
 
+    @property
+    @no_method
+    def unread(self) -> tuple[str, ...]:
+        """The unknowns by which the derivative that differs most from finite differences is exactly
+        zero where the search began or ended, for a known result of one run."""
+        if self.search is None:
+            return ()
+        at = self.search.at
+        row = np.concatenate([at.g[None], at.J, at.K])[int(self.search.worst)]
+        return tuple(np.array(self._names())[row == 0.0].tolist())
+
+    def _names(self) -> list[str]:
+        """The name of each unknown."""
+        return [
+            (jax.tree_util.keystr(path, simple=True, separator=".") or "x") + index
+            for path, leaf in jax.tree_util.tree_flatten_with_path(self.x)[0]
+            for index in ([f"[{k}]" for k in range(leaf.size)] if leaf.ndim else [""])
+        ]
+
     def _sizes(self) -> str:
         """What to do about unknowns that the search counts in ones beside much larger ones, in a
         sentence; empty where there are none."""
@@ -204,11 +223,7 @@ class Minimum(HashedModule):
         ones = np.flatnonzero(size == 1.0)
         if size[largest] < UNEVEN or not ones.size:
             return ""
-        names = [
-            (jax.tree_util.keystr(path, simple=True, separator=".") or "x") + index
-            for path, leaf in jax.tree_util.tree_flatten_with_path(self.x)[0]
-            for index in ([f"[{k}]" for k in range(leaf.size)] if leaf.ndim else [""])
-        ]
+        names = self._names()
         return (
             f"{names[ones[0]]} is counted in ones, for it starts near zero, and {names[largest]} "
             f"in {size[largest]:.3g}: give minimise(scale=...) the changes that matter."

@@ -32,7 +32,7 @@ from ._descent_state import (
     converged,
     over,
 )
-from ._gradient_check import probed_error
+from ._gradient_check import MOST_LEVELS, PROBES, probed_error, varies
 from ._lagrangian import FIRST_WEIGHT
 from ._scaling import weights
 from ._sqp_measures import lagrangian_gradient, penalty, scaled, slope, violation
@@ -76,7 +76,7 @@ def _probed(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -
     del z
     following = s.calls + 1
     start = setting.point(s.q)
-    probes = probes_of(start, setting.limits)
+    probes = probes_of(start, setting.limits, s.level)
     place = start + probes.shares[following] * probes.direction
     return s._replace(
         probed=s.probed.at[s.calls].set(found.values),
@@ -94,9 +94,31 @@ def _averaged(s: DescentState, found: Evaluation, z: Array, *, setting: Setting)
 
 
 def _moved(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
-    """Accept the step or leave it out, and compute the next one."""
+    """Accept the step or leave it out, and compute the next one; or probe the gradient again."""
+    started = _started(s, found, setting)
+    moved = _after_evaluation(started, found, z, setting)
+    if not setting.check:
+        return moved
+    nearer = _nearer(started, setting)
+    return jax.tree.map(functools.partial(jnp.where, started.unclear), nearer, moved)
+
+
+def _nearer(s: DescentState, setting: Setting) -> DescentState:
+    """The state before nearer probes of the gradient."""
+    start, level = setting.point(s.q), s.level + 1
+    probes = probes_of(start, setting.limits, level)
+    return s._replace(
+        level=level,
+        calls=jnp.full_like(s.calls, -PROBES),
+        trial=start + probes.shares[0] * probes.direction,
+        unclear=jnp.asarray(False),
+    )
+
+
+def _after_evaluation(
+    s: DescentState, found: Evaluation, z: Array, setting: Setting
+) -> DescentState:
     first = s.calls == 0
-    s = _started(s, found, setting)
     place = _place(s, found, z, setting)
     accepted = first | place.at.sound()
     keep = functools.partial(jnp.where, accepted)
@@ -135,14 +157,17 @@ def _started(s: DescentState, found: Evaluation, setting: Setting) -> DescentSta
     weight = jnp.where(first, weight, s.weight)
     if not setting.check:
         return s._replace(weight=weight)
-    probes = probes_of(setting.point(s.q), setting.limits)
+    probes = probes_of(setting.point(s.q), setting.limits, s.level)
     claimed = weight * (found.jacobian @ probes.direction)
     wrong, worst = probed_error(weight * s.probed, probes, claimed)
     checked = first & jnp.any(s.probed != 0.0)
+    unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probes, claimed)
+    checked = checked & ~unclear
     return s._replace(
         weight=weight,
         wrong=jnp.where(checked, wrong, s.wrong),
         worst=jnp.where(checked, worst, s.worst),
+        unclear=unclear,
     )
 
 

@@ -47,7 +47,8 @@ class DescentState(NamedTuple):
       greatest ratio of a step and its gradient.
     - `left_out`: steps that were not finite; `refused`: the report of the last of them.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
-    - `weight`, `size`, `rows`, `calls`, `probed`, `wrong`, `worst`, `taken`, `steps`: as in
+    - `weight`, `size`, `rows`, `calls`, `probed`, `level`, `unclear`, `wrong`,
+      `worst`, `taken`, `steps`: as in
       `SqpState`."""
 
     q: Float[Array, " n"]
@@ -71,6 +72,8 @@ class DescentState(NamedTuple):
     rows: Float[Array, "steps 3"]
     calls: Int[Array, ""]
     probed: Float[Array, "4 all"]
+    level: Int[Array, ""]
+    unclear: Bool[Array, ""]
     wrong: Float[Array, ""]
     worst: Int[Array, ""]
     taken: Int[Array, ""]
@@ -146,7 +149,7 @@ def begin(
         stepper.begin(q), zero, jnp.asarray(False), none, zero, report, zero,
         jnp.ones(rows, q.dtype), size,
         jnp.full((max_steps, 3), jnp.nan, q.dtype), jnp.asarray(-PROBES if check else 0),
-        jnp.zeros((PROBES, rows), q.dtype), none, zero, zero, zero,
+        jnp.zeros((PROBES, rows), q.dtype), zero, jnp.asarray(False), none, zero, zero, zero,
     )  # fmt: skip
 
 

@@ -7,9 +7,14 @@ The gradient of a run is that of its steps. Where a control has kinks that are n
 integration, steps pass over the effect of a single value: the run is right and its gradient is not,
 and a descent ends at a wrong point or diverges. A search therefore refuses to begin with a gradient
 that is not the slope. Beyond its bounds an objective may be anything: near a bound the direction d
-leads inwards, and the difference is one-sided.
+leads inwards, half of the way to the other bound at most, and the difference is one-sided.
+
+A slope that changes within h, as that of -log(x) at x << h, has no difference that is right: D(h)
+and D(h/2) then differ by a large part of themselves. Such a difference judges nothing, and the
+check is repeated with a hundredth of h, up to four times.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import jax
@@ -26,6 +31,13 @@ ALLOWANCE = 3.0
 """Allowance for the errors of D(h) and D(h/2), in units of their difference. The part of rounding
 and of the tolerance of a run is effectively random."""
 PROBES = 4
+FINER, MOST_LEVELS = 1e-2, 4
+"""By which h is reduced where the slope changes within it, and how often."""
+VARIES = 0.1
+"""Relative difference of D(h) and D(h/2) from which on they are no slope."""
+MOST_NAMED = 4
+NOISE = 1e-8
+"""Relative errors of values, as of runs: differences within them are no change of the slope."""
 
 
 class Probes(NamedTuple):
@@ -43,14 +55,16 @@ def probes(
     size: Float[Array, " n"],
     low: Float[Array, " n"] | float = -jnp.inf,
     high: Float[Array, " n"] | float = jnp.inf,
+    level: Int[Array, ""] | int = 0,
 ) -> Probes:
     """The probes about an `x` between bounds: along one fixed direction of effectively random
-    components, each of the `size` of its unknown."""
-    # The best step of a difference of fourth order.
-    h = float(jnp.finfo(x.dtype).eps) ** 0.2
+    components, each of the `size` of its unknown; the `level` counts reductions of h."""
+    # The best step of a difference of fourth order, before it is reduced.
+    h = jnp.asarray(float(jnp.finfo(x.dtype).eps) ** 0.2, x.dtype) * FINER**level
     # Not random: the same start has the same result every time.
     d = size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)
-    above, below = (high - x) / h, (x - low) / h
+    # Never up to a bound, where the objective may be singular.
+    above, below = 0.5 * (high - x) / h, 0.5 * (x - low) / h
     fits = jnp.abs(d) <= jnp.minimum(above, below)
     # To the side with more space, as far as it allows.
     turned = jnp.where(above >= below, 1.0, -1.0) * jnp.minimum(
@@ -86,6 +100,20 @@ def probed_error(
     return jax.lax.stop_gradient(jnp.where(error > GRADIENT_TOLERANCE, named, error)), worst
 
 
+def varies(
+    rows: Float[Array, "4 rows"], p: Probes, claimed: Float[Array, " rows"]
+) -> Bool[Array, ""]:
+    """Whether the slope of some row with a wrong gradient changes so much between the probes that
+    their difference says nothing; the arguments are those of `probed_error`."""
+    slope, uncertain, h = _slopes(rows, p)
+    noise = NOISE * jnp.max(jnp.abs(rows), axis=0) / h
+    known = uncertain <= jnp.maximum(VARIES * jnp.abs(slope), noise)
+    errors, sizes = _beyond(rows, p, claimed)
+    # Written so that a value that is not finite counts as one.
+    right = errors <= GRADIENT_TOLERANCE * sizes
+    return jnp.any(~right & ~known)
+
+
 def _quotient(beyond: Array, largest: Array) -> Array:
     error = beyond / jnp.where(largest > 0.0, largest, 1.0)
     # Outside its domain the objective is infinite and has no slope.
@@ -94,24 +122,43 @@ def _quotient(beyond: Array, largest: Array) -> Array:
 
 def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
     """Difference of slopes beyond its uncertainty, and the larger magnitude of both."""
+    slope, uncertain, _ = _slopes(values, p)
+    beyond = jnp.maximum(jnp.abs(slope - claimed) - ALLOWANCE * uncertain, 0.0)
+    return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
+
+
+def _slopes(values: Array, p: Probes) -> tuple[Array, Array, Array]:
+    """D, the difference of D(h) and D(h/2), and h."""
     h = p.shares[0]
     first, second, third, fourth = values
     coarse = jnp.where(p.inwards, 4.0 * second - first - 3.0 * fourth, 0.5 * (first - second)) / h
     near = 2.0 * (4.0 * third - second - 3.0 * fourth)
     fine = jnp.where(p.inwards, near, third - fourth) / h
-    slope = (4.0 * fine - coarse) / 3.0
-    beyond = jnp.maximum(jnp.abs(slope - claimed) - ALLOWANCE * jnp.abs(fine - coarse), 0.0)
-    return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
+    return (4.0 * fine - coarse) / 3.0, jnp.abs(fine - coarse), h
 
 
-def refuse(error: float, what: str = "the objective") -> None:
+def refuse(error: float, what: str = "the objective", unread: Sequence[str] = ()) -> None:
     """Raise `InputError` for a gradient of `what` that differs from its slope by this relative
-    `error`."""
+    `error`.
+
+    - `unread`: the unknowns by which its derivative is exactly zero."""
     if error <= GRADIENT_TOLERANCE:
         return
+    if unread:
+        some = ", ".join(unread[:MOST_NAMED]) + (", ..." if len(unread) > MOST_NAMED else "")
+        cause = (
+            f"its derivative by {some} is exactly zero: where {what} depends on it, "
+            f"jax.lax.stop_gradient, a rounding, an integer or a comparison has cut the derivative"
+        )
+    else:
+        cause = (
+            "a control with kinks that are not breaks is the likely cause; make it a "
+            "jaxspace.core.Table or Spline, let the system declare its breaks(), or use finer "
+            "steps. A jump of the objective, or a wrong rule of differentiation, has the same "
+            "effect"
+        )
     raise InputError(
         f"The gradient at the start differs from the slope of {what} by {error:.1g} of it, "
-        f"and a search would end in a wrong place: a control with kinks that are not breaks is the "
-        f"likely cause; make it a jaxspace.core.Table or Spline, let the system declare its "
-        f"breaks(), or use finer steps. (check_gradient=False begins all the same.)"
+        f"and a search would end in a wrong place: {cause}. (check_gradient=False begins all the "
+        f"same.)"
     )

@@ -53,7 +53,8 @@ def minimise(
     **Arguments**
 
     - `problem`: a function from a point to its `Criterion`.
-    - `start`: the point at which the descent begins, a tree of floats; or a `Minimum` whose search
+    - `start`: the point at which the descent begins, a tree of floats, moved to the nearest one
+      within the bounds; or a `Minimum` whose search
       ended early, to be continued with the same options.
     - `optimiser`: "sqp" for quadratic programmes, which need the fewest evaluations where there are
       many constraints; or any optimiser of optax, such as `optax.adam(1e-2)` or `optax.lbfgs()`.
@@ -64,7 +65,8 @@ def minimise(
     - `tolerance`: for the gradient and for the violation, both scaled.
     - `max_steps`: the largest number of steps.
     - `check_gradient`: whether to compare the gradient at the start with the slope of the
-      objective, by four more evaluations, and to refuse to begin where they differ; under `jit`
+      objective, by four more evaluations (up to 25 where the slope changes very close to the
+      start, as beside a singularity), and to refuse to begin where they differ; under `jit`
       the search ends there with the reason `WRONG_GRADIENT`.
     - `exact_hessian`: whether the quadratic programmes take the curvature by second derivatives in
       place of BFGS, for problems that are cheap to differentiate twice.
@@ -118,7 +120,7 @@ def minimise(
             forward_ratio,
         )
     if check_gradient and not is_traced(minimum.gradient_error):
-        refuse(float(minimum.gradient_error), worst_number(minimum))
+        refuse(float(minimum.gradient_error), worst_number(minimum), minimum.unread)
     return minimum
 
 
@@ -166,7 +168,7 @@ def minimise_from(
         # As for one start, but at the end, because a search in a batch cannot be refused before.
         worst = jnp.argmax(every.gradient_error)
         first = jax.tree.map(lambda x: x[..., worst], every)
-        refuse(float(first.gradient_error), worst_number(first))
+        refuse(float(first.gradient_error), worst_number(first), first.unread)
     order = jnp.where(every.converged, every.criterion.objective, jnp.inf)
     # A start whose numbers are not finite has no violation either.
     begun = jnp.where(every.reason == StopReason.NOT_FINITE, jnp.inf, every.violation)

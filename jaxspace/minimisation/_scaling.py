@@ -27,7 +27,7 @@ LEAST_SLOPE = 1e-3
 class ScaledProblem(NamedTuple):
     """A problem in scaled unknowns z = x / `size`.
 
-    - `start`: the first z, between the bounds `low` and `high`.
+    - `start`: the first z, between the bounds `low` and `high`; `ends`: the bounds of x.
     - `unravel`: turns a flat x into a point.
     - `blank`: a criterion of zeros.
     - `me`, `mi`: numbers of equalities and of inequalities; `bounded`: whether there are bounds."""
@@ -37,15 +37,22 @@ class ScaledProblem(NamedTuple):
     size: Float[Array, " n"]
     low: Float[Array, " n"]
     high: Float[Array, " n"]
+    ends: tuple[Float[Array, " n"], Float[Array, " n"]]
     unravel: Callable[[Array], Point]
     blank: Criterion
     me: int
     mi: int
     bounded: bool
 
+    def point(self, z: Array) -> Point:
+        """The point of z, within its bounds, beyond which its product with the size may round."""
+        x = self.size * z
+        # The derivative is that without the bounds: at a bound, that of `clip` is one half.
+        return self.unravel(x + jax.lax.stop_gradient(jnp.clip(x, *self.ends) - x))
+
     def numbers(self, z: Array) -> tuple[Array, Criterion]:
         """f, c and d in one array, in their own units; and the criterion."""
-        criterion = self.problem(self.unravel(self.size * z))
+        criterion = self.problem(self.point(z))
         parts = (criterion.objective, criterion.equal_zero, criterion.non_negative)
         return jnp.concatenate([jnp.ravel(x) for x in parts if x is not None]), criterion
 
@@ -62,6 +69,9 @@ def scaled_problem(
     given."""
     x0, unravel = ravel_pytree(start)
     low, high = (ravel_pytree(b)[0] for b in limits)
+    # A start outside of the bounds would leave the first programme without a solution, and says
+    # nothing of the size of the unknowns.
+    x0 = jnp.clip(x0, low, high)
     size = _sizes(x0, low, high) if scale is None else ravel_pytree(scale)[0].astype(x0.dtype)
     if before is not None:
         size = getattr(before.search, "size", size)
@@ -69,10 +79,8 @@ def scaled_problem(
     blank = jax.tree.map(lambda like: jnp.zeros(like.shape, like.dtype), shapes)
     me = 0 if shapes.equal_zero is None else shapes.equal_zero.size
     mi = 0 if shapes.non_negative is None else shapes.non_negative.size
-    # A start far outside of the bounds would leave the first programme without a solution.
-    z0 = jnp.clip(x0, low, high) / size
-    ends = (low / size, high / size)
-    return ScaledProblem(problem, z0, size, *ends, unravel, blank, me, mi, bounded)
+    scaled = (x0 / size, size, low / size, high / size)
+    return ScaledProblem(problem, *scaled, (low, high), unravel, blank, me, mi, bounded)
 
 
 def weights(objective: Float[Array, ""], rows: Float[Array, " rows"]) -> Float[Array, " rows"]:

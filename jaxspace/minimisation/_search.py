@@ -80,7 +80,7 @@ def search(
         # Rows of steps not taken are NaN, and would separate the two searches.
         old = before.history
         history = jnp.concatenate([old[~jnp.isnan(old[:, 0])], history])
-    x = scaled.unravel(minimum.x)
+    x = scaled.point(minimum.x / scaled.size)
     held = scaled.unravel(minimum.bound_multipliers)
     places = lambda m: (m.x, m.bound_multipliers, m.history)  # noqa: E731
     return eqx.tree_at(places, minimum, (x, held, history))

@@ -29,7 +29,7 @@ from jax import lax
 from jaxtyping import Array, Float, PyTree
 
 from ..core import Flag, Scalar
-from ._gradient_check import probed_error
+from ._gradient_check import MOST_LEVELS, PROBES, probed_error, varies
 from ._infeasibility import ROUNDINGS
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
@@ -53,7 +53,7 @@ def advance(
 
     def probing(s: SqpState) -> SqpState:
         following = s.calls + 1
-        at = probes_of(s.x, limits)
+        at = probes_of(s.x, limits, s.level)
         place = s.x + at.shares[following] * at.direction
         return s._replace(
             probed=s.probed.at[s.calls].set(evaluation.values),
@@ -71,8 +71,9 @@ def advance(
             values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
             s = s._replace(B=(vectors * jnp.maximum(jnp.abs(values), floor)) @ vectors.T)
+        started = s.calls == 0
         s = s._replace(calls=s.calls + 1, gradient=gradient(s, limits))
-        return _planned(s, limits)
+        return _checked_again(_planned(s, limits), started & s.unclear, limits)
 
     return lax.cond(s.calls < 0, probing, searching, s)
 
@@ -81,11 +82,26 @@ def _started(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     """Set the scales from the values and gradients at the start."""
     weight = weights(evaluation.values[0], jnp.max(jnp.abs(evaluation.jacobian), axis=1))
     at = scaled(evaluation, weight, s.y.size)
-    checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits)
+    checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits, s.level)
     claimed = weight * (evaluation.jacobian @ probed.direction)
     wrong, worst = probed_error(weight * s.probed, probed, claimed)
-    wrong = jnp.where(checked, wrong, 0.0)
-    return s._replace(at=at, weight=weight, violation=violation(at), wrong=wrong, worst=worst)
+    unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probed, claimed)
+    wrong = jnp.where(checked & ~unclear, wrong, 0.0)
+    s = s._replace(at=at, weight=weight, violation=violation(at))
+    return s._replace(wrong=wrong, worst=worst, unclear=unclear)
+
+
+def _checked_again(s: SqpState, again: Flag, limits: Limits) -> SqpState:
+    """The state before nearer probes of the gradient, if it is checked `again`."""
+    level = jnp.where(again, s.level + 1, s.level)
+    nearer = probes_of(s.x, limits, level)
+    place = s.x + nearer.shares[0] * nearer.direction
+    return s._replace(
+        level=level,
+        calls=jnp.where(again, -PROBES, s.calls),
+        trial=jnp.where(again, place, s.trial),
+        unclear=jnp.asarray(False),
+    )
 
 
 def _programme(s: SqpState, limits: Limits) -> tuple[Programme, Array]:

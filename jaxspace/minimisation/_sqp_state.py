@@ -43,8 +43,9 @@ class SqpState(NamedTuple):
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
-    - `probed`: values at the probes; `wrong`: the error of the gradient against their differences;
-      `worst`: the row of (f, c, d) where it is largest.
+    - `probed`: values at the probes; `level`: reductions of their distance; `unclear`: whether they
+      must come nearer; `wrong`: the error of the gradient against their differences; `worst`: the
+      row of (f, c, d) where it is largest.
     - `taken`: steps of this search; `steps`: also those of the searches that it continues;
       `left_out`: those to a place whose numbers are not finite; `refused`: the report of the last
       of these."""
@@ -68,6 +69,8 @@ class SqpState(NamedTuple):
     weight: Float[Array, " all"]
     calls: Int[Array, ""]
     probed: Float[Array, "4 all"]
+    level: Int[Array, ""]
+    unclear: Bool[Array, ""]
     wrong: Float[Array, ""]
     worst: Int[Array, ""]
     size: Float[Array, " n"]
@@ -100,9 +103,9 @@ class Limits(NamedTuple):
     farthest: Float[Array, ""]
 
 
-def probes_of(x: Float[Array, " n"], limits: Limits) -> Probes:
-    """The probes of the gradient about a start."""
-    return probes(x, jnp.ones_like(x), limits.lower, limits.upper)
+def probes_of(x: Float[Array, " n"], limits: Limits, level: Int[Array, ""] | int = 0) -> Probes:
+    """The probes of the gradient about a start, after so many reductions of their distance."""
+    return probes(x, jnp.ones_like(x), limits.lower, limits.upper, level)
 
 
 def begin(
@@ -137,8 +140,8 @@ def begin(
         jnp.full((max_steps, 3), jnp.nan, x.dtype),
         x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
-        zeros((PROBES, rows)), zeros(()), jnp.asarray(0), size, jnp.asarray(0), jnp.asarray(0),
-        report,
+        zeros((PROBES, rows)), jnp.asarray(0), no, zeros(()), jnp.asarray(0), size,
+        jnp.asarray(0), jnp.asarray(0), report,
     )  # fmt: skip
 
 

@@ -27,7 +27,7 @@ def test_lines_between_the_positions_show_each_run():
     """Of 39 turns forty positions are one place, and of 30 a polygon."""
     for turns in (39.0, 30.0):
         paths = run_paths(circles(turns), [0, 1], num_saved=40)
-        assert len(paths.times) > 20 * turns
+        assert len(paths.times) > 15 * turns
         for run in range(3):
             t, r = paths.times[:, run], paths.positions[:, :, run]
             radius = r[0, 0]
