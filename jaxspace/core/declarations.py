@@ -13,8 +13,10 @@ from collections.abc import Callable, Mapping
 from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import equinox as eqx
+import jax
 
 from .checks import InputError
+from .field_types import is_number, kind_of, shown
 from .quantities import REQUIRED, Quantity, check_shape
 
 _REFERENCE = "reference"
@@ -88,6 +90,8 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
     def checked(*given: object, **named: object) -> object:
         # Only values that the caller gives are checked: defaults are the author's.
         bound = signature.bind(*given, **named).arguments
+        for name, value in bound.items():
+            _check_kind(f"{owner}.{name}", value, signature.parameters[name], arguments.get(name))
         for name, declared in arguments.items():
             value = bound.get(name)
             # `None` stands for an optional argument that is absent.
@@ -101,6 +105,28 @@ def _checked(function: Function, arguments: Mapping[str, Argument]) -> Function:
         return function(*given, **named)
 
     return cast(Function, checked)
+
+
+def _check_kind(
+    name: str, value: object, parameter: inspect.Parameter, declared: Argument | None
+) -> None:
+    """Raise `InputError` for a text in the place of numbers, and for an object of another class
+    than that of a parameter without numbers."""
+    if value is parameter.default or parameter.annotation is parameter.empty:
+        return
+    if isinstance(declared, Quantity):
+        if any(isinstance(x, str) for x in jax.tree.leaves(value)):
+            unit = f" in {declared.unit}" if declared.unit else ""
+            kind = "an array of numbers" if declared.shape else "a number"
+            raise InputError(f"{name} is {shown(value)}: it must be {kind}{unit}.")
+    elif not isinstance(declared, Choice) and parameter.kind is not parameter.VAR_KEYWORD:
+        kind = kind_of(parameter.annotation)
+        # Numbers and lists are converted by the function.
+        several = isinstance(value, list | tuple)
+        numbers = kind is not None and "number" in kind.words and (several or is_number(value))
+        listed = kind is not None and several and kind.accepts(())
+        if kind is not None and not (kind.accepts(value) or numbers or listed):
+            raise InputError(f"{name} is {shown(value)}: it must be {kind.words}.")
 
 
 def constructor(

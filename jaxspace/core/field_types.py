@@ -172,6 +172,15 @@ def _union(kinds: Sequence[Kind | None]) -> Kind | None:
     return Kind(lambda x: any(kind.accepts(x) for kind in known), words)
 
 
+def check_kind(name: str, value: object, annotation: object) -> None:
+    """Raise `InputError` for a value of another kind than an annotation declares.
+
+    - `name`: of the argument."""
+    kind = kind_of(annotation)
+    if kind is not None and not kind.accepts(value):
+        raise InputError(f"{name} is {shown(value)}: it must be {kind.words}.")
+
+
 def shown(value: object) -> str:
     """A wrong value as a sentence shows it: itself where it is short, or its type."""
     plain = isinstance(value, str | bytes | numbers.Number | list | tuple | types.NoneType)

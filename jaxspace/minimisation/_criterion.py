@@ -47,10 +47,15 @@ class StopReason(enum.IntEnum):
     WRONG_GRADIENT = 5
     INTERRUPTED = 6
     UNBOUNDED = 7
+    ROUNDED = 8
 
 
 SENTENCES = {
     StopReason.CONVERGED: "Converged after {steps} steps: {numbers}.",
+    StopReason.ROUNDED: (
+        "Converged after {steps} steps to the rounding of the objective, below which no step "
+        "changes it, and short of the tolerance{asked} of the gradient: {numbers}."
+    ),
     StopReason.STEP_LIMIT: (
         "Stopped at the limit of steps, {steps}, short of the tolerance{asked}: {numbers}. "
         "Allow more{wider}, or begin nearer."
@@ -125,7 +130,8 @@ class Minimum(HashedModule):
       - nu . grad d = 0. For an infeasible problem they are weights of the search without a meaning.
     - `gradient`: the largest component of that sum in the scaled unknowns, which is compared with
       the tolerance; `violation`: the largest of the constraints, in the units of the constraint.
-    - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance.
+    - `steps`: of all descents; `converged`: whether gradient and violation met the tolerance, or
+      the gradient is as small as the rounding of the objective allows (`StopReason.ROUNDED`).
     - `gradient_error`: the relative difference between the gradient and finite differences at the
       start; zero where it was not checked. Above 1e-3 the gradient is wrong.
     - `reason`: why the search ended, a `StopReason`; `sentence()` says it.
@@ -280,7 +286,8 @@ class Minimum(HashedModule):
         met = MET * np.nanmax(missed, initial=0.0)
         if int(self.reason) != StopReason.INFEASIBLE and self.tolerance is not None:
             met = max(met, float(self.tolerance))
-        begun = int(self.reason) not in (StopReason.CONVERGED, StopReason.WRONG_GRADIENT)
+        none = (StopReason.CONVERGED, StopReason.ROUNDED, StopReason.WRONG_GRADIENT)
+        begun = int(self.reason) not in none
         # `~(missed <= met)` is true for NaN too: a constraint that is not finite is not met.
         flags = begun & ~(missed <= met)
         return flags[: c.size], flags[c.size :]

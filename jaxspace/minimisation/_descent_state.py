@@ -181,4 +181,13 @@ def end(s: DescentState, limits: Limits) -> End:
     best = s.best
     # Where the search came from a better place, it did not fall without bound.
     falling = jnp.all(best.z == s.here.z)
-    return End(best.z, best.at, best.y, best.nu, best.y, best.nu, diverged(s, limits) & falling)
+    return End(
+        best.z,
+        best.at,
+        best.y,
+        best.nu,
+        best.y,
+        best.nu,
+        diverged(s, limits) & falling,
+        jnp.asarray(False),
+    )

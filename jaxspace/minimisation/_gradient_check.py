@@ -60,7 +60,9 @@ def probes(
     """The probes about an `x` between bounds: along one fixed direction of effectively random
     components, each of the `size` of its unknown; the `level` counts reductions of h."""
     # The best step of a difference of fourth order, before it is reduced.
-    h = jnp.asarray(float(jnp.finfo(x.dtype).eps) ** 0.2, x.dtype) * FINER**level
+    h = jnp.asarray(float(jnp.finfo(x.dtype).eps) ** 0.2, x.dtype) * FINER ** jnp.asarray(
+        level, x.dtype
+    )
     # Not random: the same start has the same result every time.
     d = size * jnp.asarray(np.cos(2.4 * np.arange(x.size) + 1.0), x.dtype)
     # Never up to a bound, where the objective may be singular.
@@ -71,8 +73,8 @@ def probes(
         jnp.abs(d), jnp.maximum(above, below)
     )
     inwards = ~jnp.all(fits)
-    both, one = (np.array(k) for k in ([1.0, -1.0, 0.5, -0.5], [1.0, 0.5, 0.25, 0.0]))
-    shares = jnp.where(inwards, jnp.asarray(h * one, x.dtype), jnp.asarray(h * both, x.dtype))
+    both, one = (jnp.array(k, x.dtype) for k in ([1.0, -1.0, 0.5, -0.5], [1.0, 0.5, 0.25, 0.0]))
+    shares = h * jnp.where(inwards, one, both)
     return Probes(jnp.where(fits, d, turned), shares, inwards)
 
 
@@ -106,7 +108,8 @@ def varies(
     """Whether the slope of some row with a wrong gradient changes so much between the probes that
     their difference says nothing; the arguments are those of `probed_error`."""
     slope, uncertain, h = _slopes(rows, p)
-    noise = NOISE * jnp.max(jnp.abs(rows), axis=0) / h
+    least = jnp.maximum(NOISE, 1e2 * jnp.finfo(rows.dtype).eps)
+    noise = least * jnp.max(jnp.abs(rows), axis=0) / h
     known = uncertain <= jnp.maximum(VARIES * jnp.abs(slope), noise)
     errors, sizes = _beyond(rows, p, claimed)
     # Written so that a value that is not finite counts as one.

@@ -14,7 +14,8 @@ from ._sqp_state import Limits, Values
 
 class End(NamedTuple):
     """Where a search ended: scaled unknowns, values, multipliers; the weights of the violation that
-    the search reduced last; and whether it diverged."""
+    the search reduced last; whether it diverged; and whether it is at its minimum as far as the
+    rounding of the objective shows it."""
 
     z: Float[Array, " n"]
     at: Values
@@ -23,6 +24,7 @@ class End(NamedTuple):
     last_y: Float[Array, " equal"]
     last_nu: Float[Array, " inequal"]
     diverged: Bool[Array, ""]
+    rounded: Bool[Array, ""]
 
 
 def minimum_of(end: End, last: PyTree, limits: Limits, interrupted: bool) -> Minimum:
@@ -80,7 +82,10 @@ def _ended_by(
     # have a gradient of zero.
     converged = (gradient <= limits.tolerance) & ~missed & finite
     spent = last.taken >= last.rows.shape[0]
+    rounded = end.rounded & ~missed & finite & ~converged
     reason = stop_reason(finite, converged, spent, infeasible, end.diverged)
+    reason = jnp.where(rounded, StopReason.ROUNDED, reason)
+    converged = converged | rounded
     # A wrong gradient and an interruption come first.
     if interrupted:
         reason = jnp.full_like(reason, StopReason.INTERRUPTED)

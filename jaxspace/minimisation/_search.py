@@ -136,7 +136,16 @@ def _evaluated(scaled: ScaledProblem, ratio: float, s: sqp_state.SqpState) -> sq
 
 
 def _end_of_programmes(limits: sqp_state.Limits, s: sqp_state.SqpState) -> End:
-    return End(s.x, s.at, s.y, s.nu, s.pending.y, s.pending.nu, sqp_state.diverged(s, limits))
+    return End(
+        s.x,
+        s.at,
+        s.y,
+        s.nu,
+        s.pending.y,
+        s.pending.nu,
+        sqp_state.diverged(s, limits),
+        sqp_state.at_rounding(s, limits),
+    )
 
 
 def _minimum(

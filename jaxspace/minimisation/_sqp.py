@@ -226,6 +226,7 @@ def _stepped(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
         shift=jax.tree.map(lambda x: jnp.where(curved, x, 0.0), shift),
         corrected=curved,
         hopeless=hopeless,
+        still=jnp.where(take | (end.predicted > end.noise), 0, s.still + 1),
     )
     moved = moved._replace(gradient=gradient(moved, limits), violation=violation(moved.at))
     return _counted(moved, end.at.sound(), evaluation.report)

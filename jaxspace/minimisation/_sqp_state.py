@@ -8,6 +8,10 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from ._gradient_check import GRADIENT_TOLERANCE, PROBES, Probes, probes
 
+# Steps without a gain beyond rounding after which a search ends, and the largest gradient at which
+# it is then at its minimum, in square roots of a rounding.
+MOST_STILL, NEAR_ROUNDING = 6, 60.0
+
 
 class Values(NamedTuple):
     """Objective f, constraints c and d, derivatives g, J and K; the `report` of the caller."""
@@ -40,6 +44,7 @@ class SqpState(NamedTuple):
 
     - `y`, `nu`: multipliers of c and d.
     - `shift`: second-order correction of (c, d).
+    - `still`: refused steps in sequence whose predicted gain is rounding.
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
@@ -60,6 +65,7 @@ class SqpState(NamedTuple):
     shift: tuple[Float[Array, " equal"], Float[Array, " inequal"]]
     corrected: Bool[Array, ""]
     hopeless: Bool[Array, ""]
+    still: Int[Array, ""]
     gradient: Float[Array, ""]
     violation: Float[Array, ""]
     taken: Int[Array, ""]
@@ -136,8 +142,8 @@ def begin(
     probed = probes_of(x, limits)
     return SqpState(
         x, at, jnp.eye(n, dtype=x.dtype), zeros(me), zeros(mi), 10.0 * one, one,
-        (zeros(me), zeros(mi)), no, no, jnp.inf * one, jnp.inf * one, jnp.asarray(0),
-        jnp.full((max_steps, 3), jnp.nan, x.dtype),
+        (zeros(me), zeros(mi)), no, no, jnp.asarray(0), jnp.inf * one, jnp.inf * one,
+        jnp.asarray(0), jnp.full((max_steps, 3), jnp.nan, x.dtype),
         x + probed.shares[0] * probed.direction if check else x,
         Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
         zeros((PROBES, rows)), jnp.asarray(0), no, zeros(()), jnp.asarray(0), size,
@@ -151,8 +157,24 @@ def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     sound = (s.wrong <= GRADIENT_TOLERANCE) & s.at.sound()
     # A step within this radius changes only the last two digits of the scaled unknowns.
     least = 1e2 * jnp.finfo(s.x.dtype).eps
-    goes_on = missed & ~s.hopeless & (s.taken < s.rows.shape[0]) & (s.radius > least) & sound
+    goes_on = (
+        missed
+        & ~s.hopeless
+        & ~at_rounding(s, limits)
+        & (s.taken < s.rows.shape[0])
+        & (s.radius > least)
+        & sound
+    )
     return (s.calls <= 0) | (goes_on & ~diverged(s, limits))
+
+
+def at_rounding(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether the search is at the minimum as far as the rounding of the objective shows it.
+
+    Several steps of different lengths would gain no more than that, and none of them reduces the
+    gradient, which is then about the square root of the rounding."""
+    small = s.gradient <= NEAR_ROUNDING * jnp.sqrt(jnp.finfo(s.x.dtype).eps)
+    return (s.still >= MOST_STILL) & small & (s.violation <= limits.tolerance)
 
 
 def diverged(s: SqpState, limits: Limits) -> Bool[Array, ""]:

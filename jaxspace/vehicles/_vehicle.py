@@ -33,6 +33,7 @@ from ..core import (
     quantity,
 )
 from ..core.checks import is_concrete
+from ..core.field_types import shown
 from ..core.types import as_float, as_optional_float
 from ..rockets import (
     AttitudeControl,
@@ -61,6 +62,14 @@ from .airframe import (
 from .coefficient import MachTable, as_optional_coefficient
 from .ground_gravity import RADIUS, STANDARD_GRAVITY
 from .local_air import LocalAir
+
+# The parts of a rocket by the name of the station that `model_rocket` moves.
+PARTS_BY_STATION = {
+    "tip": NoseCone,
+    "leading_edge": FinSet,
+    "fore_end": RadiusChange,
+    "station": AerodynamicTable,
+}
 
 
 @final
@@ -377,4 +386,11 @@ def _each_shifted(parts, field: str, origin: Scalar):
 
 
 def _moved(part, field: str, origin: Scalar):
+    known = getattr(part, field, None)
+    if known is None:
+        kind = PARTS_BY_STATION[field]
+        raise InputError(
+            f"Vehicle.model_rocket has a part {shown(part)}, whose {field} is not known: it must "
+            f"be a {kind.__name__}."
+        )
     return eqx.tree_at(lambda p: getattr(p, field), part, getattr(part, field) - origin)

@@ -33,6 +33,7 @@ from ..core import (
     event,
     quantity,
 )
+from ..core.field_types import check_kind
 from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.types import as_float
@@ -179,8 +180,14 @@ def sounding_flight(
     parachute, if it has one, and for each parachute "wait", if it has a lag, and "parachute",
     numbered; and the state at ignition, of every run.
 
-    **Raises** `InputError` for a parachute after the first one without a height or a time.
+    **Raises** `InputError` for arguments of another class, and for a parachute after the first one
+    without a height or a time.
     """
+    check_kind("sounding_flight: vehicle", vehicle, Vehicle)
+    check_kind("sounding_flight: site", site, LaunchSite)
+    check_kind("sounding_flight: recovery", recovery, list | tuple)
+    for number, chute in enumerate(recovery, 1):
+        check_kind(f"sounding_flight: recovery {number}", chute, Recovery)
     for number, chute in enumerate(recovery[1:], 2):
         if chute.height is None and chute.time is None:
             raise InputError(
