@@ -1,14 +1,17 @@
 """Kalman filters for any system with white process noise, between readings at discrete times.
 
-    predict    m' = f(t, m),  P' = A P + P A^T + Q                          (extended)
+    predict    m' = f(t, m),  L' = A L,  P = L L^T + Q_d                    (extended)
                m = sum w_i x_i,  P = sum w_i (x_i - m)(x_i - m)^T + Q_d     (unscented)
     update     r = z - h(m),  S = H P H^T + R,  K = P H^T S^-1
-               m <- m + K r,  P <- (I - K H) P (I - K H)^T + K R K^T
+               m <- m + K r,  P <- P - K S K^T
 
     symbol  meaning
     m, P    mean, and covariance of its local coordinates (of an attitude a small rotation, rad)
+    L       a root of P, which alone is computed (`_roots`)
     Q, R    spectral density of the process noise, 1/s; covariance of the readings
-    x_i     sigma points m +- columns of sqrt((n + k) P), propagated as one batch; k = 1
+    x_i     sigma points m +- columns of sqrt(n + k) L, propagated as one batch; k = 1
+    H       derivatives of h at the mean; of the unscented filter half differences of its readings
+            at the sigma points, whose even part adds to R
     Q_d     covariance by the process noise over the interval, about the mean
     r, S    innovation and its covariance
 
@@ -16,6 +19,7 @@ Source: Maybeck, Stochastic Models, Estimation, and Control, 9.5; Julier and Uhl
 2004); Bar-Shalom, Li and Kirubarajan, Estimation with Applications, 5.4 (consistency).
 """
 
+import math
 from collections.abc import Callable
 from typing import TypeAlias, final
 
@@ -27,11 +31,12 @@ from jaxtyping import Array, ArrayLike, Float, Int
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.jit import quick_jit
 from ..core.printing import printed
-from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.square_roots import sqrt
 from ..core.structure import HashedModule
 from ..simulation import Accuracy, simulate, simulate_batch
 from ..studies.coordinates import Coordinates
-from ..studies.covariance import MeanCovariance, Noise, Uncertain
+from ..studies.covariance import MeanCovariance, MeanRoot, Noise, Uncertain, UncertainRoot
+from ._roots import lower_root, root_of, updated
 
 KINDS = ("extended", "unscented")
 
@@ -160,17 +165,17 @@ def _filter_one(
             f"must be ({readings.shape[0]},), or that squared for a covariance."
         )
     extended = kind == "extended"
-    update = _update_extended if extended else _update_unscented
+    predict_reading = _reading_extended if extended else _reading_unscented
     predict = _predict_extended if extended else _predict_unscented
-    known = MeanCovariance(y0, covariance.astype(n.dtype))
+    known = MeanRoot(y0, root_of(covariance.astype(n.dtype)))
 
-    def step(known: MeanCovariance, row: tuple[Array, Array, Array]) -> tuple:
+    def step(known: MeanRoot, row: tuple[Array, Array, Array]) -> tuple:
         t0, t1, z = row
         predicted, status = predict(system, known, t0, t1, process, accuracy)
-        known, about = update(predicted, t1, z, measure, R)
+        known, about = _update(predict_reading, predicted, t1, z, measure, R)
         return known, (known, *about, status)
 
-    first, about = update(known, ts[0], readings[:, 0], measure, R)
+    first, about = _update(predict_reading, known, ts[0], readings[:, 0], measure, R)
     rows = (ts[:-1], ts[1:], readings[:, 1:].T)
     _, (later, *more, status) = jax.lax.scan(step, first, rows)
 
@@ -178,97 +183,121 @@ def _filter_one(
         return jnp.moveaxis(jnp.concatenate([a[None], b]), 0, -1)
 
     every, r, S = jax.tree.map(joined, (first, *about), (later, *more))
-    return Filtered(ts, n.labels, every.mean, every.covariance, r, S, status)
+    P = jnp.einsum("ik...,jk...->ij...", every.root, every.root)
+    return Filtered(ts, n.labels, every.mean, P, r, S, status)
 
 
 def _predict_extended(
     system: AbstractSystem,
-    known: MeanCovariance,
+    known: MeanRoot,
     t0: Array,
     t1: Array,
     process: Noise,
     accuracy: Accuracy | Scalar | None,
-) -> tuple[MeanCovariance, Array]:
+) -> tuple[MeanRoot, Array]:
     ts = jnp.stack([t0, t1])
     # A propagation that fails must not end the filters of the other runs.
-    run = simulate(Uncertain(system, process), known, ts, accuracy=accuracy, throw=False)
-    return run.final, run.status
+    run = simulate(UncertainRoot(system), known, ts, accuracy=accuracy, throw=False)
+    root, status = _with_noise(system, run.final.root, known.mean, ts, process, accuracy)
+    return MeanRoot(run.final.mean, root), jnp.maximum(run.status, status)
 
 
 def _predict_unscented(
     system: AbstractSystem,
-    known: MeanCovariance,
+    known: MeanRoot,
     t0: Array,
     t1: Array,
     process: Noise,
     accuracy: Accuracy | Scalar | None,
-) -> tuple[MeanCovariance, Array]:
+) -> tuple[MeanRoot, Array]:
     ts = jnp.stack([t0, t1])
     points, weights = _sigma_points(known)
     run = simulate_batch(system, points, ts, accuracy=accuracy)
     # Errors are small beside the point that started at the mean.
     about = Coordinates.of(jax.tree.map(lambda x: x[..., 0], run.final), 0)
     errors = _errors(about, run.final)
-    mean, P = _moments(errors, weights)
-    status = jnp.max(run.status)
-    if process is not None:
-        # The covariance that the noise adds to a known state.
-        exact = MeanCovariance(known.mean, jnp.zeros_like(P))
-        added, status_of_noise = _predict_extended(system, exact, t0, t1, process, accuracy)
-        P = P + added.covariance
-        status = jnp.maximum(status, status_of_noise)
-    return MeanCovariance(about.moved(mean), P), status
+    mean = errors @ weights
+    # No weight is negative.
+    off = (errors - mean[:, None]) * sqrt(weights)
+    root, status = _with_noise(system, off, known.mean, ts, process, accuracy)
+    return MeanRoot(about.moved(mean), root), jnp.maximum(jnp.max(run.status), status)
 
 
-def _update_extended(
-    known: MeanCovariance, t: Array, z: Array, measure: Measure, R: Array
-) -> tuple[MeanCovariance, tuple[Array, Array]]:
+def _with_noise(
+    system: AbstractSystem,
+    columns: Array,
+    mean: State,
+    ts: Array,
+    process: Noise,
+    accuracy: Accuracy | Scalar | None,
+) -> tuple[Array, Array]:
+    """The root of a covariance from these `columns` and from the process noise between two times,
+    from the state `mean` on; and the status."""
+    n = columns.shape[0]
+    if process is None:
+        # A square matrix is a root as it is.
+        root = columns if columns.shape[1] == n else lower_root(columns)
+        return root, jnp.array(0, jnp.int32)
+    # The covariance that the noise adds to a known state.
+    exact = MeanCovariance(mean, jnp.zeros((n, n), columns.dtype))
+    run = simulate(Uncertain(system, process), exact, ts, accuracy=accuracy, throw=False)
+    added = root_of(run.final.covariance)
+    return lower_root(jnp.concatenate([columns, added], axis=1)), run.status
+
+
+def _update(
+    predict_reading: Callable[..., tuple[Array, Array, Array]],
+    known: MeanRoot,
+    t: Array,
+    z: Array,
+    measure: Measure,
+    R: Array,
+) -> tuple[MeanRoot, tuple[Array, Array]]:
+    h, HL, curved = predict_reading(known, t, measure)
+    there = ~jnp.isnan(z)
+    r = jnp.where(there, jnp.where(there, z, 0.0) - h, 0.0)
+    # A reading that is missing depends on nothing, and its error on that of no other one.
+    HL = jnp.where(there[:, None], HL, 0.0)
+    both = there[:, None] & there[None]
+    noise = R + jnp.where(both, curved, 0.0)
+    noise = jnp.where(both | jnp.eye(z.size, dtype=bool), noise, 0.0)
+    root, moved = updated(known.root, HL, noise, r)
     about = Coordinates.of(known.mean, 0)
-    zero = jnp.zeros(about.count, about.dtype)
+    return MeanRoot(about.moved(moved), root), (r, HL @ HL.T + noise)
+
+
+def _reading_extended(known: MeanRoot, t: Array, measure: Measure) -> tuple[Array, Array, Array]:
+    """The predicted reading, its derivatives along the columns of the root, and the covariance that
+    the curvature of the measurement adds: none."""
+    about = Coordinates.of(known.mean, 0)
 
     def predicted(x: Array) -> Array:
         return measure(t, about.moved(x))
 
-    h, along = jax.linearize(predicted, zero)
-    H = jax.vmap(along, out_axes=1)(jnp.eye(about.count, dtype=about.dtype))
-    there = ~jnp.isnan(z)
-    r = jnp.where(there, jnp.where(there, z, 0.0) - h, 0.0)
-    # A reading that is missing depends on nothing.
-    H = jnp.where(there[:, None], H, 0.0)
-    P = known.covariance
-    S = H @ P @ H.T + R
-    K = P @ H.T @ _inverse(S)
-    left = jnp.eye(about.count, dtype=about.dtype) - K @ H
-    # Joseph's form: longer than (1 - K H) P, but a sum of squares, which no rounding makes
-    # indefinite.
-    return MeanCovariance(about.moved(K @ r), left @ P @ left.T + K @ R @ K.T), (r, S)
+    h, along = jax.linearize(predicted, jnp.zeros(about.count, about.dtype))
+    HL = jax.vmap(along, in_axes=1, out_axes=1)(known.root)
+    return h, HL, jnp.zeros((h.size, h.size), HL.dtype)
 
 
-def _update_unscented(
-    known: MeanCovariance, t: Array, z: Array, measure: Measure, R: Array
-) -> tuple[MeanCovariance, tuple[Array, Array]]:
-    about = Coordinates.of(known.mean, 0)
-    points, weights = _sigma_points(known)
+def _reading_unscented(known: MeanRoot, t: Array, measure: Measure) -> tuple[Array, Array, Array]:
+    """The same from the readings at the sigma points."""
+    points, _ = _sigma_points(known)
     h = jax.vmap(measure, in_axes=(None, -1), out_axes=-1)(t, points)
-    there = ~jnp.isnan(z)
-    # A missing reading has no variance, and no gain.
-    h = jnp.where(there[:, None], h, 0.0)
-    mean, S = _moments(h, weights)
-    errors = _errors(about, points)
-    cross = (errors * weights) @ (h - mean[:, None]).T
-    r = jnp.where(there, jnp.where(there, z, 0.0) - mean, 0.0)
-    S = S + R
-    K = cross @ _inverse(S)
-    P = known.covariance - K @ cross.T
-    # Made symmetric again, because rounding does not keep it so, and the next root assumes it.
-    return MeanCovariance(about.moved(K @ r), 0.5 * (P + P.T)), (r, S)
+    n = known.root.shape[0]
+    centre, up, down = h[:, 0], h[:, 1 : n + 1], h[:, n + 1 :]
+    HL = 0.5 * (up - down) / math.sqrt(n + KAPPA)
+    even = 0.5 * ((up - centre[:, None]) + (down - centre[:, None]))
+    rise = jnp.sum(even, axis=1) / (n + KAPPA)
+    off = even - rise[:, None]
+    curved = (off @ off.T + KAPPA * jnp.outer(rise, rise)) / (n + KAPPA)
+    return centre + rise, HL, curved
 
 
-def _sigma_points(known: MeanCovariance) -> tuple[State, Array]:
+def _sigma_points(known: MeanRoot) -> tuple[State, Array]:
     """The points, on the last axis, the mean first, and their weights."""
     about = Coordinates.of(known.mean, 0)
     n = about.count
-    columns = _root((n + KAPPA) * known.covariance)
+    columns = math.sqrt(n + KAPPA) * known.root
     x = jnp.concatenate([jnp.zeros((n, 1), columns.dtype), columns, -columns], axis=1)
     points = jax.vmap(about.moved, in_axes=-1, out_axes=-1)(x)
     weights = jnp.full(2 * n + 1, 0.5 / (n + KAPPA), columns.dtype)
@@ -283,29 +312,6 @@ def _errors(about: Coordinates, points: State) -> Array:
         return about.components(jax.tree.map(jnp.subtract, y, base))
 
     return jax.vmap(error, in_axes=-1, out_axes=-1)(points)
-
-
-def _moments(x: Array, weights: Array) -> tuple[Array, Array]:
-    mean = x @ weights
-    off = x - mean[:, None]
-    return mean, (off * weights) @ off.T
-
-
-def _root(P: Array) -> Array:
-    """L with L L^T = P, also where P has no full rank: a state that is known exactly, in part or
-    whole, has columns of zeros."""
-    n = P.shape[0]
-    least = 16.0 * jnp.finfo(P.dtype).eps * jnp.diag(P)
-    columns = []
-    for j in range(n):
-        d = P[j, j]
-        # Remainders below rounding are no variances: their roots would be noise, or of negative
-        # numbers.
-        good = d > least[j]
-        column = jnp.where(good, P[:, j], 0.0) * inverse_sqrt(jnp.where(good, d, 1.0))
-        columns.append(column)
-        P = P - jnp.outer(column, column)
-    return jnp.stack(columns, axis=1)
 
 
 def _inverse(S: Array) -> Array:

@@ -3,9 +3,11 @@
     y' = f(t, y) + w,     E[w(t) w(s)^T] = Q delta(t - s)
     m' = f(t, m)
     P' = A P + P A^T + Q,     A = df/dy at m
+    L' = A L,                 P = L L^T without noise
 
     symbol  meaning                                                      unit
     m, P    mean and covariance, in local coordinates                    of the state, squared
+    L       a root of P                                                  of the state
     Q       spectral density of the process noise                        that of P, 1/s
     A       matrix of the linearised motion of the error                 1/s
 
@@ -16,7 +18,7 @@ Source: Maybeck, Stochastic Models, Estimation, and Control, 4.9; for attitude M
 Crassidis, Fundamentals of Spacecraft Attitude Determination and Control, 6.2.
 """
 
-__all__ = ["MeanCovariance", "Uncertain"]
+__all__ = ["MeanCovariance", "MeanRoot", "Uncertain", "UncertainRoot"]
 
 from collections.abc import Callable
 from typing import Any, final
@@ -79,6 +81,38 @@ class Uncertain(AbstractSystem):
         return self.system.breaks()
 
     def outside(self, t: Scalar, y: MeanCovariance) -> Flag | None:
+        return self.system.outside(t, y.mean)
+
+
+@final
+@printed()
+class MeanRoot(eqx.Module):
+    """The state of `UncertainRoot`: a mean and a root of the covariance of its local
+    coordinates."""
+
+    mean: State
+    root: Float[Array, "n k *#runs"]
+
+
+@final
+class UncertainRoot(AbstractSystem):
+    """Any system with a root of the covariance of its state, without process noise: variances of
+    any ratio keep their digits, and none is negative."""
+
+    system: AbstractSystem
+
+    def vector_field(self, t: Scalar, y: MeanRoot) -> MeanRoot:
+        A = error_matrix(self.system, t, y.mean, y.root.ndim - 2)
+        rate = jnp.einsum("ij...,jk...->ik...", A, y.root)
+        return MeanRoot(self.system.vector_field(t, y.mean), rate)
+
+    def invariants(self, t: Scalar, y: MeanRoot) -> dict[str, Array]:
+        return self.system.invariants(t, y.mean)
+
+    def breaks(self) -> Float[Array, "times *#runs"] | None:
+        return self.system.breaks()
+
+    def outside(self, t: Scalar, y: MeanRoot) -> Flag | None:
         return self.system.outside(t, y.mean)
 
 

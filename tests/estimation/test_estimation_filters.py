@@ -155,6 +155,65 @@ def test_exact_readings_leave_no_doubt(kind):
     )
 
 
+# Of the deviations of prior and reading. Sigma points hold the place itself, whose rounding at the
+# last ratio of the extended filter is greater than the error of the readings.
+RATIOS = {
+    ("extended", jnp.float64): (1e2, 1e5, 1e9, 1e12, 1e16),
+    ("unscented", jnp.float64): (1e2, 1e5, 1e9, 1e12),
+    ("extended", jnp.float32): (1e2, 1e6, 1e10),
+    ("unscented", jnp.float32): (1e2, 1e4),
+}
+
+
+@pytest.mark.parametrize(("kind", "dtype"), RATIOS)
+def test_precise_readings_after_a_loose_prior(kind, dtype):
+    """A place known to 1e2 to 1e16 times the error of its readings, and a speed to as much: two
+    readings of 1 mm, a second apart, then determine both, and a third one improves them. The
+    covariance is that of a straight line through three points; the ratio is a run each."""
+    r = 1e-3
+    prior = r * jnp.array(RATIOS[kind, dtype], dtype)
+    runs = prior.size
+    rest = {"v": jnp.zeros(runs, dtype), "x": jnp.zeros(runs, dtype)}
+    z = jnp.broadcast_to(jnp.array([[[0.0], [1e-3], [1e-3]]], dtype), (1, 3, runs))
+    ts = jnp.array([0.0, 1.0, 2.0], dtype)
+    accuracy = Accuracy(1e-5, method=Tsit5(), max_steps=64)
+
+    def one(sigma, y0, z):
+        P = jnp.eye(2, dtype=dtype) * sigma**2
+        noise = jnp.array([r], dtype)
+        system = Swing(jnp.array(0.0, dtype), linear=True)
+        found = kalman_filter(
+            system, y0, P, ts, z, position, noise=noise, kind=kind, accuracy=accuracy
+        )
+        return found.covariance[..., -1], found.covariance[1, 1, 0], found.states["x"][-1]
+
+    batch = jax.jit(jax.vmap(one, in_axes=-1, out_axes=-1))
+    P, first, x = batch(prior, rest, z)
+    sigma = np.asarray(prior, np.float64)
+    assert_allclose(first, sigma**2 * (r / np.hypot(sigma, r)) ** 2, rtol=1e-4)
+    # The normal equations of a line through times -2, -1, 0, and the prior at the first of them.
+    for k, s in enumerate(sigma / r):
+        ground = np.array([[2.0 + 3.0, -3.0], [-3.0, 3.0]])
+        N = ground + np.array([[1.0 + 4.0, -2.0], [-2.0, 1.0]]) / s**2
+        exact = np.linalg.inv(N) * r**2
+        assert_allclose(P[..., k], exact, rtol=1e-3)
+        target = np.linalg.solve(N, [-1.0 * 1e-3, 1e-3 + 1e-3])[1]
+        assert_allclose(x[k], target, rtol=2e-3)
+    # The variance of the place follows that of the readings: d log P / d log r = 2, in both modes.
+    if dtype == jnp.float64:
+        for mode in (jax.jacfwd, jax.jacrev):
+
+            def variance(r):
+                found = kalman_filter(
+                    Swing(jnp.array(0.0), linear=True), START, jnp.eye(2) * 1e8, ts[:2],
+                    jnp.zeros((1, 2)), position, noise=r[None], kind=kind, accuracy=accuracy,
+                )  # fmt: skip
+                return found.covariance[1, 1, -1]
+
+            slope = mode(variance)(jnp.array(r))
+            assert_allclose(slope, 2.0 * r, rtol=1e-6)
+
+
 @pytest.mark.sweep
 def test_an_attitude_from_star_readings():
     """The covariance of an attitude has three rows; the error is within it."""
