@@ -28,8 +28,10 @@ rolls towards xi, the motion near a steady circle has
 
 Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, -n for its omega_zeta, and the
 term C omega_zeta psi' theta that 5.16-36 and -43 leave out); Leine (2009), Arch. Appl. Mech. 79,
-1063 (resistance of the contour). Valid without slip, as long as the plane pushes. The quaternion
-and omega are integrated: only a disk that lies flat is singular, for it has no point of contact.
+1063 (resistance of the contour). Valid without slip, as long as the plane pushes and until the disk
+lies flat: a run that lifts off or passes through the plane has the status `OUTSIDE_MODEL`. Slip
+depends on a coefficient of friction, which the model does not have. The quaternion and omega are
+integrated: only a disk that lies flat is singular, for it has no point of contact.
 """
 
 from collections.abc import Sequence
@@ -42,6 +44,7 @@ from jaxtyping import Array
 from ..bodies import BodyState
 from ..core import (
     AbstractSystem,
+    Flag,
     NumberField,
     OptionalNumberField,
     Scalar,
@@ -57,6 +60,10 @@ from ..rotations.euler_angles import omega_from_euler_rates
 from . import _disk_circles
 from ._state import attitude_and_omega
 from .disk_tilt import disk_triad
+
+PULL = 1e-4
+"""The pull of the plane over the weight from which a run has left the model: above the error of a
+state, because an event may end a run where the disk lifts off."""
 
 
 @final
@@ -96,7 +103,7 @@ class RollingDisk(AbstractSystem):
     def vector_field(self, t: Scalar, y: BodyState) -> BodyState:
         del t
         attitude, omega = attitude_and_omega(y)
-        xi, eta, s, c = disk_triad(attitude)
+        xi, eta, s, c = _triad(y)
         w1 = dot(omega, xi)
         w2 = dot(omega, eta)
         w3 = omega[2]
@@ -113,7 +120,7 @@ class RollingDisk(AbstractSystem):
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
         del t
         attitude, _ = attitude_and_omega(y)
-        _, _, s, _ = disk_triad(attitude)
+        _, _, s, _ = _triad(y)
         conserved = {
             # One, because the rim stays on the plane.
             "height_over_tilt": y.position[2] / (self.radius * s),
@@ -122,6 +129,12 @@ class RollingDisk(AbstractSystem):
         if self.contour_damping is None and self.contour_friction is None:
             return {"energy": self.energy(y)} | conserved
         return conserved
+
+    def outside(self, t: Scalar, y: BodyState) -> Flag:
+        del t
+        lifted = self.contact_force(y)[2] < -PULL * self.mass * self.gravity
+        # A part in a million of the radius: a coin settles towards flat.
+        return lifted | (y.position[2] < -1e-6 * self.radius)
 
     @constructor(
         angles=argument(
@@ -159,8 +172,8 @@ class RollingDisk(AbstractSystem):
 
     def energy(self, y: BodyState) -> Scalar:
         """E, J, with zero height of the centre in the plane."""
-        attitude, omega = attitude_and_omega(y)
-        _, _, s, _ = disk_triad(attitude)
+        _, omega = attitude_and_omega(y)
+        _, _, s, _ = _triad(y)
         A, C, mRR, mgR = self._letters()
         across = omega[0] * omega[0] + omega[1] * omega[1]
         turning = A * across + C * omega[2] * omega[2]
@@ -170,13 +183,13 @@ class RollingDisk(AbstractSystem):
     def velocity(self, y: BodyState) -> Vector:
         """Velocity of the centre, in inertial axes, m/s, (3, *runs), where the contact rests."""
         attitude, omega = attitude_and_omega(y)
-        xi, _, _, _ = disk_triad(attitude)
+        xi, _, _, _ = _triad(y)
         return attitude.rotate(self.radius * (dot(omega, xi) * axis(2, omega[2]) - omega[2] * xi))
 
     def contact(self, y: BodyState) -> Vector:
         """The lowest point of the rim, in inertial axes, m, (3, *runs)."""
         attitude, _ = attitude_and_omega(y)
-        return y.position - attitude.rotate(self.radius * disk_triad(attitude)[1])
+        return y.position - attitude.rotate(self.radius * _triad(y)[1])
 
     def contact_force(self, y: BodyState) -> Vector:
         """Force of the plane on the disk, in inertial axes, N, (3, *runs).
@@ -271,3 +284,14 @@ class RollingDisk(AbstractSystem):
         """A, C, m R^2 and m g R."""
         mR = self.mass * self.radius
         return self.transverse_inertia, self.axial_inertia, mR * self.radius, mR * self.gravity
+
+
+def _triad(y: BodyState) -> tuple[Vector, Vector, Scalar, Scalar]:
+    """xi and eta in body axes, (3, *runs), and sine and cosine of theta.
+
+    Theta goes on below zero with the height of the centre: the motion through the plane is smooth,
+    so that no step stumbles over a change of the contact, and `outside` reports it."""
+    attitude, _ = attitude_and_omega(y)
+    xi, eta, s, c = disk_triad(attitude)
+    side = jnp.where(y.position[2] < 0.0, -1.0, 1.0).astype(s.dtype)
+    return side * xi, side * eta, side * s, c

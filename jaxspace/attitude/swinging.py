@@ -21,7 +21,9 @@ first lie along the spin axis.
 
 Source: Thomson 7.5 (tangential release), Problems 3 and 4 of 7.6; for the radial release the
 conservation of energy and angular momentum between the start and g = 0.
-Valid for light cords and arms without friction, in the plane of the mass centre.
+Valid for light cords and arms without friction, in the plane of the mass centre. Cords must pull,
+and swing between both tangents of the drum: a run with slack cords, or with cords that meet the
+drum again beyond g = 90 degrees, has the status `OUTSIDE_MODEL`.
 """
 
 __all__ = [
@@ -41,7 +43,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_sqrt
@@ -138,6 +140,14 @@ class SwingingCords(AbstractSystem):
             "energy": 0.5 * (whole * w * w + m * l * l * q * q) + product * w * q,
             "angular_momentum": whole * w + m * l * l * q + product * (w + q),
         }
+
+    def outside(self, t: Scalar, y: SwingState) -> Flag:
+        del t
+        # Beside what the rates would pull, with a margin above the error of a state.
+        q = y.spin + y.angle_rate
+        pull = self.mass * (self.cord_length * q * q + self.radius * y.spin * y.spin)
+        slack = self.tension(y) < -1e-4 * pull
+        return slack | (jnp.abs(y.angle) > 0.5 * math.pi + 1e-4)
 
     def tension(self, y: SwingState) -> Scalar:
         """F, N, of all cords together in the state `y`."""

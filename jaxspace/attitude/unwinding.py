@@ -18,7 +18,8 @@
 Source: Thomson 7.5-2 to 7.5-9 (with phi where a phi' is squared or multiplies R), 7.5-P1; the
 energy and the momentum give the quadratic for phi^2. Whatever the cords do at first, phi' = w_0
 from phi = 0 on: there the equations of phi' are singular, and the closed form is not.
-Valid for light cords in the plane of the mass centre; the wound part of a cord does not stretch.
+Valid for light cords in the plane of the mass centre that pull; the wound part of a cord does not
+stretch. A run of stretched cords that become slack has the status `OUTSIDE_MODEL`.
 """
 
 __all__ = ["CordState", "StretchingCords", "UnwindingCords"]
@@ -31,6 +32,7 @@ from jaxtyping import Array, Float
 from ..core import (
     AbstractClosedForm,
     AbstractSystem,
+    Flag,
     NumberField,
     Scalar,
     argument,
@@ -187,6 +189,11 @@ class StretchingCords(AbstractSystem):
             "energy": 0.5 * (self.axial_inertia * y.spin**2 + moving + stored),
             "angular_momentum": self.axial_inertia * y.spin + momentum,
         }
+
+    def outside(self, t: Scalar, y: CordState) -> Flag:
+        del t
+        # Beside the free length, because the stretch may be zero at the start.
+        return y.stretch < -1e-6 * self.radius * abs(y.angle)
 
     def tension(self, y: CordState) -> Scalar:
         """F, N, of all cords together in the state `y`; negative where they would be slack."""

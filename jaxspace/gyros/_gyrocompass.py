@@ -26,7 +26,8 @@ Small motions, with a = H W_N and b = wl + H W_N:
 Source: Thomson 6.4, 6.5 (in 6.5-11 the first root holds (C phi')^4); the heading error: problems
 6.5-5 and -6.
 Valid for a constant spin momentum, gimbals without friction, and an axis away from the vertical,
-where the azimuth does not exist (gimbal lock). The pin of the bail pushes the axis along u alone,
+where the azimuth does not exist (gimbal lock): a run whose axis passes it has the status
+`OUTSIDE_MODEL`. The pin of the bail pushes the axis along u alone,
 and a follow-up ring carries the rest of its weight: gravity alone has no moment about the vertical,
 and would not damp. The ship keeps latitude, speed and course; at a pole the compass has no meridian
 to seek.
@@ -38,7 +39,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
@@ -122,6 +123,10 @@ class Gyrocompass(AbstractSystem):
         e_rate = -sa * h * y.azimuth_rate - u * y.tilt_rate
         turn = w_e_rate - e_rate + y.azimuth_rate * y.tilt_rate * sa
         return GyrocompassState(y.tilt_rate, y.azimuth_rate, h_rate - w_h_rate, turn / ca)
+
+    def outside(self, t: Scalar, y: GyrocompassState) -> Flag:
+        del t
+        return jnp.cos(y.tilt) <= 0.0
 
     def invariants(self, t: Scalar, y: GyrocompassState) -> dict[str, Array]:
         """Nothing is conserved: damping and the ship's motion change the energy."""

@@ -16,7 +16,8 @@
 A rate gyro shows theta = H w_i / K; an integrating gyro theta = H / c times the angle turned.
 
 Source: Thomson 6.6, 6.7; Savet, Gyroscopes: Theory and Design (errors).
-Valid for small angles of the gimbal.
+Valid for small angles of the gimbal: a run with more than `SMALL_ANGLE` has the status
+`OUTSIDE_MODEL`.
 """
 
 from typing import final
@@ -26,12 +27,13 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, ArrayLike, Complex, Float
 
-from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, quantity
 from ..core.printing import printed
 from ..core.safe import phi2
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
+from ._small_angle import beyond_small
 
 
 @final
@@ -74,6 +76,10 @@ class RateGyro(AbstractSystem):
     def vector_field(self, t: Scalar, y: RateGyroState) -> RateGyroState:
         del t
         return linear_rate(*self._matrices(), y)
+
+    def outside(self, t: Scalar, y: RateGyroState) -> Flag:
+        del t
+        return beyond_small(y.angle)
 
     def invariants(self, t: Scalar, y: RateGyroState) -> dict[str, Array]:
         """Nothing is conserved: the input does work on the gimbal."""

@@ -27,6 +27,8 @@ so that psi, its rate and the vector field are undefined. With C_i + C_0 > 0 not
 The event `near_gimbal_lock` reports it before.
 """
 
+import functools
+import operator
 from collections.abc import Iterator
 from dataclasses import replace
 from typing import final
@@ -34,7 +36,7 @@ from typing import final
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, argument, constructor, quantity
 from ..core.safe import end_sqrt
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt
@@ -109,6 +111,20 @@ class TwoGimbalGyro(AbstractSystem):
             slip_inner=None if y.slip_inner is None else jnp.zeros_like(y.slip_inner),
             slip_outer=None if y.slip_outer is None else jnp.zeros_like(y.slip_outer),
         )
+
+    def outside(self, t: Scalar, y: GimbalState) -> Flag | None:
+        """Whether a bearing with dry friction turns against its slip, or is stuck under more than
+        the friction can hold: the event of `friction_margin` was left out."""
+        del t
+        # With a margin above the error of a state at that event: in moments a part of the friction,
+        # in rates of the precession that it makes.
+        precession = 1.0 / jnp.abs(self.spin_momentum(y))
+        flags = [
+            bearing.margin(rate, applied, slip)
+            < -1e-4 * bearing.dry * jnp.where(slip == 0.0, 1.0, precession)
+            for _, bearing, rate, applied, slip in self._slipping(y)
+        ]
+        return functools.reduce(operator.or_, flags) if flags else None
 
     def invariants(self, t: Scalar, y: GimbalState) -> dict[str, Array]:
         """The energy minus the work of the moments, J, and the momentum about Z minus the impulse

@@ -9,7 +9,8 @@
 
 Dry friction is smooth with a `creep` rate r_0, M_d tanh(r / r_0): a stuck bearing then creeps.
 Without it slip is a part of the state (1, -1, and 0 where the bearing sticks) that events change:
-where r falls to zero, and where the moment on a stuck bearing exceeds M_d.
+where r falls to zero, and where the moment on a stuck bearing exceeds M_d. A run without these
+events, in which friction would drive a bearing, has the status `OUTSIDE_MODEL`.
 
 Source: Thomson 6.7 (viscous), 4.3 (dry); Filippov (1988), Differential Equations with Discontinuous
 Righthand Sides, 2.

@@ -14,7 +14,7 @@ With H / Wl = sqrt(R / g) the period is that of Schuler, 2 pi sqrt(R / g), and m
 does not disturb the vertical. Without pendulosity, Wl = 0, it is the vertical gyro.
 
 Source: Thomson 6.5, problems 7 to 10.
-Valid for small tilts.
+Valid for small tilts: a run with more than `SMALL_ANGLE` has the status `OUTSIDE_MODEL`.
 """
 
 __all__ = ["schuler_frequency", "schuler_period"]
@@ -25,12 +25,13 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.square_roots import sqrt
 from ._linear import LinearFlow, linear_rate, rows
+from ._small_angle import beyond_small
 
 
 @formula(gravity=NOT_NEGATIVE, radius=POSITIVE)
@@ -90,6 +91,10 @@ class Gyropendulum(AbstractSystem):
     def vector_field(self, t: Scalar, y: GyropendulumState) -> GyropendulumState:
         del t
         return linear_rate(*self._matrices(), y)
+
+    def outside(self, t: Scalar, y: GyropendulumState) -> Flag:
+        del t
+        return beyond_small(y.theta) | beyond_small(y.phi)
 
     def invariants(self, t: Scalar, y: GyropendulumState) -> dict[str, Array]:
         """Nothing is conserved with erection motors on."""

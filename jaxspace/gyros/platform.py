@@ -16,7 +16,8 @@ theta = T t / h in the mean. With a gain K_p alone the loop is unstable for ever
 lead K_d or the damping c.
 
 Source: Thomson 6.8-1 to -5, 6.11 problems 5 and 6; 6.9 (signals onto the gimbals).
-Valid for small angles of the gyro.
+Valid for small angles of the gyro: a run with more than `SMALL_ANGLE` has the status
+`OUTSIDE_MODEL`.
 """
 
 __all__ = ["gimbal_lock_margin", "resolve_signals"]
@@ -27,13 +28,14 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import AbstractSystem, NumberField, Scalar, Vector, quantity
+from ..core import AbstractSystem, Flag, NumberField, Scalar, Vector, quantity
 from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import check_components
 from ..core.square_roots import inverse_sqrt
 from ..core.types import as_float
 from ._linear import LinearFlow, linear_rate, rows
+from ._small_angle import beyond_small
 
 
 @final
@@ -66,6 +68,10 @@ class PlatformAxis(AbstractSystem):
     def vector_field(self, t: Scalar, y: PlatformState) -> PlatformState:
         del t
         return linear_rate(*self._matrices(), y)
+
+    def outside(self, t: Scalar, y: PlatformState) -> Flag:
+        del t
+        return beyond_small(y.gyro_angle)
 
     def invariants(self, t: Scalar, y: PlatformState) -> dict[str, Array]:
         """Nothing is conserved with a servo on."""

@@ -24,7 +24,8 @@ gimbal flip by half a turn. A fourth gimbal outside, about the vehicle's z axis,
 the yaw stays small (K_4 times yaw times the cosine of roll), which avoids the lock.
 
 Source: Thomson 6.8, 6.9.
-Valid for small angles of the gyros; of a gimbal only the inertia about its own axis counts.
+Valid for small angles of the gyros (a run with more than `SMALL_ANGLE` has the status
+`OUTSIDE_MODEL`); of a gimbal only the inertia about its own axis counts.
 """
 
 __all__ = ["gimbal_axes"]
@@ -36,7 +37,16 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
+from ..core import (
+    AbstractSystem,
+    Flag,
+    NumberField,
+    Scalar,
+    Vector,
+    argument,
+    constructor,
+    quantity,
+)
 from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
@@ -44,6 +54,7 @@ from ..core.types import as_float
 from ..core.vectors import cross
 from ..rotations import Quaternion
 from ._shapes import ZERO, Three
+from ._small_angle import beyond_small
 from .platform import resolve_signals
 
 Gimbals = Float[Array, "gimbals *#runs"]
@@ -129,6 +140,10 @@ class StablePlatform(AbstractSystem):
             theta,
             y.attitude.rate(w),
         )
+
+    def outside(self, t: Scalar, y: StablePlatformState) -> Flag:
+        del t
+        return jnp.any(beyond_small(y.gyro_angles), axis=0)
 
     def invariants(self, t: Scalar, y: StablePlatformState) -> dict[str, Array]:
         """Nothing is conserved with servos on."""

@@ -69,6 +69,7 @@ def solve_by_diffrax(
         rejected,
         solution.ts[1] if len(saves) > 1 else None,
         solution.ys[1] if settings.dense else None,
+        outside=None if chosen is None else chosen.outside,
     )
 
 

@@ -23,7 +23,7 @@ from ._loop_state import LoopState
 from ._pass import advance
 from ._tangent_control import TangentControl
 from ._tangents import Probes
-from .normalised_time import field_of_part
+from .normalised_time import ScaledVectorField, field_of_part
 
 
 def integrate_loop(
@@ -138,8 +138,21 @@ def _start(
         limiting=jnp.zeros(alive.shape, jnp.int32),
         left_out=jnp.zeros_like(alive) if left_out is None else left_out,
         going=jnp.zeros(t.shape, bool),
+        outside=_never_outside(field, t, y0, alive),
     )
     return start.going_on(settings)
+
+
+def _never_outside(
+    field: ScaledField, t: Array, y0: State, alive: Bool[Array, "*runs"]
+) -> Bool[Array, "*runs"] | None:
+    """False for each run, or `None` if no state is outside the range of the system. The start is
+    not asked: a run may begin on the boundary. Nor is a field whose functions close over traced
+    arrays, of which only the end is asked."""
+    if not isinstance(field, ScaledVectorField):
+        return None
+    flag = jax.eval_shape(field.outside, t, y0)
+    return None if flag is None else jnp.zeros_like(alive)
 
 
 def _first_step(

@@ -25,6 +25,8 @@ class LoopState(NamedTuple):
     - `tangents`: that control the steps, of a run that is differentiated.
     - `limiting`: number of the accepted steps that were limited by each run, where they share them;
       `left_out`: runs that used them up, and without which the others went on.
+    - `outside`: whether a step of the run ended outside the range of its system; `None` where every
+      state is inside.
     """
 
     t: Float[Array, "*runs"]
@@ -43,6 +45,7 @@ class LoopState(NamedTuple):
     limiting: Int[Array, "*runs"]
     left_out: Bool[Array, "*runs"]
     going: Bool[Array, "*runs"]
+    outside: Bool[Array, "*runs"] | None = None
 
     def going_on(self, settings: LoopSettings) -> "LoopState":
         """With the runs that take a further step: those that have not reached their end, nor

@@ -58,6 +58,7 @@ def advance(
         location=stop.location,
         tangents=tangents,
         limiting=_limiting(settings, loop, error, accept),
+        outside=_outside(field, loop, t, step.y1, accept, stop.location),
     )
     return after.going_on(settings)
 
@@ -74,6 +75,25 @@ def _with_tangents(
     taken = StepTaken(begin.s, begin.length, begin.y0, step.y1, step.error, number)
     tangents, of_tangents = control.monitor(field, taken, loop.going, loop.tangents)
     return tangents, jnp.maximum(step.error, of_tangents)
+
+
+def _outside(
+    field: ScaledField,
+    loop: LoopState,
+    t: Array,
+    y1: State,
+    accept: Bool[Array, "*runs"],
+    location: Location | None,
+) -> Bool[Array, "*runs"] | None:
+    """Whether a step of each run has ended outside the range of its system, at `t` with the state
+    `y1`; beyond an event none does."""
+    if loop.outside is None:
+        return None
+    assert isinstance(field, ScaledVectorField)
+    flag = field.outside(t, jax.tree.map(jax.lax.stop_gradient, y1))
+    assert flag is not None
+    counts = accept if location is None else accept & ~location.waiting
+    return loop.outside | (counts & flag)
 
 
 def _shared_error(settings: LoopSettings, error: Array, going: Array) -> Array:

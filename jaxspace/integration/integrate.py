@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractRegularised, AbstractSystem, Scalar, State
+from ..core import AbstractRegularised, AbstractSystem, Flag, Scalar, State
 from ..core.barrier import barrier
 from ..core.jit import quick_jit
 from ..core.tables import breaks_of
@@ -87,7 +87,7 @@ def integrate(
         rows = in_turn if for_search else at_once
         result = by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
-        return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+        return within_model(result, _any_outside(system, t1, result.states, run_axes))
     request = _Request(fractions, dense, trimmed, for_search, until, start_known)
     if not config.decoupled:
         return _by_steps(system, y0, t0, t1, config, run_axes, request)
@@ -98,6 +98,18 @@ def integrate(
     request = request._replace(for_search=False, until=(), start_known=None)
     result = _by_steps(decoupled.rest, decoupled.rest_of(y0), t0, t1, rest, run_axes, request)
     return joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
+
+
+def _any_outside(system: AbstractSystem, t: Scalar, states: State, run_axes: int) -> Flag | None:
+    """Whether a state of a closed form, which takes no steps, lies outside the range of the system
+    at one of the saved times; `None` where none can."""
+
+    def flag(y: State) -> Flag | None:
+        return system.outside(t, y)
+
+    times_first = jax.tree.map(lambda x: jnp.moveaxis(x, x.ndim - 1 - run_axes, 0), states)
+    flags = jax.vmap(flag)(times_first)
+    return None if flags is None else jnp.any(flags, axis=0)
 
 
 class _Request(NamedTuple):
@@ -145,6 +157,7 @@ def _by_steps(
     if form is not None:
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
+    result = within_model(result, outcome.outside)
     return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
 
 

@@ -23,7 +23,7 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import AbstractRegularised, AbstractSplit, AbstractSystem, Scalar, State
+from ..core import AbstractRegularised, AbstractSplit, AbstractSystem, Flag, Scalar, State
 from ..core.barrier import barrier
 from ..core.groups import project
 from ..core.safe import safe_divide
@@ -220,6 +220,10 @@ class ScaledVectorField(eqx.Module, Generic[Clock]):
         y = project(y)
         result = self.system.projected(self.time(s), y)
         return y if result is None else jax.tree.map(lambda a, b: a.astype(b.dtype), result, y)
+
+    def outside(self, s: Scalar, y: State) -> Flag | None:
+        """Whether the state `y` lies outside the range of the system, or `None`."""
+        return self.system.outside(self.time(s), y)
 
     def split(self) -> AbstractSplit:
         """Drift and kick of the system; only for a system that has them."""

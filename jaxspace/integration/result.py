@@ -29,7 +29,9 @@ class Outcome(NamedTuple):
     - `max_local_error`, `out_of_steps`: of each run; the former in units of the tolerance.
     - `step_ends`, `step_states`: of the accepted steps, if requested.
     - `location`: of the first event of each run, if events are sought; the last of the `states` is
-      the state there."""
+      the state there.
+    - `outside`: whether a step of each run ended outside the range of the system; `None` where none
+      was asked."""
 
     states: State
     max_local_error: Array
@@ -39,6 +41,7 @@ class Outcome(NamedTuple):
     step_ends: Array | None
     step_states: State | None
     location: Location | None = None
+    outside: Array | None = None
 
     def unpacked(self, packing: Packing) -> "Outcome":
         """The outcome with states in place of the packed vectors of one run."""
@@ -76,6 +79,7 @@ def outcome_of(loop: LoopState, settings: LoopSettings) -> Outcome:
         loop.buffers.ends_of(loop.accepted),
         loop.buffers.step_states,
         location,
+        loop.outside,
     )
 
 
@@ -127,11 +131,15 @@ class IntegrationResult(NamedTuple):
 
 
 def within_model(result: IntegrationResult, outside: Flag | None) -> IntegrationResult:
-    """The result with the status for runs that end `outside` the range of their system."""
+    """The result with the status for runs that were `outside` the range of their system."""
     if outside is None:
         return result
-    # Steps that missed the tolerance did so because the run left the model.
-    left = outside & (result.status <= Status.TOLERANCE_MISSED)
+    # What befell the steps out there did so because the run left the model.
+    failures = (Status.MAX_STEPS, Status.NOT_FINITE)
+    explained = result.status <= Status.TOLERANCE_MISSED
+    for failure in failures:
+        explained = explained | (result.status == failure)
+    left = outside & explained
     status = jnp.where(left, Status.OUTSIDE_MODEL, result.status).astype(jnp.int32)
     return result._replace(status=status)
 

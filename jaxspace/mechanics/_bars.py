@@ -13,8 +13,8 @@
 
 Small swings: a b w^4/12 - g (a/2 + b/3) w^2 + g^2/2 = 0, with r at rest, l0 + m g/k, for a.
 
-Source: Thomson 9.10 problems 9, 10. The string stays taut, and the spring straight; r = 0 is a
-singular place of its coordinates.
+Source: Thomson 9.10 problems 9, 10. Valid while the string is taut, and while the spring has a
+length, r > 0: a run with a slack string, or through r = 0, has the status `OUTSIDE_MODEL`.
 """
 
 from typing import ClassVar, final
@@ -22,7 +22,7 @@ from typing import ClassVar, final
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core import Flag, NumberField, Scalar, argument, constructor, quantity
 from ..core.listed import no_method
 from ..core.square_roots import inverse_sqrt
 from ._description import GeneralisedState
@@ -66,6 +66,24 @@ class BarOnString(AbstractLagrangian):
         depth = a * jnp.cos(q[0]) + 0.5 * b * jnp.cos(q[1])
         return _kinetic(self.mass, b, (a, 0.0), q, v) + self.mass * self.gravity * depth
 
+    def tension(self, y: GeneralisedState) -> Scalar:
+        """Tension of the string in the state `y`, N; negative where it would push."""
+        phi, theta = y.coordinates
+        phi_rate, theta_rate = y.rates
+        turning = self.vector_field(jnp.zeros(()), y).rates[1]
+        half = 0.5 * self.bar_length
+        # m g less m times the acceleration of the bar's middle, along the string.
+        outwards = self.string_length * phi_rate**2 + half * (
+            theta_rate**2 * jnp.cos(phi - theta) - turning * jnp.sin(phi - theta)
+        )
+        return self.mass * (self.gravity * jnp.cos(phi) + outwards)
+
+    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+        del t
+        # With a margin above the error of a state, because an event may end a run there.
+        lengths = self.string_length * y.rates[0] ** 2 + self.bar_length * y.rates[1] ** 2
+        return self.tension(y) < -1e-4 * self.mass * (jnp.abs(self.gravity) + lengths)
+
     @staticmethod
     @constructor(
         phi=argument("rad", doc="of the string, from the downward vertical"),
@@ -105,6 +123,10 @@ class BarOnSpring(AbstractLagrangian):
         stretch = 0.5 * self.stiffness * (r - self.free_length) ** 2
         kinetic = _kinetic(self.mass, b, (r, v[0]), q[1:], v[1:])
         return kinetic + self.mass * self.gravity * depth - stretch
+
+    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+        del t
+        return y.coordinates[0] < -1e-6 * self.free_length
 
     @staticmethod
     @constructor(

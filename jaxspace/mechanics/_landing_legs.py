@@ -16,7 +16,10 @@ The feet slide outwards without friction and do not bounce: the impact dissipate
 energy.
 
 Source: Thomson 9.10 (impulsive motion of linked bars).
-Valid for a level lander that stays level, and while the feet press on the ground.
+Valid for a level lander that stays level, while the feet press on the ground and until the legs lie
+flat: a run that lifts off as the legs close, or whose legs pass pi/2 or the vertical, has the
+status `OUTSIDE_MODEL`. While heavy legs still spread from a fast touchdown the ground would have to
+pull for a moment: as in the impact, the feet are taken to stay.
 """
 
 from typing import ClassVar, final
@@ -25,7 +28,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array
 
-from ..core import NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
+from ..core import Flag, NumberField, OptionalNumberField, Scalar, argument, constructor, quantity
 from ..core.roots import increasing_root
 from ..core.types import as_float
 from ._description import GeneralisedState
@@ -83,6 +86,23 @@ class LandingLegs(AbstractLagrangian):
         weight = self._carried() * self.gravity * self.leg_length
         springs = 0.5 * self.legs * self.stiffness * (theta - self.rest_angle) ** 2
         return weight * jnp.cos(theta) + springs
+
+    def ground_force(self, y: GeneralisedState) -> Scalar:
+        """Force of the ground on all feet in the state `y`, N; negative where it would pull."""
+        theta, rate = y.coordinates[0], y.rates[0]
+        turning = self.vector_field(jnp.zeros(()), y).rates[0]
+        # The weight, and the rate of the momentum upwards.
+        rising = -self.leg_length * (jnp.cos(theta) * rate**2 + jnp.sin(theta) * turning)
+        whole = self.body_mass + self.legs * self.leg_mass
+        return whole * self.gravity + self._carried() * rising
+
+    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+        del t
+        theta, rate = y.coordinates[0], y.rates[0]
+        # With a margin above the error of a state, because an event may end a run there.
+        weight = self._carried() * (self.gravity + self.leg_length * rate**2)
+        lifted = (self.ground_force(y) < -1e-4 * weight) & (rate < 0.0)
+        return lifted | (theta > 0.5 * jnp.pi + 1e-6) | (theta < -1e-6)
 
     def touchdown(self, speed: Scalar) -> GeneralisedState:
         """The state after a touchdown at this `speed`, m/s, with the legs at rest in the body."""

@@ -16,7 +16,7 @@ from typing import ClassVar, final
 import jax.numpy as jnp
 from jaxtyping import Array
 
-from ..core import NumberField, Scalar, argument, constructor, quantity
+from ..core import Flag, NumberField, Scalar, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
 from ..core.listed import no_method
 from ..core.types import as_float
@@ -110,6 +110,11 @@ class ElasticPendulum(AbstractLagrangian):
         kinetic = 0.5 * self.mass * (v[0] ** 2 + (r * v[1]) ** 2)
         stretch = 0.5 * self.stiffness * (r - self.free_length) ** 2
         return kinetic + self.mass * self.gravity * r * jnp.cos(theta) - stretch
+
+    def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
+        """Whether the spring has no length any more, which these coordinates do not describe."""
+        del t
+        return y.coordinates[0] < -1e-6 * self.free_length
 
     @staticmethod
     @constructor(

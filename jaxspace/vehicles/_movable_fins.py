@@ -20,9 +20,11 @@ Fins at rest are those of `FinSet` in `Aerodynamics`. The angle of a fin acts on
 incidence of both does: by slender-body theory the force on both is that of the fin at incidence.
 
 Source: Pitts, Nielsen and Kaattari, NACA Report 1307, 1957 (fins and their body); Barrowman, 1967,
-3 (roll). Valid while the fins do not stall, below about 15 degrees.
+3 (roll). Valid while the fins do not stall, below about 15 degrees of incidence: a run with more at
+a dynamic pressure above 1 kPa has the status `OUTSIDE_MODEL`.
 """
 
+import math
 from typing import ClassVar, final
 
 import equinox as eqx
@@ -30,7 +32,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
-from ..core import InputError, NumberField, Scalar, State, quantity
+from ..core import Flag, InputError, NumberField, Scalar, State, quantity
 from ..core.checks import is_concrete
 from ..core.shapes import with_rank
 from ..core.vectors import norm
@@ -38,6 +40,12 @@ from ..rockets.servo import servo_rate
 from ._aerodynamics import centre_of
 from .airframe import FinSet
 from .local_air import LocalAir, air_about
+
+STALL = math.radians(15.0)
+"""The incidence, rad, at which a fin stalls."""
+
+MARKED_FROM = 1000.0
+"""The dynamic pressure, Pa, above which a stalled fin matters: at an apogee every angle occurs."""
 
 
 @final
@@ -136,6 +144,22 @@ class MovableFins(AbstractEffect):
             torque_B=jnp.stack([-arm * force_y, arm * force_x, push * roll]),
             parts_rate={self.PART: rate},
         )
+
+    def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag:
+        del t
+        angles = y.part(self.PART)
+        air, moving = air_about(self.air).at(y.position)
+        w = y.attitude.rotate_back(y.velocity - moving)
+        arm = self.fins.centre() - centre_of(body, y)
+        p, q, _ = y.omega
+        x, z_cross_x = self._spans(y.omega.ndim - 1)
+        across = x * (w[1] - arm * p) - z_cross_x * (w[0] + arm * q)
+        turned = angles if self.fins.cant is None else angles + self.fins.cant
+        # Of the flow in the plane across the span.
+        incidence = jnp.abs(turned - jnp.arctan2(across, w[2]))
+        stalled = jnp.any(incidence > STALL, axis=0)
+        speed = norm(w)
+        return stalled & (0.5 * air.density * speed * speed > MARKED_FROM)
 
     def ground(self) -> Scalar | None:
         return None if self.air is None else self.air.radius

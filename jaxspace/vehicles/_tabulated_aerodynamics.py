@@ -58,7 +58,7 @@ def viscosity(temperature: Scalar) -> Scalar:
 class TabulatedAerodynamics(AbstractEffect):
     """Forces and moments of the air from a table, in place of `Aerodynamics`.
 
-    A run that ends beyond its table, at a dynamic pressure above `marked_from`, has the status
+    A run that passes beyond its table, at a dynamic pressure above `marked_from`, has the status
     `OUTSIDE_MODEL`: at an apogee every angle occurs, and matters little."""
 
     # The checker takes the quantities below for fields with defaults before this one.
