@@ -10,8 +10,6 @@ Source: Knuth, The Art of Computer Programming II, 4.2.2 (two_sum); Dekker (1971
 technique for extending the available precision.
 """
 
-__all__ = ["running_sums", "two_sum"]
-
 import math
 
 import jax

@@ -11,10 +11,13 @@ Source: Vallado et al., Revisiting Spacetrack Report 3, AIAA 2006-6753 (errors o
 
 __all__ = ["first_failure", "states_by_sgp4"]
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
+
+# The library has no types, and is imported where elements are read.
+Record: TypeAlias = Any
 
 SECONDS = 86400.0
 
@@ -37,7 +40,7 @@ BLOCK = 1000
 """The number of revolutions that are searched at once."""
 
 
-def states_by_sgp4(record: Any, ts: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
+def states_by_sgp4(record: Record, ts: NDArray[np.float64]) -> tuple[NDArray, NDArray, NDArray]:
     """The error code of SGP4, (times,), the position, km, and the velocity, km/s, both (times, 3),
     at `ts`, s after the epoch of the `record`."""
     # Day and fraction stay apart: in one double a Julian date is known to 40 microseconds only.
@@ -45,7 +48,7 @@ def states_by_sgp4(record: Any, ts: NDArray[np.float64]) -> tuple[NDArray, NDArr
     return record.sgp4_array(days, record.jdsatepochF + ts / SECONDS)
 
 
-def first_failure(record: Any, reach: float) -> tuple[float, int] | None:
+def first_failure(record: Record, reach: float) -> tuple[float, int] | None:
     """The time, s, nearest to the epoch from which on SGP4 has no state, and the error code there;
     `None` without one up to `reach`, s after the epoch (negative: before it).
 
@@ -76,7 +79,7 @@ def first_failure(record: Any, reach: float) -> tuple[float, int] | None:
     return None
 
 
-def _of_revolutions(record: Any, starts: NDArray, side: float, apart: float) -> NDArray:
+def _of_revolutions(record: Record, starts: NDArray, side: float, apart: float) -> NDArray:
     """The times, s, to search in the revolutions from `starts`, s, on, in their order from the
     epoch on, on its `side`: 1 after it, -1 before it; in as many revolutions as fill the time
     `apart`, s, between two starts."""
@@ -100,7 +103,7 @@ def _of_revolutions(record: Any, starts: NDArray, side: float, apart: float) -> 
     return ts[np.argsort(np.abs(ts))]
 
 
-def _near_lowest(ts: NDArray, r: NDArray, v: NDArray, record: Any) -> NDArray:
+def _near_lowest(ts: NDArray, r: NDArray, v: NDArray, record: Record) -> NDArray:
     """Times, s, about those of `ts` where the satellite is lowest, on orbits whose perigee is near
     the ground: the times of perigee of a revolution that follow from elements far from it are
     good to some degrees only."""
@@ -124,7 +127,7 @@ def _orbit(r: NDArray, v: NDArray, mu: float) -> tuple[NDArray, NDArray, NDArray
     return a, e, anomaly - e * np.sin(anomaly)
 
 
-def _bisected(record: Any, good: float, bad: float, code: int) -> tuple[float, int]:
+def _bisected(record: Record, good: float, bad: float, code: int) -> tuple[float, int]:
     """The first time of an error between a `good` and a `bad` time, s, and its code, from the
     `code` at the bad one."""
     for _ in range(40):
