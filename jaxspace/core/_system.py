@@ -231,7 +231,7 @@ class AbstractSystem(AbstractParameters):
         """Whether the state `y` lies outside the range of the model, such as a mass below the
         dry mass, for each run; `None` where every state is inside.
 
-        Asked of the state at the end of each step and of the run, which then has the status
+        Asked of every saved state and of that at the end of each step. The run then has the status
         `OUTSIDE_MODEL`, also where the state is inside again later; beyond the event that ends a
         run none is asked. A margin of the rounding and of the tolerance belongs to it, because an
         event may end the run on the boundary."""

@@ -34,7 +34,6 @@ from ._solve import solve, solve_individual_steps
 from .config import IntegrationConfig
 from .events import Event
 from .field_trace import field_trace
-from .layout import state_at
 from .normalised_time import ScaledVectorField, Segments, hoist, segments_of
 from .result import IntegrationResult, Outcome, result_of, within_model
 
@@ -87,7 +86,8 @@ def integrate(
         rows = in_turn if for_search else at_once
         result = by_closed_form(closed_form, y0, t1 - t0, fractions, run_axes, rows)
         result = within_model(result, closed_form.outside(t1 - t0, y0))
-        return within_model(result, _any_outside(system, t1, result.states, run_axes))
+        left = _any_outside(system, t0, t1, fractions, result.states, run_axes)
+        return within_model(result, left)
     request = _Request(fractions, dense, trimmed, for_search, until, start_known)
     if not config.decoupled:
         return _by_steps(system, y0, t0, t1, config, run_axes, request)
@@ -100,15 +100,30 @@ def integrate(
     return joined(decoupled, y0, t1 - t0, fractions, result, run_axes)
 
 
-def _any_outside(system: AbstractSystem, t: Scalar, states: State, run_axes: int) -> Flag | None:
-    """Whether a state of a closed form, which takes no steps, lies outside the range of the system
-    at one of the saved times; `None` where none can."""
+def _any_outside(
+    system: AbstractSystem,
+    t0: Scalar,
+    t1: Scalar,
+    fractions: Array | None,
+    states: State,
+    run_axes: int,
+) -> Flag | None:
+    """Whether one of the saved states lies outside the range of the system; `None` where none can.
 
-    def flag(y: State) -> Flag | None:
+    Of a closed form, which takes no steps, nothing else is asked; of steps it is asked beside their
+    ends, between which a run may be outside."""
+    if fractions is None:
+        ts = t1[None]
+    else:
+        shares = fractions.reshape(fractions.shape + (1,) * (t1.ndim + 1 - fractions.ndim))
+        ts = t0 + shares * (t1 - t0)
+
+    def flag(t: Scalar, y: State) -> Flag | None:
         return system.outside(t, y)
 
+    states = jax.tree.map(jax.lax.stop_gradient, states)
     times_first = jax.tree.map(lambda x: jnp.moveaxis(x, x.ndim - 1 - run_axes, 0), states)
-    flags = jax.vmap(flag)(times_first)
+    flags = jax.vmap(flag)(ts, times_first)
     return None if flags is None else jnp.any(flags, axis=0)
 
 
@@ -158,7 +173,8 @@ def _by_steps(
         taken = outcome.num_accepted + outcome.num_rejected
         result.stats["evaluations"] = taken * evaluations_of(form)
     result = within_model(result, outcome.outside)
-    return within_model(result, system.outside(t1, state_at(result.states, -1, run_axes)))
+    left = _any_outside(system, t0, t1, fractions, result.states, run_axes)
+    return within_model(result, left)
 
 
 def _outcome(
