@@ -40,8 +40,9 @@ MODES = 1e-7
 # Truths that half of the steps change by more are none, as those of a fall into a centre.
 RESOLVED = 1e-7
 STEPS, SAVED = 800, 16
-# Starts and iterations of Newton's method, and the rate that it leaves, relative to its terms.
-STARTS, ITERATIONS, LEFT = 4, 60, 1e-12
+# Starts and iterations of Newton's method, the rate that it leaves, relative to its terms, and how
+# far from the sample it may lead, relative to its size.
+STARTS, ITERATIONS, LEFT, FAR = 4, 60, 1e-12, 10.0
 # Errors that are no defect: system, what is zero there, and by what is differentiated.
 NOTES = {
     ("inertial_navigator", ".attitude", ".roll_frequency"): (
@@ -172,7 +173,9 @@ class Subject:
             terms = np.abs(np.asarray(slope(y))) @ np.abs(y)
             at_rest = np.max(np.abs(rate(y))) <= LEFT * np.max(terms)
             new = all(np.max(np.abs(y - other)) > 1e-6 * np.max(np.abs(y)) for other in found)
-            if not (at_rest and new):
+            # The derivatives of large angles are those of the rounding of their sines.
+            near = np.max(np.abs(y)) <= FAR * np.max(np.abs(start))
+            if not (at_rest and new and near):
                 continue
             found.append(y)
             state = jax.tree.leaves(shaped(jnp.asarray(y)), is_leaf=is_attitude)
