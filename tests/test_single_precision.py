@@ -1,22 +1,29 @@
 """Single precision stays, whatever Python numbers meet it: every public formula of the systems in
-the registry, and of classes that have formulas alone, with a Python number for each number."""
+the registry, and of classes that have formulas alone, with a Python number for each number. And it
+is as good as its roundings next to singular places, where squares underflow."""
 
+import dataclasses
 import inspect
 from typing import get_args
 
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 import pytest
+import single_hunt
 from more_systems import MORE
 from systems import GYRO, SAMPLES
 
 from jaxspace import Scene
-from jaxspace.attitude import SpinningMissile, YoYo
+from jaxspace.attitude import SpinningMissile, TorqueFreeBody, YoYo
+from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
+from jaxspace.orbits.point_gravity import point_gravity
 from jaxspace.rockets import SpinningRocket
+from jaxspace.rotations import Quaternion
 
 RUBBING = TwoGimbalGyro(
     *(0.002, 0.0008, 500.0, 0.0006, 0.0005, 0.0004, 0.0015),
@@ -34,10 +41,7 @@ FIRST = [
 ]
 
 
-def single(tree):
-    return jax.tree.map(
-        lambda x: jnp.asarray(x, jnp.float32) if eqx.is_inexact_array(x) else x, tree
-    )
+single = single_hunt.single
 
 
 def everything():
@@ -115,3 +119,80 @@ def test_a_moment_that_changes_with_the_time_keeps_single_precision():
         lambda m, pair: m.complex_tilt(0.3, pair, pair, moment), missile, pair
     )
     assert rate.dtype == tilt.dtype == jnp.float32
+
+
+def python(x):
+    """The tree, with a Python number or a list of them for each array."""
+    if eqx.is_inexact_array(x):
+        return np.asarray(x).tolist()
+    if isinstance(x, RigidBody):
+        return RigidBody(python(x.mass), python(x.moment_of_inertia))
+    if isinstance(x, eqx.Module):
+        fields = {f.name: python(getattr(x, f.name)) for f in dataclasses.fields(x) if f.init}
+        parameters = inspect.signature(type(x).__init__).parameters
+        # Others are made from tables and files, which say their precision.
+        return type(x)(**fields) if set(fields) <= set(parameters) else x
+    if isinstance(x, tuple):
+        return type(x)(*map(python, x)) if hasattr(x, "_fields") else tuple(map(python, x))
+    return x
+
+
+@pytest.mark.parametrize("sample", [*SAMPLES, *MORE], ids=lambda s: s.name)
+def test_a_list_of_python_numbers_raises_no_precision(sample):
+    """Vector field and invariants of a system of such numbers, for a state of single precision."""
+    if sample.name == "tabulated_rocket":
+        pytest.skip("its tables are arrays of double precision")
+    system, state = python(sample.system), single(sample.state)
+
+    def rates(system, state):
+        t = jnp.asarray(0.1, jnp.float32)
+        return system.vector_field(t, state), system.invariants(t, state)
+
+    found = jax.tree.leaves(eqx.filter_eval_shape(rates, system, state))
+    doubles = [x for x in found if getattr(x, "dtype", None) == jnp.float64]
+    assert all(x.weak_type for x in doubles)
+
+
+def test_the_body_of_the_manual_keeps_single_precision():
+    state = BodyState(
+        attitude=Quaternion(jnp.asarray([1.0, 0.0, 0.0, 0.0], jnp.float32)),
+        omega=jnp.asarray([0.1, 0.2, 0.3], jnp.float32),
+    )
+    for body in (
+        TorqueFreeBody([1.0, 2.0, 3.0]),
+        TorqueFreeBody(PrincipalInertia([1.0, 2.0, 3.0])),
+    ):
+        flow = eqx.filter_eval_shape(lambda b, y: b.closed_form().flow(0.5, y), body, state)
+        rate = eqx.filter_eval_shape(lambda b, y: b.vector_field(0.0, y), body, state)
+        assert {x.dtype for x in jax.tree.leaves((flow, rate))} == {np.dtype(np.float32)}
+
+
+# Some of `single_hunt.py`, which searches all of them for longer.
+SINGULAR = (
+    *("arctangent", "length", "direction", "quotient", "kepler", "elements", "constants"),
+    *("cones", "coast", "plane_change"),
+)
+
+
+@pytest.mark.parametrize("name", SINGULAR)
+def test_closed_forms_next_to_their_singular_places(name):
+    """Values and both modes of derivatives where squares underflow, in roundings times the
+    condition number: as many as a search may find (`single_hunt.DEFECT`), because each formula
+    rounds some tens of times."""
+    (subject,) = single_hunt.subjects([name], places=60)
+    found = single_hunt.hunt(subject)
+    assert not found.promotes
+    assert found.value < single_hunt.DEFECT, found.inputs
+    assert found.slope < single_hunt.DEFECT, found.slope_inputs
+
+
+def test_gravity_of_far_planets_in_metres():
+    """1 / r^3 of Neptune is below the range of float32, its acceleration is not."""
+    r = jnp.asarray([4.5e12, 0.0, 0.0], jnp.float32)
+    mu = jnp.asarray(1.327e20, jnp.float32)
+    expected = -1.327e20 / 4.5e12**2
+    np.testing.assert_allclose(point_gravity(r, mu)[0], expected, rtol=1e-6)
+    slope = jax.jacfwd(point_gravity)(r, mu)
+    np.testing.assert_allclose(slope[0, 0], -2.0 * expected / 4.5e12, rtol=2e-6)
+    np.testing.assert_allclose(slope[1, 1], expected / 4.5e12, rtol=2e-6)
+    np.testing.assert_allclose(jax.jacrev(point_gravity)(r, mu), slope, rtol=2e-6)

@@ -37,7 +37,7 @@ from ..core import Scalar, Vector, quantity
 from ..core.formula import formula
 from ..core.printing import printed
 from ..core.shapes import with_rank
-from ..core.vectors import cross, dot
+from ..core.vectors import cross, dot, identity
 
 
 @printed(
@@ -160,7 +160,7 @@ class MovingMasses(AbstractEffect):
         places, velocities = (with_rank(x, rank, axes=2) for x in (places, velocities))
         mass = with_rank(self.mass, rank)
         first, flow = jnp.sum(mass * places, axis=1), jnp.sum(mass * velocities, axis=1)
-        one = with_rank(jnp.eye(3, dtype=places.dtype), rank, axes=2)
+        one = identity(rank)
         # Minus the part of the common mass centre, which moves with the masses.
         square = jnp.sum(mass * dot(places, places), axis=0) - dot(first, first) / all_mass
         outer = jnp.sum(mass * places[:, None] * places[None, :], axis=2)

@@ -39,7 +39,7 @@ from ..core import NumberField, Scalar, State, Vector, quantity
 from ..core.printing import printed
 from ..core.shapes import with_rank
 from ..core.types import precision_of
-from ..core.vectors import axis, cross, dot, scale, unit
+from ..core.vectors import axis, cross, dot, identity, scale, unit
 from ..rotations import Quaternion
 
 
@@ -119,7 +119,7 @@ class NutationDamper(AbstractEffect):
         mu = self.reduced_mass(_mass_of(y, body))
         z, rate, momentum_rate = self.motion(y, body)
         p = y.part(self.part)["momentum"]
-        one = with_rank(jnp.eye(3, dtype=r0.dtype), rank, axes=2)
+        one = identity(rank)
         first = 2.0 * dot(r0, u) * one - _outer(r0, u) - _outer(u, r0)
         second = one - _outer(u, u)
         torque = -scale(rate, self._inertia_rate(y, body)) - scale(momentum_rate / mu, b)

@@ -39,7 +39,8 @@ from ..core.elliptic import complete_elliptic
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
-from ..core.vectors import cross, dot, norm
+from ..core.squares import unit_factor
+from ..core.vectors import components, cross, dot, norm
 
 
 @final
@@ -74,6 +75,10 @@ class Polhode(eqx.Module):
         moments = jnp.stack(
             [moment + jnp.zeros_like(rate) for moment, rate in zip(moments, omega, strict=True)]
         )
+        # The polhode of a faster or a heavier body has the same form.
+        factor = unit_factor(*components(omega))
+        omega = factor * omega
+        moments = unit_factor(*components(moments)) * moments
         # The formulas take A > B > C; a body may name its axes in any order, run by run.
         order = jnp.argsort(-moments, axis=0)
         a, b, c = jnp.take_along_axis(moments, order, axis=0)
@@ -92,13 +97,13 @@ class Polhode(eqx.Module):
         back = jnp.argsort(order, axis=0)
         first, second = (jnp.take_along_axis(v, back, axis=0) for v in ends)
         return cls(
-            rate=safe_sqrt(most / (a * b * c)),
+            rate=safe_sqrt(most / (a * b * c)) / factor,
             modulus_squared=safe_divide(jnp.minimum(p, q), most),
             complement=jnp.where(most == 0.0, 1.0, safe_divide((a - c) * jnp.abs(middle), most)),
             about_least=about_least,
-            vertices=(first, second),
-            plane_distance=safe_divide(two_t, h),
-            herpolhode=(near, far),
+            vertices=(first / factor, second / factor),
+            plane_distance=safe_divide(two_t, h) / factor,
+            herpolhode=(near / factor, far / factor),
         )
 
     @property

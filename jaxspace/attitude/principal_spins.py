@@ -28,8 +28,9 @@ from ..bodies.inertia import AbstractInertia
 from ..core import Scalar, Vector
 from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
-from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
+from ..core.safe import end_sqrt, safe_atan2
 from ..core.shapes import check_components, with_rank
+from ..core.squares import safe_hypot
 from ..core.vectors import cross, dot, unit
 from ._state import attitude_and_omega
 from .polhode import Polhode
@@ -113,9 +114,8 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
 
 def _angles(h: Vector) -> Vector:
     """The angles of h, whose components are not negative, with the three axes."""
-    squares = h * h
-    across = (squares[1] + squares[2], squares[2] + squares[0], squares[0] + squares[1])
-    return safe_atan2(safe_sqrt(jnp.stack(across)), h)
+    across = [safe_hypot(h[k - 2], h[k - 1]) for k in range(3)]
+    return safe_atan2(jnp.stack(across), h)
 
 
 @printed(distance="rad/s", herpolhode="rad/s")

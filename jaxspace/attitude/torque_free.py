@@ -52,7 +52,8 @@ from ..core import AbstractSystem, Scalar, Vector, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import check_components
-from ..core.vectors import axis, norm
+from ..core.squares import safe_hypot, unit_factor
+from ..core.vectors import axis, components, norm
 from ..rotations import Quaternion
 from ._state import attitude_and_omega
 
@@ -131,7 +132,7 @@ def cone_angles(omega: Vector, A: Scalar, C: Scalar) -> tuple[Scalar, Scalar]:
     """
     check_components("cone_angles: omega", omega, 3)
     # Safe, because a body that spins about its axis of symmetry has no transverse rate.
-    transverse = safe_sqrt(omega[0] * omega[0] + omega[1] * omega[1])
+    transverse = safe_hypot(omega[0], omega[1])
     return safe_atan2(A * transverse, C * omega[2]), safe_atan2(transverse, omega[2])
 
 
@@ -147,6 +148,8 @@ def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
     whose precession is retrograde (the space cone lies within the body cone). Zero at omega = 0.
     """
     check_components("space_cone_angle: omega", omega, 3)
+    # The angle is the same at any rate.
+    omega = unit_factor(*components(omega)) * omega
     square = omega[0] * omega[0] + omega[1] * omega[1]
     # Of gamma - theta, without the difference, which loses digits for nearly equal moments.
     across = safe_sqrt(square) * jnp.abs(omega[2]) * (C - A)

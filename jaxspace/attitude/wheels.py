@@ -46,7 +46,7 @@ from ..core import (
 )
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.shapes import with_rank
-from ..core.types import as_float
+from ..core.types import as_float, follow_precision
 from ..core.vectors import cross, unit
 from .motors import AbstractMotor, along_axes
 
@@ -172,18 +172,18 @@ class ReactionWheels(AbstractEffect):
 
     def start(self, y: BodyState, body: AbstractBody) -> dict[str, State]:
         del body
-        axes, inertia, speed = self._of_rank(y.omega.ndim - 1)
+        axes, inertia, speed = self._beside(y.omega)
         return {self.part: inertia * (speed + along_axes(axes, y.omega))}
 
     def speeds(self, y: BodyState) -> Array:
         """Speeds relative to the body, rad/s, (wheels, *runs), in the state `y`, also along a
         trajectory."""
-        axes, inertia, _ = self._of_rank(y.omega.ndim - 1)
+        axes, inertia, _ = self._beside(y.omega)
         return y.part(self.part) / inertia - along_axes(axes, y.omega)
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
-        axes, inertia, _ = self._of_rank(y.omega.ndim - 1)
+        axes, inertia, _ = self._beside(y.omega)
         speed = self.speeds(y)
         torque = self.limited(t, y, axes, speed) - self.friction * speed
         return Load(
@@ -209,7 +209,11 @@ class ReactionWheels(AbstractEffect):
         share = jnp.where(torque * speed > 0.0, jnp.clip(left, 0.0, 1.0), 1.0)
         return share * torque
 
-    def _of_rank(self, rank: int) -> tuple[Array, Array, Array]:
-        """Axes of length one, moments and speeds, with `rank` axes of times and runs."""
-        axes = with_rank(unit(self.axes), rank, axes=2)
-        return axes, with_rank(self.inertia, rank), with_rank(self.speed, rank)
+    def _beside(self, omega: Vector) -> tuple[Array, Array, Array]:
+        """Axes of length one, moments and speeds, with the axes of times and runs of `omega`, in
+        its precision."""
+        given = self.axes, self.inertia, self.speed
+        axes, inertia, speed = follow_precision(given, omega)
+        rank = omega.ndim - 1
+        axes = with_rank(unit(axes), rank, axes=2)
+        return axes, with_rank(inertia, rank), with_rank(speed, rank)

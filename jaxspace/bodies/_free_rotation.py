@@ -53,7 +53,8 @@ from jaxtyping import PyTree
 from ..core import Flag, Scalar, Vector
 from ..core.barrier import barrier
 from ..core.jacobi import Jacobi, jacobi
-from ..core.vectors import cross, dot, norm
+from ..core.squares import unit_factor
+from ..core.vectors import components, cross, dot, norm
 from ..rotations import Quaternion
 from ._axis_order import arranged, axis_order, restored
 from ._energy_rules import by_energy, of_equal_energy
@@ -85,7 +86,10 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     moments, omega = (
         jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
     )
-    return _rotated(jnp.broadcast_to(duration, runs), moments, omega)
+    # The motion of a faster body is the same in a shorter time.
+    factor = unit_factor(*components(omega))
+    turn, later = _rotated(jnp.broadcast_to(duration, runs) / factor, moments, factor * omega)
+    return turn, later / factor
 
 
 @jax.custom_jvp

@@ -31,7 +31,7 @@ from ..core.formula import NOT_NEGATIVE, formula
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
 from ..core.types import as_float
-from ..core.vectors import dot, matvec
+from ..core.vectors import dot, identity, matvec
 
 
 class AbstractInertia(AbstractParameters):
@@ -177,7 +177,7 @@ def _same_rank(inertia: Array, vector: Vector, axes: int = 1) -> tuple[Array, Ve
 
 def diagonal(d: Vector) -> Matrix:
     """The matrix with `d` on its diagonal."""
-    return jnp.eye(3, dtype=d.dtype).reshape(3, 3, *(1,) * (d.ndim - 1)) * d[:, None]
+    return identity(d.ndim - 1) * d[:, None]
 
 
 # The shapes of raw arrays do not say which axis is that of the bodies.
@@ -250,5 +250,5 @@ def particle_inertia(mass: Scalar, offset: Vector) -> Matrix:
     `offset` d, m, (3, *runs), from it; kg m^2, (3, 3, *runs)."""
     # Either of the two may be the one that many runs share.
     offset = with_rank(offset, jnp.ndim(mass))
-    identity = with_rank(jnp.eye(3, dtype=offset.dtype), offset.ndim - 1, axes=2)
-    return mass * (dot(offset, offset) * identity - offset[:, None] * offset[None, :])
+    one = identity(offset.ndim - 1)
+    return mass * (dot(offset, offset) * one - offset[:, None] * offset[None, :])

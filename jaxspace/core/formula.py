@@ -17,6 +17,7 @@ from jaxtyping import PyTree
 
 from .checks import InputError, check, is_concrete
 from .field_types import SHOWN, is_real
+from .types import as_float
 
 Function = TypeVar("Function", bound=Callable[..., Any])
 
@@ -30,11 +31,15 @@ class Range(NamedTuple):
 
 POSITIVE = Range("positive and finite", lambda x: (x > 0.0) & np.isfinite(x))
 NOT_NEGATIVE = Range("zero or positive, and finite", lambda x: (x >= 0.0) & np.isfinite(x))
+FINITE = Range("finite", lambda x: np.isfinite(x))
+NOT_ZERO = Range("finite and not zero", lambda x: (x != 0.0) & np.isfinite(x))
 # Where the limit at infinity has a meaning, as the other apsis of a parabola.
 ABOVE_ZERO = Range("above zero", lambda x: x > 0.0)
 BELOW_ONE = Range("at least zero and below one", lambda x: (x >= 0.0) & (x < 1.0))
 UP_TO_ONE = Range("from zero to one", lambda x: (x >= 0.0) & (x <= 1.0))
 ANY = Range("a number", lambda x: x == x)
+# Of a vector: its components are not all zero.
+AWAY = Range("away from the centre", lambda x: np.any(x != 0.0, axis=0))
 
 
 class _Number(NamedTuple):
@@ -125,7 +130,11 @@ def _checked_value(number: _Number, x: object) -> object:
     if x is None and number.optional:
         return x
     dtype = getattr(x, "dtype", None)
-    # Lists are converted where they are used, and objects that say what array they are.
+    if isinstance(x, list | tuple):
+        x = as_float(x)
+        dtype = getattr(x, "dtype", None)
+    # Objects that say what array they are are converted where they are used, and so are lists of
+    # something else than numbers.
     if dtype is None and (isinstance(x, list | tuple) or hasattr(x, "__jax_array__")):
         return x
     if dtype is None or not is_real(x):
@@ -143,7 +152,20 @@ def _checked_value(number: _Number, x: object) -> object:
     if one_run:
         _check_range(number, x)
         return x
+    if number.range is AWAY:
+        _check_layout(number, x)
+        return x
     return _marked(number, x)
+
+
+def _check_layout(number: _Number, x: PyTree) -> None:
+    """Raise `InputError` for as many known runs as components, of which one is at the centre: most
+    likely the runs lead. In another shape the result of such a run is NaN, and marks it alone."""
+    if np.shape(x) == (3, 3) and is_concrete(x) and not np.all(AWAY.contains(np.asarray(x))):
+        raise InputError(
+            f"{number.name} has the shape (3, 3) and a column of zeros, the position of a run at "
+            "the centre: the components are on the first axis, (3, *runs)."
+        )
 
 
 def _marked(number: _Number, x: PyTree) -> PyTree:

@@ -95,6 +95,7 @@ def _end_sqrt_tangent(radicand, args, tangents):
     return jnp.where(end, 0.0, sqrt(x)), total
 
 
+@jax.custom_jvp
 def safe_divide(a: Scalar, b: Scalar) -> Scalar:
     """Quotient a / b, with 0 where b = 0.
 
@@ -103,6 +104,16 @@ def safe_divide(a: Scalar, b: Scalar) -> Scalar:
     - `a`, `b`: numbers, (*runs,)."""
     zero = b == 0.0
     return jnp.where(zero, 0.0, a / jnp.where(zero, 1.0, b))
+
+
+@safe_divide.defjvp
+def _safe_divide_rule(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    # By the quotient itself, because the square of a small divisor leaves the range of float32.
+    (a, b), (da, db) = primals, tangents
+    q = safe_divide(a, b)
+    return q, safe_divide(1.0, b) * (da - q * db)
 
 
 def safe_atan2(y: Scalar, x: Scalar) -> Scalar:

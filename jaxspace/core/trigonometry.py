@@ -17,6 +17,7 @@ import jax
 import jax.numpy as jnp
 
 from .barrier import computed_once
+from .squares import square_factor
 from .types import Scalar
 
 _QUARTER = (float.fromhex("0x1.921fb544p0"), float.fromhex("0x1.0b4611a6p-34"))
@@ -116,5 +117,7 @@ def _atan2(y: Scalar, x: Scalar) -> Scalar:
 @atan2.defjvp
 def _atan2_rule(primals, tangents):
     (y, x), (dy, dx) = primals, tangents
-    square = x * x + y * y
-    return atan2(y, x), (x / square) * dy - (y / square) * dx
+    factor = square_factor(y, x)
+    y1, x1 = factor * y, factor * x
+    square = x1 * x1 + y1 * y1
+    return atan2(y, x), (factor * (x1 / square)) * dy - (factor * (y1 / square)) * dx

@@ -55,10 +55,10 @@ REAL = ("real floating", "integral")
 def as_float(x: object) -> Any:
     """`x` as a floating-point array, for the fields of a module.
 
-    A Python number stays weakly typed, so that the precision follows the state that it meets.
-    Integers become floats. Whatever holds something else than real numbers passes as it is, for
-    the check of the field: a placeholder of a tree transformation, a text, complex numbers, rows of
-    different lengths."""
+    A Python number stays weakly typed, alone and in a list, so that the precision follows the state
+    that it meets. Integers become floats. Whatever holds something else than real numbers passes as
+    it is, for the check of the field: a placeholder of a tree transformation, a text, complex
+    numbers, rows of different lengths."""
     if isinstance(x, Array) and x.dtype.kind == "f":
         # Nothing to convert: most calls are such.
         return x
@@ -78,9 +78,6 @@ def _is_real(x: PyTree) -> bool:
 
 def _stacked(x: PyTree) -> PyTree:
     """Numbers in a list as an array; the list itself where it holds something else."""
-    # Known numbers are stacked by numpy, because jax would compile a program for it.
-    if all(isinstance(v, int | float) for v in x):
-        return np.asarray(x, dtype=float)
     parts = [as_float(v) for v in x]
     arrays = all(isinstance(v, np.ndarray | Array) and _is_real(v) for v in parts)
     if not arrays or len({v.shape for v in parts}) > 1:
@@ -94,6 +91,25 @@ def precision_of(*numbers: PyTree) -> np.dtype:
     Python numbers follow the others, so that a time of 0.3 does not raise single precision."""
     leaves = jax.tree.leaves(numbers)
     return jnp.result_type(*(x for x in leaves if isinstance(x, float) or eqx.is_inexact_array(x)))
+
+
+def follow_precision(tree: PyTree, *numbers: PyTree) -> PyTree:
+    """The tree with its Python numbers in the precision in which they meet other numbers.
+
+    A sum over an array forgets that it was made of Python numbers, and would raise single precision
+    afterwards.
+
+    **Arguments**
+
+    - `tree`: parameters.
+    - `numbers`: trees, such as the state."""
+    kind = precision_of(tree, *numbers)
+
+    def converted(x: object) -> object:
+        weak = eqx.is_inexact_array(x) and getattr(x, "weak_type", False)
+        return jnp.asarray(x, kind) if weak else x
+
+    return jax.tree.map(converted, tree)
 
 
 def as_optional_float(x: object) -> Any:

@@ -9,9 +9,11 @@ __all__ = [
     "components",
     "cross",
     "dot",
+    "identity",
     "inverse_norm",
     "matvec",
     "norm",
+    "over_norm",
     "scale",
     "solve3",
     "unit",
@@ -29,6 +31,7 @@ from .barrier import barrier
 from .safe import safe_divide
 from .shapes import check_components, with_rank
 from .square_roots import inverse_sqrt, sqrt
+from .squares import square_factor
 from .types import Matrix, Scalar, Vector
 
 Tangent: TypeAlias = Array | SymbolicZero
@@ -95,6 +98,34 @@ def _inverse_norm_rule(
     return p, (-power * p) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
 
 
+@functools.partial(jax.custom_jvp, nondiff_argnums=(2,))
+def over_norm(scalar: Scalar, a: Vector, power: int = 1) -> Scalar:
+    """scalar / |a|^power, where 1 / |a|^power alone may leave the range of float32: that of the
+    distance of Neptune, in metres, is zero there.
+
+    **Arguments**
+
+    - `scalar`: a number, (*runs,).
+    - `a`: a vector, (3, *runs).
+    - `power`: a whole number of one or more.
+
+    **Raises** `InputError` where the first axis of `a` does not hold three components."""
+    p = inverse_norm(a)
+    return functools.reduce(jnp.multiply, [p] * power, scalar)
+
+
+@over_norm.defjvp
+def _over_norm_rule(
+    power: int, primals: tuple[Scalar, Vector], tangents: tuple[Scalar, Vector]
+) -> tuple[Scalar, Scalar]:
+    # In one rule, as in `inverse_norm`.
+    scalar, a = primals
+    d_scalar, da = tangents
+    q = over_norm(scalar, a, power)
+    bend = (-power * q) * (inverse_norm(a, 2) * barrier(jnp.sum(a * da, axis=0)))
+    return q, over_norm(d_scalar, a, power) + bend
+
+
 @jax.custom_jvp
 def scale(scalar: Scalar, a: Vector) -> Vector:
     """Scalar times vector.
@@ -156,7 +187,11 @@ def norm(a: Vector) -> Scalar:
 
     Raises `InputError` where the first axis does not hold three components."""
     check_components("norm: a", a, 3)
-    return sqrt(dot(a, a))
+    factor = square_factor(*components(a))
+    if isinstance(factor, float):
+        return sqrt(dot(a, a))
+    a = factor * a
+    return sqrt(dot(a, a)) / factor
 
 
 @norm.defjvp
@@ -186,6 +221,15 @@ def _unit_rule(primals: tuple[Vector], tangents: tuple[Vector]) -> tuple[Vector,
     (da,) = tangents
     u = unit(a)
     return u, safe_divide(1.0, norm(a)) * (da - jnp.sum(u * da, axis=0) * u)
+
+
+def identity(rank: int) -> Matrix:
+    """The unit matrix with `rank` axes of runs, (3, 3, 1, ...), in the precision of what it meets.
+
+    **Arguments**
+
+    - `rank`: how many axes of times and runs follow."""
+    return with_rank(jnp.where(jnp.eye(3, dtype=bool), 1.0, 0.0), rank, axes=2)
 
 
 def matvec(m: Matrix, a: Vector) -> Vector:

@@ -33,6 +33,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
+from ..core.types import follow_precision
 from ._linear import LinearFlow, linear_rate
 from .gyropendulum import schuler_frequency
 
@@ -65,7 +66,7 @@ class NavigationErrors(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: NavigationErrorState) -> NavigationErrorState:
         del t
-        return linear_rate(*self._matrices(), y)
+        return linear_rate(*follow_precision(self, y)._matrices(), y)
 
     def invariants(self, t: Scalar, y: NavigationErrorState) -> dict[str, Array]:
         """Nothing is conserved with faults of the instruments."""

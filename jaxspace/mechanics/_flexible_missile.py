@@ -36,7 +36,7 @@ from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, q
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.shapes import with_rank
-from ..core.types import as_float
+from ..core.types import as_float, follow_precision
 from ._equations import solve
 from .beams import beam_integral, beam_roots, beam_shape
 
@@ -73,6 +73,7 @@ class FlexibleMissile(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: MissileState) -> MissileState:
         del t
+        self = follow_precision(self, y)
         rate, pitch = self.accelerations(y, self.command)
         return MissileState(y.engine_rate, y.bending_rate, y.pitch_rate, rate[0], rate[1:], pitch)
 

@@ -31,6 +31,7 @@ from jaxtyping import Array
 from ..core import AbstractSystem, NumberField, Scalar, quantity
 from ..core.printing import printed
 from ..core.shapes import with_rank
+from ..core.types import follow_precision
 from ._flexible_missile import FlexibleMissile, MissileState
 
 
@@ -62,6 +63,7 @@ class MissileLoop(AbstractSystem):
 
     def vector_field(self, t: Scalar, y: MissileLoopState) -> MissileLoopState:
         del t
+        self = follow_precision(self, y)
         missile, state = self.missile, y.missile
         pitch, pitch_rate = self.felt_pitch(state)
         command = missile.command + self.pitch_gain * pitch + self.rate_gain * pitch_rate

@@ -17,14 +17,15 @@ from typing import NamedTuple
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from ..core import Scalar
+from ..core import Scalar, Vector
+from ..core.formula import POSITIVE, formula
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.vectors import norm
 from ..minimisation import Criterion, minimise
 from ..orbits import Interception
 from ..orbits.burnout import circular_speed
-from ..orbits.interception import OrbitState, interception
+from ..orbits.interception import OrbitState, interception, position_and_velocity
 
 
 @printed(departure="s", arrival="s", total="m/s")
@@ -39,7 +40,7 @@ class Rendezvous(NamedTuple):
     converged: Bool[Array, ""]
 
 
-@quick_jit
+@formula(mu=POSITIVE)
 def least_rendezvous(
     chaser: OrbitState,
     target: OrbitState,
@@ -64,7 +65,27 @@ def least_rendezvous(
     - `tolerance`: of the gradient, with the speed and the period of the chaser as units.
 
     **Returns** a `Rendezvous`.
+
+    **Raises** `InputError` for a `chaser` or `target` of another kind.
     """
+    pairs = position_and_velocity("chaser", chaser), position_and_velocity("target", target)
+    limits = earliest, latest
+    return _least(*pairs, start, mu, limits, intercept_only, revolutions, low, tolerance)
+
+
+@quick_jit
+def _least(
+    chaser: tuple[Vector, Vector],
+    target: tuple[Vector, Vector],
+    start: tuple[Scalar, Scalar],
+    mu: Scalar,
+    limits: tuple[Scalar | None, Scalar | None],
+    intercept_only: bool,
+    revolutions: int,
+    low: bool,
+    tolerance: Scalar,
+) -> Rendezvous:
+    earliest, latest = limits
     radius = norm(chaser[0])
     speed = circular_speed(radius, mu)
     unit_of_time = radius / speed

@@ -73,8 +73,10 @@ def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomal
     zeta = 1.0 - beta
     s = sqrt(jnp.maximum(jnp.abs(beta), 1e-20))
     # e^2 as a sum of squares on a closed orbit, and as 1 - beta p on an open one: each is the form
-    # that does not cancel.
-    e = barrier(jnp.sqrt(jnp.where(closed, zeta * zeta + beta * sigma * sigma, 1.0 - beta * p)))
+    # that does not cancel. Far below rounding the squares underflow; there the orbit is a circle,
+    # and a floor under e leaves it a periapsis, whose place does not matter.
+    e2 = jnp.where(closed, zeta * zeta + beta * sigma * sigma, 1.0 - beta * p)
+    e = barrier(jnp.sqrt(jnp.maximum(e2, float(jnp.finfo(e2.dtype).eps) ** 4)))
     conic = barrier(_Conic(beta, closed, s, e, p / (1.0 + e)))
     q = conic.q
     x0, t0 = _start(conic, sigma, zeta)
@@ -127,17 +129,15 @@ def _start(conic: _Conic, sigma: Scalar, zeta: Scalar) -> tuple[Scalar, Scalar]:
 
     A rough inverse tangent (a logarithm on an open orbit) and one correction of it."""
     beta, closed, s, e, q = conic
-    # A circle has no periapsis: any start is one, and the quotients below become zero.
-    safe_e = jnp.maximum(e, 1e-30)
     y = jnp.abs(s * sigma)
-    sine = y / safe_e
+    sine = y / e
     rough = barrier(jnp.where(closed, _arc(y, zeta), jnp.log(sine + jnp.sqrt(1.0 + sine * sine))))
     far = jnp.logical_and(rough > math.pi, jnp.logical_not(closed))
     x = jnp.where(far, 0.0, jnp.where(sigma < 0.0, -rough, rough) / s)
     g2, g3 = _g(x, beta, stumpff_near)
     g0 = 1.0 - beta * g2
     g1 = x - beta * g3
-    d = (sigma * g0 - zeta * g1) / safe_e
+    d = (sigma * g0 - zeta * g1) / e
     # A large logarithm gets no correction: it would be the rounding of larger terms.
     d = jnp.where(jnp.logical_or(closed, rough < 1.0), d * (1.0 + beta * d * d / 6.0), 0.0)
     x, _, g3 = _advanced(d, x, g2, g3, beta)
@@ -172,15 +172,15 @@ def _mikkola(t: Scalar, conic: _Conic) -> Scalar:
     b = 0.5 * t * k
     # z is the cube root in Cardano's formula. The form of x below has terms of one sign only, and
     # holds at the parabola, where a is zero or s small.
-    z2 = barrier(
-        jnp.exp(jnp.log(jnp.maximum(jnp.abs(b) + jnp.sqrt(b * b + a * a * a), 1e-30)) * (2.0 / 3.0))
-    )
+    least = float(jnp.finfo(b.dtype).tiny)
+    z = jnp.maximum(jnp.abs(b) + jnp.sqrt(b * b + a * a * a), least)
+    z2 = barrier(jnp.exp(jnp.log(z) * (2.0 / 3.0)))
     x = s * 2.0 * b / (z2 + a + a * a / z2)
     x2 = x * x
     x5 = x2 * x2 * x
     # u corrects the sine of ellipses, w the hyperbolic sine of hyperbolas (Mikkola's constants).
     u = x - 0.078 * x5 / (1.0 + e)
-    w = barrier(x + 0.071 * x5 / ((1.0 + 0.45 * x2) * (1.0 + 4.0 * x2) * jnp.maximum(e, 1e-30)))
+    w = barrier(x + 0.071 * x5 / ((1.0 + 0.45 * x2) * (1.0 + 4.0 * x2) * e))
     size = jnp.abs(w)
     third = jnp.where(
         size < 0.1, size * (1.0 - size * size / 6.0), jnp.log(size + jnp.sqrt(1.0 + size * size))

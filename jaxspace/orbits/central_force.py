@@ -40,7 +40,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import phi1, safe_divide
-from ..core.vectors import dot, inverse_norm, norm, scale
+from ..core.vectors import dot, norm, over_norm, scale
 
 KEEPS = frozenset({"energy", "angular_momentum", "axial_angular_momentum"})
 
@@ -100,7 +100,7 @@ def shell_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     outside = dot(r, r) >= radius * radius
     # Inside, a harmless length in place of one that may be zero.
     far = jnp.where(outside, r, 1.0)
-    return scale(jnp.where(outside, -mu * inverse_norm(far, 3), 0.0), r)
+    return scale(jnp.where(outside, over_norm(-mu, far, 3), 0.0), r)
 
 
 @formula(r=NOT_NEGATIVE, radius=POSITIVE)
@@ -126,7 +126,7 @@ def sphere_gravity(r: Vector, mu: Scalar, radius: Scalar) -> Vector:
     - `r`, `mu`, `radius`: as in `shell_gravity`."""
     outside = dot(r, r) >= radius * radius
     far = jnp.where(outside, r, 1.0)
-    return scale(-mu * jnp.where(outside, inverse_norm(far, 3), 1.0 / radius**3), r)
+    return scale(jnp.where(outside, over_norm(-mu, far, 3), -mu / radius**3), r)
 
 
 @formula(r=NOT_NEGATIVE, radius=POSITIVE)

@@ -22,7 +22,7 @@ __all__ = [
 
 
 from ..core import Scalar, State, Vector, output
-from ..core.formula import POSITIVE, formula
+from ..core.formula import AWAY, NOT_ZERO, POSITIVE, formula
 from ..core.vectors import cross, dot, norm, unit
 from .elements import eccentricity_vector, elements_from_state
 
@@ -68,7 +68,7 @@ def cross_track_error(position: Vector, nominal: State) -> Scalar:
     return dot(position - nominal.position, unit(momentum))
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO)
 @output("", mu="planet.mu")
 def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Eccentricity of the orbit; on a circle its derivative is zero.
@@ -80,7 +80,7 @@ def eccentricity(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return norm(eccentricity_vector(position, velocity, mu))
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=POSITIVE)
 @output("rad", mu="planet.mu")
 def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Longitude of the ascending node, rad, within (-pi, pi]; zero over the equator.
@@ -92,7 +92,7 @@ def node_longitude(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     return elements_from_state(position, velocity, mu).node
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=POSITIVE)
 @output("rad", mu="planet.mu")
 def argument_of_periapsis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Angle from the ascending node to the periapsis, rad, within (-pi, pi]; zero on a circle.

@@ -61,7 +61,7 @@ from ..core import AbstractParameters, NumberField, Scalar, Vector, check, outpu
 from ..core.barrier import barrier, computed_once
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
-from ..core.formula import POSITIVE, formula
+from ..core.formula import AWAY, NOT_ZERO, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_divide
 from ..core.square_roots import sqrt
 from ..core.trigonometry import sincos
@@ -73,7 +73,7 @@ from ..core.vectors import axis, cross, dot, inverse_norm, norm, unit
 _NOISE = 8.0
 
 
-@formula
+@formula(position=AWAY)
 @output("m^2/s^2", mu="planet.mu")
 def specific_energy(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Energy per unit mass E, m^2/s^2 (Thomson 4.7).
@@ -96,7 +96,7 @@ def angular_momentum(position: Vector, velocity: Vector) -> Vector:
     return cross(position, velocity)
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO)
 def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vector:
     """The constant vector e, (3, *runs): it points to periapsis, and its length is the eccentricity
     (Laplace, Runge, Lenz).
@@ -104,38 +104,40 @@ def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vecto
     **Arguments**
 
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
-    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    - `mu`: gravitational parameter of the centre, m^3/s^2; negative for a centre that repels, where
+      the vector points away from periapsis."""
     h = cross(position, velocity)
     return cross(velocity, h) / mu - inverse_norm(position) * position
 
 
-@formula(mu=POSITIVE)
+@formula(mu=NOT_ZERO)
 def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Semi-latus rectum p, m.
+    """Semi-latus rectum p, m: p / r = 1 + e cos(f).
 
     **Arguments**
 
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
-    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    - `mu`: gravitational parameter of the centre, m^3/s^2; where it is negative, so is p."""
     h = cross(position, velocity)
-    return dot(h, h) / mu
+    # In this order no square leaves the range of float32.
+    return dot(h, h / mu)
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO)
 @output("m", mu="planet.mu")
 def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
-    """Semi-major axis a, m: negative for a hyperbola; infinite for the parabola, with the
-    derivative zero.
+    """Semi-major axis a = -mu / (2 E), m: negative for a hyperbola; infinite for the parabola, with
+    the derivative zero.
 
     **Arguments**
 
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
-    - `mu`: gravitational parameter of the centre, m^3/s^2."""
+    - `mu`: gravitational parameter of the centre, m^3/s^2; where it is negative, a is positive."""
     energy = specific_energy(position, velocity, mu)
     return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO)
 @output("m", mu="planet.mu")
 def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Least distance from the centre on the whole conic, m.
@@ -143,14 +145,14 @@ def periapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     **Arguments**
 
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
-    - `mu`: gravitational parameter of the centre, m^3/s^2."""
-    # p / (1 + e) and not a (1 - e), because it is smooth through the parabola.
-    return semi_latus_rectum(position, velocity, mu) / (
-        1.0 + norm(eccentricity_vector(position, velocity, mu))
-    )
+    - `mu`: gravitational parameter of the centre, m^3/s^2; negative for a centre that repels."""
+    # p / (1 + e) and not a (1 - e), because it is smooth through the parabola. A centre that repels
+    # is the other focus of the hyperbola.
+    e = norm(eccentricity_vector(position, velocity, mu))
+    return semi_latus_rectum(position, velocity, mu) / (1.0 + jnp.sign(mu) * e)
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO)
 @output("m", mu="planet.mu")
 def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     """Greatest distance from the centre, m; infinite on an open orbit, with the derivative zero.
@@ -230,7 +232,7 @@ class ClassicalElements(AbstractParameters):
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
 
 
-@formula(mu=POSITIVE)
+@formula(position=AWAY, mu=POSITIVE)
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 

@@ -36,6 +36,7 @@ from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
 from ..core.square_roots import inverse_sqrt
+from ..core.squares import safe_hypot
 from ..core.types import as_float
 from ..core.vectors import cross, scale, unit
 
@@ -173,7 +174,7 @@ def plane_change_impulse(speed: Scalar, new_speed: Scalar, angle: Scalar) -> Sca
     # By half the angle, because the law of cosines loses the digits of a small one.
     sine = jnp.sin(0.5 * as_float(angle))
     change = new_speed - as_float(speed)
-    return safe_sqrt(change * change + 4.0 * speed * new_speed * sine * sine)
+    return safe_hypot(change, 2.0 * sine * safe_sqrt(speed * new_speed))
 
 
 @final

@@ -13,7 +13,7 @@ Source: Thomson 4.16: coplanar, elliptic and non-coplanar orbits are the same pr
 Both bodies move on their conics, in either direction of time. Singular as `lambert` is.
 """
 
-__all__ = ["OrbitState", "Porkchop", "interception", "porkchop"]
+__all__ = ["OrbitState", "Porkchop", "interception", "porkchop", "position_and_velocity"]
 
 from typing import NamedTuple, TypeAlias
 
@@ -21,16 +21,45 @@ import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
-from ..core import Scalar, Vector
-from ..core.formula import POSITIVE, formula
+from ..bodies import BodyState
+from ..core import InputError, Scalar, Vector
+from ..core.field_types import is_real, shown
+from ..core.formula import FINITE, POSITIVE, formula
 from ..core.printing import printed
-from ..core.shapes import with_rank
+from ..core.shapes import check_components, with_rank
+from ..core.types import as_float
 from ..core.vectors import cross, dot, norm
 from .kepler import conic_flow
 from .lambert import lambert
 
-OrbitState: TypeAlias = tuple[Vector, Vector]
-"""Position, m, and velocity, m/s, (3, *runs)."""
+OrbitState: TypeAlias = tuple[Vector, Vector] | BodyState
+"""Position, m, and velocity, m/s, (3, *runs), or a `BodyState` that has both."""
+
+
+def position_and_velocity(name: str, state: OrbitState) -> tuple[Vector, Vector]:
+    """The position, m, and the velocity, m/s, of a state, (3, *runs).
+
+    **Arguments**
+
+    - `name`: of the argument, for the message.
+    - `state`: both in this order, or a `BodyState`.
+
+    **Raises** `InputError` for an object of another kind, a state without one of them, and a wrong
+    first axis."""
+    found = (state.position, state.velocity) if isinstance(state, BodyState) else state
+    if not isinstance(found, tuple | list) or len(found) != 2 or any(x is None for x in found):
+        raise InputError(
+            f"{name} is {shown(state)}: it must be a position and a velocity, each (3, *runs), "
+            "or a BodyState that has both."
+        )
+    position, velocity = (as_float(x) for x in found)
+    for part, x in (("position", position), ("velocity", velocity)):
+        if not is_real(x):
+            raise InputError(
+                f"The {part} of {name} is {shown(x)}: it must be an array of numbers, (3, *runs)."
+            )
+        check_components(f"The {part} of {name}", x, 3)
+    return position, velocity
 
 
 @printed(departure="m/s", arrival="m/s", start="m", end="m", velocity="m/s")
@@ -53,7 +82,7 @@ class Interception(NamedTuple):
         return norm(self.departure) + norm(self.arrival)
 
 
-@formula(mu=POSITIVE)
+@formula(departure=FINITE, arrival=FINITE, mu=POSITIVE)
 def interception(
     chaser: OrbitState,
     target: OrbitState,
@@ -69,7 +98,8 @@ def interception(
 
     **Arguments**
 
-    - `chaser`, `target`: position, m, and velocity, m/s, of both at t = 0, (3, *runs).
+    - `chaser`, `target`: position, m, and velocity, m/s, of both at t = 0, (3, *runs): a pair, or a
+      `BodyState`.
     - `departure`, `arrival`: s, (*runs,); they broadcast.
     - `mu`: gravitational parameter, m^3/s^2.
     - `normal`, `revolutions`, `low`: as in `lambert`; the transfer turns in the sense of the
@@ -77,8 +107,10 @@ def interception(
 
     **Returns** an `Interception`; NaN in a batch and under a transformation where there is none.
 
-    **Raises** `InputError` as `lambert` does.
+    **Raises** `InputError` as `lambert` does, and for a `chaser` or `target` of another kind.
     """
+    chaser = position_and_velocity("chaser", chaser)
+    target = position_and_velocity("target", target)
     departure, arrival = jnp.asarray(departure), jnp.asarray(arrival)
     states = (*conic_flow(*chaser, departure, mu), *conic_flow(*target, arrival, mu))
     rank = max(x.ndim - 1 for x in states)
@@ -102,7 +134,7 @@ class Porkchop(NamedTuple):
         return self.departure + self.arrival
 
 
-@jax.jit(static_argnames=("revolutions", "low"))
+@formula(mu=POSITIVE)
 def porkchop(
     chaser: OrbitState,
     target: OrbitState,
@@ -123,7 +155,25 @@ def porkchop(
 
     **Returns** a `Porkchop`, for `plots.porkchop_figure` and as a start of
     `optimization.least_rendezvous`.
+
+    **Raises** `InputError` for a `chaser` or `target` of another kind.
     """
+    pairs = position_and_velocity("chaser", chaser), position_and_velocity("target", target)
+    return _porkchop(*pairs, departures, arrivals, mu, revolutions=revolutions, low=low)
+
+
+@jax.jit(static_argnames=("revolutions", "low"))
+def _porkchop(
+    chaser: tuple[Vector, Vector],
+    target: tuple[Vector, Vector],
+    departures: Float[Array, " departures"],
+    arrivals: Float[Array, " arrivals"],
+    mu: Scalar,
+    *,
+    revolutions: int,
+    low: bool,
+) -> Porkchop:
+    """`porkchop` of pairs."""
     # Each orbit is followed once, and not again for every pair.
     starts, befores = conic_flow(*chaser, departures, mu)
     ends, afters = conic_flow(*target, arrivals, mu)
@@ -145,7 +195,7 @@ def porkchop(
     return jax.lax.map(row, (starts.T, befores.T, departures))
 
 
-def _sense(chaser: OrbitState, start: Vector, end: Vector) -> Vector:
+def _sense(chaser: tuple[Vector, Vector], start: Vector, end: Vector) -> Vector:
     """The normal of the chaser's plane, which it keeps until it departs; of a chaser on a line
     through the centre that of the short way from `start` to `end`."""
     way = cross(start, end)

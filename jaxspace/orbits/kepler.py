@@ -45,7 +45,7 @@ from ..core import Scalar, Vector, check
 from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
-from ..core.formula import NOT_NEGATIVE, formula
+from ..core.formula import FINITE, NOT_NEGATIVE, formula
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
@@ -55,7 +55,7 @@ from ._anomaly import Anomaly, anomaly_after
 from ._rectilinear import rectilinear_motion
 
 
-@formula(mu=NOT_NEGATIVE)
+@formula(duration=FINITE, mu=NOT_NEGATIVE)
 def kepler_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
@@ -75,8 +75,8 @@ def kepler_flow(
     to their number, as the sensitivity of the problem does. Where `mu` is zero, the motion is a
     straight line, with its first derivative by mu.
 
-    **Raises** `InputError` for a position at the centre and a negative `mu`; under `jit`, where
-    they are not known, the result is NaN.
+    **Raises** `InputError` for a position at the centre, a duration that is not finite and a
+    negative `mu`; under `jit`, where they are not known, the result is NaN.
     """
     if is_concrete(position):
         place = np.asarray(position)
@@ -114,12 +114,17 @@ def _conic(
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position = with_rank(position, rank)
     velocity = with_rank(velocity, rank)
-    r0 = sqrt(dot(position, position))
+    r0, v2 = sqrt(dot(position, position)), dot(velocity, velocity)
+    # A weaker centre bends the path by less than a rounding, and e^2 would leave the range of
+    # float32. The derivative by mu is the same.
+    least = float(jnp.finfo(r0.dtype).eps) ** 2 * (r0 * v2)
+    weak = (mu > 0.0) & (mu < least)
+    mu = mu + jax.lax.stop_gradient(jnp.where(weak, least - mu, 0.0))
     # In units of |r0| and of the circular speed, so that no product leaves the range of float32.
     r0, speed_unit = barrier((r0, jnp.sqrt(mu / r0)))
     scale = 1.0 / (r0 * speed_unit)
     sigma = dot(position, velocity) * scale
-    beta = 2.0 - dot(velocity, velocity) / (speed_unit * speed_unit)
+    beta = 2.0 - v2 / (speed_unit * speed_unit)
     h = cross(position, velocity) * scale
     time_unit = r0 / speed_unit
     # p is a function of sigma and beta, whose derivatives include its own.

@@ -27,13 +27,13 @@ from typing import ClassVar, final
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
 from ..core.barrier import barrier
-from ..core.formula import BELOW_ONE, POSITIVE, formula
+from ..core.formula import AWAY, BELOW_ONE, POSITIVE, formula
 from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 from .secular_rates import secular_rates
 
 
-@formula(radius=POSITIVE)
+@formula(r=AWAY, radius=POSITIVE)
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     """Acceleration by J2 alone.
 
@@ -53,13 +53,13 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
     per_r = barrier(inverse_norm(r))
     per_r2 = per_r * per_r
     # In this order no factor leaves the range of float32: mu R^2 / r^5 in metres would.
-    c = (-1.5 * j2 * mu * (per_r2 * per_r)) * (radius * radius * per_r2)
+    c = (-1.5 * j2 * mu * per_r * per_r2) * (radius * radius * per_r2)
     k = 2.0 * c * z
     # `scale` has a derivative that does not compute the scalar again for every component.
     return scale(c * (1.0 - 5.0 * z * z * per_r2), r) + scale(k, axis(2, k))
 
 
-@formula(radius=POSITIVE)
+@formula(r=AWAY, radius=POSITIVE)
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity.
 

@@ -17,12 +17,12 @@ __all__ = [
 
 from ..bodies import BodyState
 from ..core import Scalar, State, Vector, event, output
-from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.formula import AWAY, NOT_NEGATIVE, NOT_ZERO, POSITIVE, formula
 from ..core.vectors import dot, norm
 from .elements import apoapsis_radius, periapsis_radius
 
 
-@formula(mu=POSITIVE, radius=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO, radius=POSITIVE)
 @output("m", mu="planet.mu", radius="planet.radius")
 def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Least height of the orbit, m, above a sphere of the `radius`, m.
@@ -35,7 +35,7 @@ def periapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: S
     return periapsis_radius(position, velocity, mu) - radius
 
 
-@formula(mu=POSITIVE, radius=POSITIVE)
+@formula(position=AWAY, mu=NOT_ZERO, radius=POSITIVE)
 @output("m", mu="planet.mu", radius="planet.radius")
 def apoapsis_altitude(position: Vector, velocity: Vector, mu: Scalar, radius: Scalar) -> Scalar:
     """Greatest height of the orbit, m, above a sphere of the `radius`, m; infinite when it is not

@@ -18,14 +18,14 @@ from typing import ClassVar, final
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import AbstractSystem, NumberField, Scalar, Vector
-from ..core.formula import formula
-from ..core.vectors import inverse_norm, scale
+from ..core.formula import AWAY, formula
+from ..core.vectors import inverse_norm, over_norm, scale
 from ._kepler_motion import KeplerMotion
 from ._kustaanheimo_stiefel import KustaanheimoStiefel
 from ._planet import gravitational_parameter
 
 
-@formula
+@formula(r=AWAY)
 def point_gravity(r: Vector, mu: Scalar) -> Vector:
     """Acceleration a, m/s^2, (3, *runs) (Thomson 4.7).
 
@@ -35,10 +35,10 @@ def point_gravity(r: Vector, mu: Scalar) -> Vector:
     - `mu`: gravitational parameter, m^3/s^2, (*runs,).
     """
     # `scale` has a derivative that does not compute the scalar again for every component.
-    return scale(-mu * inverse_norm(r, 3), r)
+    return scale(over_norm(-mu, r, 3), r)
 
 
-@formula
+@formula(r=AWAY)
 def point_gravity_potential(r: Vector, mu: Scalar) -> Scalar:
     """Potential energy per unit mass U, m^2/s^2, zero at infinity.
 

@@ -25,14 +25,14 @@ import jax.numpy as jnp
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
-from ..core.formula import formula
+from ..core.formula import AWAY, formula
 from ..core.shapes import with_rank
 from ..core.square_roots import sqrt
-from ..core.vectors import dot, inverse_norm, scale
+from ..core.vectors import dot, inverse_norm, over_norm, scale
 from .paths import Path
 
 
-@formula
+@formula(s=AWAY)
 def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
     """Acceleration by another body, less that of the centre.
 
@@ -47,10 +47,10 @@ def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
     # In this order no factor leaves the range of float32.
     q = dot(r, r - 2.0 * s) * inverse_norm(s, 2)
     f = q * (3.0 + q * (3.0 + q)) / (1.0 + (1.0 + q) * jnp.sqrt(1.0 + q))
-    return scale(-mu * inverse_norm(r - s, 3), r + scale(f, s))
+    return scale(over_norm(-mu, r - s, 3), r + scale(f, s))
 
 
-@formula
+@formula(s=AWAY)
 def third_body_potential(r: Vector, s: Vector, mu: Scalar) -> Scalar:
     """Potential energy per unit mass V, m^2/s^2, less its value at the centre.
 

@@ -27,7 +27,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar
 from ..core.barrier import barrier
-from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.formula import FINITE, NOT_NEGATIVE, POSITIVE, formula
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt, sqrt
 from ..core.types import as_float
@@ -108,7 +108,7 @@ def time_of_flight(
     return unit_of_time * jnp.where(beyond, jnp.nan, time + whole)
 
 
-@formula(semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE, mu=POSITIVE)
+@formula(duration=FINITE, semi_latus_rectum=POSITIVE, eccentricity=NOT_NEGATIVE, mu=POSITIVE)
 def true_anomaly_after(
     start: Scalar, duration: Scalar, semi_latus_rectum: Scalar, eccentricity: Scalar, mu: Scalar
 ) -> Scalar:

@@ -27,12 +27,12 @@ from jaxtyping import Array, Float
 
 from ..bodies import AbstractBody, AbstractEffect, BodyState, Load
 from ..core import NumberField, Scalar, Vector, quantity
-from ..core.formula import POSITIVE, formula
+from ..core.formula import AWAY, POSITIVE, formula
 from ..core.vectors import axis, inverse_norm, scale
 from ._planet import equatorial_radius, gravitational_parameter
 
 
-@formula(radius=POSITIVE)
+@formula(r=AWAY, radius=POSITIVE)
 def zonals(
     r: Vector, mu: Scalar, harmonics: Float[Array, "degrees *#runs"], radius: Scalar
 ) -> Vector:
@@ -67,7 +67,7 @@ def zonals(
     return scale(weight * along * ratio, u) + scale(down, axis(2, down))
 
 
-@formula(radius=POSITIVE)
+@formula(r=AWAY, radius=POSITIVE)
 def zonal_potential(
     r: Vector, mu: Scalar, harmonics: Float[Array, "degrees *#runs"], radius: Scalar
 ) -> Scalar:

@@ -138,9 +138,10 @@ def coast_height(
         return speed**2 / (2.0 * surface_gravity) + 0.0 * height
     r = radius + height
     # x is the square of the speed over the square of the speed of escape.
-    x = speed**2 * r / (2.0 * surface_gravity * radius**2)
+    level = speed**2 / (2.0 * surface_gravity) * (r / radius) ** 2
+    x = level / r
     # The branch that is not taken must not divide by zero: its NaN would enter every gradient.
-    return jnp.where(x < 1.0, r * x / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)
+    return jnp.where(x < 1.0, level / jnp.where(x < 1.0, 1.0 - x, 1.0), jnp.inf)
 
 
 @formula(exhaust_velocity=POSITIVE)

@@ -14,8 +14,8 @@ Source: Thomson 3.4-5 (matrix, its transpose here: body to inertial), 3.5-1 (rat
 Nettleton swap phi and psi.
 
 The angles are singular where the first and the last axis coincide (3-1-3: sin(theta) = 0; 3-2-1:
-cos(theta) = 0). The rates are then undefined, and only a combination of the first and the third
-angle has a meaning. Integrate the quaternion instead.
+cos(theta) = 0). The outer rates are then undefined, and only a combination of them has a meaning.
+Integrate the quaternion instead.
 """
 
 __all__ = ["SEQUENCES", "euler_rates_from_omega", "omega_from_euler_rates"]
@@ -26,7 +26,7 @@ from ..core import InputError, Matrix, Vector
 from ..core.formula import formula
 from ..core.safe import safe_atan2, safe_sqrt
 from ..core.shapes import check_components, with_rank
-from ..core.vectors import matvec, solve3
+from ..core.vectors import cross, dot, identity, matvec, norm
 from ._quaternion import Quaternion
 
 SEQUENCES = ("313", "321", "123", "132", "213", "231", "312", "121", "131", "212", "232", "323")
@@ -101,8 +101,7 @@ def _turn_axes(angles: Vector, sequence: str) -> Matrix:
     # The axis of a turn is fixed in the body for the turns before it; later turns move it.
     last = Quaternion.about(k, angles[2])
     later = Quaternion.about(j, angles[1]).then(last)
-    eye = with_rank(jnp.eye(3, dtype=angles.dtype), angles.ndim - 1, axes=2)
-    e = jnp.broadcast_to(eye, (3, *angles.shape))
+    e = jnp.broadcast_to(identity(angles.ndim - 1), (3, *angles.shape)).astype(angles.dtype)
     return jnp.stack([later.rotate_back(e[i]), last.rotate_back(e[j]), e[k]], axis=1)
 
 
@@ -134,12 +133,26 @@ def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313")
     - `omega`: angular velocity in body axes, rad/s, (3, *runs).
     - `sequence`: the axes, one of `SEQUENCES`.
 
-    **Returns** the rates, rad/s, (3, *runs); not finite in the singular position, where they do
-    not exist.
+    **Returns** the rates, rad/s, (3, *runs). In the singular position the outer angles have the
+    same axis. Where the body turns about it and the middle axis alone, the first rate is zero and
+    the third one is the whole turn, as `to_euler_angles` counts the angles; otherwise both are
+    infinite.
 
     **Raises** `InputError` for a sequence that is none of the twelve, and for a wrong first axis.
     """
     check_components("euler_rates_from_omega: angles", angles, 3)
     check_components("euler_rates_from_omega: omega", omega, 3)
-    # Solved, in place of an inverse written out for each of the twelve sequences.
-    return solve3(_turn_axes(angles, sequence), omega)
+    turns = _turn_axes(angles, sequence)
+    rank = max(angles.ndim, omega.ndim) - 1
+    turns, omega = with_rank(turns, rank, axes=2), with_rank(omega, rank)
+    first, middle, last = turns[:, 0], turns[:, 1], turns[:, 2]
+    # The middle axis is normal to both outer ones, so that its rate exists at any angle; `across`
+    # completes it and the last axis to a frame.
+    across = cross(middle, last)
+    sine = dot(first, across)
+    rate = dot(omega, across)
+    # In the singular position a rate of zero, to rounding, leaves the whole turn alone determined.
+    noise = 4.0 * float(jnp.finfo(rate.dtype).eps) * norm(omega)
+    still = (sine == 0.0) & (jnp.abs(rate) <= noise)
+    outer = jnp.where(still, 0.0, rate / jnp.where(still, 1.0, sine))
+    return jnp.stack([outer, dot(omega, middle), dot(omega, last) - dot(first, last) * outer])

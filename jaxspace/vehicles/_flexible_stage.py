@@ -34,6 +34,7 @@ from ..bodies import AbstractBody, AbstractEffect, BodyState, Load, RigidBody
 from ..core import InputError, Scalar, State, Vector, output, quantity
 from ..core.checks import is_concrete
 from ..core.shapes import with_rank
+from ..core.types import follow_precision
 from ..core.vectors import norm, unit
 from ..mechanics import MissileState
 from ..mechanics.missile_loop import MissileLoop, MissileLoopState
@@ -81,6 +82,7 @@ class FlexibleStage(AbstractEffect):
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
         del body
+        self = follow_precision(self, y)
         part = y.part(self.part)
         spin = y.omega[2]
         # Rates in the body, which rolls.

@@ -17,13 +17,20 @@ from jaxspace.core import InputError, Scalar, Vector
 from jaxspace.core.formula import (
     ABOVE_ZERO,
     ANY,
+    AWAY,
     BELOW_ONE,
+    FINITE,
+    NOT_ZERO,
     POSITIVE,
     _checked_value,
     formula,
 )
 from jaxspace.core.modules import public_names
 from jaxspace.orbits.drag import drag_acceleration
+from jaxspace.orbits.elements import eccentricity_vector, elements_from_state
+from jaxspace.orbits.kepler import kepler_flow
+from jaxspace.orbits.oblateness import oblateness
+from jaxspace.orbits.point_gravity import point_gravity
 from jaxspace.orbits.transfers import hohmann_transfer
 from jaxspace.orbits.two_masses import reduced_mass
 
@@ -34,6 +41,7 @@ PACKAGES = (
 )
 WRONG = {"text": "1 km", "complex": 1.0 + 2.0j, "thing": object(), "bytes": b"1", "set": {1.0}}
 WRONG |= {"complex array": np.array([1.0j, 2.0, 3.0]), "texts": np.array(["a", "b", "c"])}
+BOTH_SIGNS = (ANY, FINITE, NOT_ZERO)
 # Those whose arguments are not refused by their own names, each with the reason.
 EXCEPTIONS = {
     "work_along": "its second argument is a list of functions, which names no kind",
@@ -102,10 +110,13 @@ def test_every_formula_refuses_what_is_no_real_number():
 
 def out_of_range(number):
     """Numbers that are not within the declared range, in the shape that the argument has."""
+    if number.range is AWAY:
+        yield 0.0
+        return
     yield np.nan
-    if number.range is not ANY:
+    if number.range not in BOTH_SIGNS:
         yield -1.0
-    if number.range in (POSITIVE, ABOVE_ZERO):
+    if number.range in (POSITIVE, ABOVE_ZERO, NOT_ZERO):
         yield 0.0
     if number.range not in (ANY, ABOVE_ZERO):
         yield np.inf
@@ -143,8 +154,10 @@ def test_a_run_out_of_the_range_is_marked_and_harms_no_other():
     assert np.isnan(crusher_force(0.3, 1.0, 1.0, radii, 1.0, 1.0, 1.0)).tolist() == [1, 0, 1, 0]
     # By the range alone, in every formula, before it computes.
     for number in (n for numbers in formulas().values() for n in numbers if n.range is not ANY):
+        if number.range is AWAY:
+            continue
         runs = np.ones([*(3 if n is None else n for n in number.shape), 2])
-        runs[..., 0] = -1.0
+        runs[..., 0] = np.nan if number.range in BOTH_SIGNS else -1.0
         runs[..., 1] = 0.5
         marked = np.asarray(_checked_value(number, jnp.asarray(runs)))
         assert np.isnan(marked[..., 0]).all() and (marked[..., 1] == 0.5).all(), number.name
@@ -222,3 +235,42 @@ def test_a_formula_stays_the_function_that_it_is():
     assert hohmann_transfer.__doc__ and pickle.loads(pickle.dumps(hohmann_transfer)) is (
         hohmann_transfer
     )
+
+
+ROWS = jnp.asarray([[7e6, 0.0, 0.0], [7.1e6, 0.0, 0.0], [7.2e6, 0.0, 0.0]])
+
+
+def test_runs_that_lead_are_refused_where_they_put_a_run_at_the_centre():
+    """Three runs of three components have one shape both ways round."""
+    velocity = jnp.asarray([[0.0, 7.5e3, 0.0]] * 3)
+    calls = {
+        elements_from_state: (ROWS, velocity, 4e14),
+        eccentricity_vector: (ROWS, velocity, 4e14),
+        point_gravity: (ROWS, 4e14),
+        oblateness: (ROWS, 4e14, 1e-3, 6e6),
+    }
+    for function, args in calls.items():
+        with pytest.raises(InputError, match=r"the components are on the first axis"):
+            function(*args)
+    with pytest.raises(InputError, match="position is .*: it must be away from the centre"):
+        eccentricity_vector(jnp.zeros(3), velocity[0], 4e14)
+    # A run at the centre marks its own row.
+    place = jnp.asarray([[7e6, 0.0], [0.0, 0.0], [0.0, 0.0]])
+    found = eccentricity_vector(place, velocity[:2].T, 4e14)
+    assert np.isfinite(found[:, 0]).all() and np.isnan(found[:, 1]).all()
+
+
+def test_a_list_of_numbers_is_an_array():
+    """In the precision of the others."""
+    single = jnp.asarray([1.0, 0.0, 0.0], jnp.float32)
+    for found in kepler_flow(single, [0.0, 1.0, 0.0], 1.0, 1.0):
+        assert found.dtype == jnp.float32
+    found = kepler_flow([1.0, 0.0, 0.0], [0.0, 1.0, 0.0], 1.0, 1.0)
+    np.testing.assert_allclose(found[0], [np.cos(1.0), np.sin(1.0), 0.0], atol=1e-15)
+
+
+@pytest.mark.parametrize("duration", [np.inf, -np.inf, np.nan, jnp.asarray(np.inf)])
+def test_a_duration_is_finite(duration):
+    r, v = jnp.asarray([1.0, 0.0, 0.0]), jnp.asarray([0.0, 1.0, 0.0])
+    with pytest.raises(InputError, match="duration is .*: it must be finite"):
+        kepler_flow(r, v, duration, 1.0)

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from jaxspace.core import InputError
 from jaxspace.orbits import ClassicalElements
 from jaxspace.orbits.elements import (
     angular_momentum,
@@ -290,3 +291,25 @@ def test_derivatives_lead_back_only_where_the_angles_have_a_meaning():
     for name in ("circular", "equatorial"):
         slope = again(jnp.array(SINGULAR[name], dtype=float))
         assert np.isfinite(slope).all() and np.abs(slope - np.eye(6)).max() > 0.5
+
+
+def test_the_constants_of_a_repulsive_centre():
+    """A hyperbola about its other focus: r = p / (1 + e cos f) with a negative p, and a least
+    distance a (e + 1), from energy and momentum alone."""
+    mu = -0.8
+    r, v = jnp.array([3.0, 1.0, 0.5]), jnp.array([-1.0, 0.2, 0.1])
+    h = np.cross(r, v)
+    length, energy = np.linalg.norm(r), 0.5 * np.dot(v, v) - mu / np.linalg.norm(r)
+    # At the least distance q the velocity is h/q: h^2 / (2 q^2) - mu / q = E.
+    least = np.max(np.roots([energy, mu, -0.5 * np.dot(h, h)]))
+    np.testing.assert_allclose(periapsis_radius(r, v, mu), least, rtol=1e-14)
+    e = np.asarray(eccentricity_vector(r, v, mu))
+    size = np.sqrt(1.0 + 2.0 * energy * np.dot(h, h) / mu**2)
+    np.testing.assert_allclose(np.linalg.norm(e), size, rtol=1e-14)
+    p = semi_latus_rectum(r, v, mu)
+    np.testing.assert_allclose(p, np.dot(h, h) / mu, rtol=1e-14)
+    np.testing.assert_allclose(length, p / (1.0 + np.dot(e, r) / length), rtol=1e-13)
+    np.testing.assert_allclose(semi_major_axis(r, v, mu), -mu / (2.0 * energy), rtol=1e-14)
+    assert apoapsis_radius(r, v, mu) == np.inf
+    with pytest.raises(InputError, match="mu is 0: it must be finite and not zero"):
+        eccentricity_vector(r, v, 0.0)

@@ -652,3 +652,22 @@ def test_stumpff(z):
         assert abs(value[n] - exact[n]) < loss * abs(exact[n])
         assert first[n] == pytest.approx(slope[n], abs=10 * loss * abs(exact[n]))
         assert second[n] == pytest.approx(bend[n], abs=100 * loss * abs(exact[n]))
+
+
+def test_circles_whose_eccentricity_no_float32_squares():
+    """A circle, to one rounding: a quarter of a million of them with e or the inclination from
+    1e-38 to 1e-6, whose squares underflow."""
+    g = np.random.default_rng(0)
+    count = 250_000
+    small = 10.0 ** g.uniform(-38.0, -6.0, (2, count)) * g.choice([-1.0, 1.0], (2, count))
+    small = small.astype(np.float32)
+    one, zero = np.ones(count, np.float32), np.zeros(count, np.float32)
+    t = g.uniform(-8.0, 8.0, count).astype(np.float32)
+    r, v = flow(np.stack([one, zero, zero]), np.stack([small[0], one, small[1]]), t, one)
+    r, v, angle = (np.asarray(x, float) for x in (r, v, t))
+    # A rate of 1e-6 outwards moves it by 2e-6 along the orbit, per radian by as much again.
+    bound = 12.0 * np.finfo(np.float32).eps + 8.0 * np.abs(small[0]) * (1.0 + np.abs(angle))
+    assert (np.abs(r[0] - np.cos(angle)) < bound).all()
+    assert (np.abs(r[1] - np.sin(angle)) < bound).all()
+    assert (np.abs(v[1] - np.cos(angle)) < bound).all()
+    assert np.isfinite(r[2]).all() and np.isfinite(v[2]).all()

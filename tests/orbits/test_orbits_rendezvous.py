@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from jaxspace import BodyState, Scene, load, simulate
+from jaxspace.core import InputError
 from jaxspace.optimization import least_rendezvous
 from jaxspace.orbits import ClassicalElements, LowThrust, PointGravity
 from jaxspace.orbits.burnout import vis_viva_speed
@@ -165,3 +166,38 @@ def test_the_files_of_examples_fly():
     expected = spiral_radius(6778137.0, 2e-4 * 20.0 * 86400.0, 398600.4418e9)
     found = np.linalg.norm(spiral["spiral"].final.position)
     np.testing.assert_allclose(found, expected, rtol=1e-3)
+
+
+def test_orbits_as_body_states():
+    chaser = jnp.array([1.0, 0.0, 0.0]), jnp.array([0.0, 1.0, 0.1])
+    target = jnp.array([0.0, 2.0, 0.0]), jnp.array([-0.7, 0.0, 0.0])
+    expected = interception(chaser, target, 0.0, 3.0, 1.0)
+    found = interception(BodyState(*chaser), BodyState(*target), 0.0, 3.0, 1.0)
+    listed = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1]]
+    jax.tree.map(np.testing.assert_array_equal, found, expected)
+    jax.tree.map(
+        np.testing.assert_array_equal, interception(listed, target, 0.0, 3.0, 1.0), expected
+    )
+    times = jnp.array([0.0, 0.5]), jnp.array([3.0, 3.5])
+    tables = [
+        porkchop(one, two, *times, 1.0)
+        for one, two in ((chaser, target), (BodyState(*chaser), BodyState(*target)))
+    ]
+    jax.tree.map(np.testing.assert_array_equal, *tables)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "sentence"),
+    [
+        (BodyState(position=jnp.ones(3)), "chaser is of type BodyState: it must be a position"),
+        ("earth", "chaser is 'earth': it must be a position and a velocity"),
+        ((jnp.ones(3), "fast"), "The velocity of chaser is 'fast': it must be an array"),
+        ((jnp.ones(3), jnp.ones(2)), "The velocity of chaser has the shape"),
+    ],
+)
+@pytest.mark.parametrize("function", [interception, porkchop, least_rendezvous])
+def test_an_orbit_of_another_kind_is_refused(function, wrong, sentence):
+    target = jnp.array([0.0, 2.0, 0.0]), jnp.array([-0.7, 0.0, 0.0])
+    times = ((0.0, 1.0),) if function is least_rendezvous else (jnp.zeros(1), jnp.ones(1))
+    with pytest.raises(InputError, match=sentence):
+        function(wrong, target, *times, 1.0)

@@ -15,6 +15,11 @@ from scipy.spatial.transform import Rotation
 from jaxspace import rotations
 from jaxspace.core import InputError
 from jaxspace.rotations import Quaternion
+from jaxspace.rotations.euler_angles import (
+    SEQUENCES,
+    euler_rates_from_omega,
+    omega_from_euler_rates,
+)
 
 # A few roundings of numbers of order one.
 ROUNDING = 2e-14
@@ -352,3 +357,22 @@ def test_single_precision_stays_single():
 def test_unknown_sequence(sequence):
     with pytest.raises(InputError, match="it must be one of 313, 321"):
         rotations.from_euler_angles(jnp.zeros(3), sequence)
+
+
+@pytest.mark.parametrize("sequence", SEQUENCES)
+def test_euler_rates_in_the_singular_position(sequence):
+    """The rate of the middle angle exists there, and so does the whole turn about the common axis
+    of the outer ones."""
+    proper = sequence[0] == sequence[2]
+    # Exactly singular at zero only: pi/2 is rounded.
+    angles = jnp.array([0.0, 0.0, 0.3]) if proper else jnp.array([0.4, 0.2, 0.3])
+    rates = jnp.array([0.0, 0.7, -0.2]) if proper else jnp.array([0.5, 0.7, -0.2])
+    omega = omega_from_euler_rates(angles, rates, sequence)
+    found = euler_rates_from_omega(angles, omega, sequence)
+    np.testing.assert_allclose(found, rates, atol=ROUNDING)
+    if proper:
+        across = omega + jnp.cross(omega, jnp.eye(3)[int(sequence[2]) - 1])
+        found = euler_rates_from_omega(angles, across, sequence)
+        assert np.isfinite(found[1]) and not np.isfinite(found[0])
+    still = euler_rates_from_omega(jnp.zeros(3), jnp.zeros(3), sequence)
+    np.testing.assert_array_equal(still, 0.0)

@@ -1,0 +1,82 @@
+"""Lengths from squares that would leave the range of single precision.
+
+In float32 the square of a number below 1e-19 is zero, and that of a number above 1e19 infinite,
+although the length itself is an ordinary number. A power of two, which rounds nothing, moves the
+components into the middle of the range first. In float64 the same happens at 1e-154 and 1e154,
+which nothing reaches, and the factor costs nothing: it is left out.
+"""
+
+__all__ = ["root_of_squares", "safe_hypot", "square_factor", "unit_factor"]
+
+import functools
+
+import jax
+import jax.numpy as jnp
+
+from .square_roots import sqrt
+from .types import Scalar
+
+_FAR = 2.0**40
+_FACTOR = 2.0**80
+
+
+def square_factor(*parts: Scalar) -> Scalar | float:
+    """A factor for numbers whose squares are added: 1, or a power of two where the greatest of them
+    is so small or large that its square leaves the range of the precision.
+
+    **Arguments**
+
+    - `parts`: numbers in one unit, (*runs,)."""
+    kind = jnp.result_type(*parts)
+    if not jnp.issubdtype(kind, jnp.floating) or jnp.finfo(kind).bits >= 64:
+        return 1.0
+    size = functools.reduce(jnp.maximum, map(jnp.abs, parts))
+    factor = jnp.where(size < 1.0 / _FAR, _FACTOR, jnp.where(size > _FAR, 1.0 / _FACTOR, 1.0))
+    return jax.lax.stop_gradient(factor.astype(size.dtype))
+
+
+def unit_factor(*parts: Scalar) -> Scalar | float:
+    """A factor that brings numbers to the size of one, for formulas with higher powers of them: a
+    power of two next to 1 over the greatest one, and 1 in float64.
+
+    **Arguments**
+
+    - `parts`: numbers in one unit, (*runs,)."""
+    kind = jnp.result_type(*parts)
+    if not jnp.issubdtype(kind, jnp.floating) or jnp.finfo(kind).bits >= 64:
+        return 1.0
+    size = functools.reduce(jnp.maximum, map(jnp.abs, parts))
+    per_size = 1.0 / jnp.where((size > 0.0) & jnp.isfinite(size), size, 1.0)
+    return jax.lax.stop_gradient(jax.lax.reduce_precision(per_size, 8, mantissa_bits=0))
+
+
+def root_of_squares(*parts: Scalar) -> Scalar:
+    """The root of the sum of the squares, whose derivative at zero is not finite.
+
+    **Arguments**
+
+    - `parts`: numbers in one unit, (*runs,)."""
+    factor = square_factor(*parts)
+    squares = [jnp.square(factor * part) for part in parts]
+    return sqrt(functools.reduce(jnp.add, squares)) / factor
+
+
+@jax.custom_jvp
+def safe_hypot(x: Scalar, y: Scalar) -> Scalar:
+    """sqrt(x^2 + y^2); at the origin the derivative is zero, the mean of the one-sided ones.
+
+    **Arguments**
+
+    - `x`, `y`: numbers in one unit, (*runs,)."""
+    return root_of_squares(x, y)
+
+
+@safe_hypot.defjvp
+def _safe_hypot_rule(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar, Scalar]
+) -> tuple[Scalar, Scalar]:
+    (x, y), (dx, dy) = primals, tangents
+    length = safe_hypot(x, y)
+    zero = length == 0.0
+    per_length = jnp.where(zero, 0.0, 1.0 / jnp.where(zero, 1.0, length))
+    return length, (x * per_length) * dx + (y * per_length) * dy

@@ -1,0 +1,233 @@
+"""The hunt in single precision: `python tests/single_hunt.py [--places N] [--units] [NAME ...]`.
+
+Each closed form and each system (`forms/`) at and next to its singular places: what is zero there
+becomes a number down to 1e-37, whose square no float32 holds, and the others move by some roundings
+or by much. With `--units` all inputs are in other units as well, up to 1e18 times as large or as
+small: the units that a function knows are those under which it is homogeneous, and its derivatives
+tell them.
+
+Values and both modes of derivatives are compared with those in double precision at the same inputs,
+in roundings (1.2e-7) times the condition number. It prints the worst of each function, and ends
+with status 1 where one is off by more than 100 and no note says why."""
+
+import argparse
+import sys
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import np_trace
+import numpy as np
+from forms import forms
+from forms.form import Form
+
+EPS = float(np.finfo(np.float32).eps)
+TINY = float(np.finfo(np.float32).tiny)
+DEFECT = 100.0
+# A value beyond is not asked for: the next product may leave the range.
+FAR = 1e37
+# Derivatives of a function of more inputs take too long.
+MOST_INPUTS = 60
+NOTES: dict[str, str] = {
+    **dict.fromkeys(
+        ("polhode_period", "cubic_period"),
+        "a tilt from the separatrix below 1e-19, whose square no number holds, counts as none",
+    ),
+    "euler_angles": "the sign of a half turn",
+    "axis_and_angle": "the sign of a half turn",
+    "principal_moments": "moments that differ by less than a rounding have no axes of their own",
+    "impulse": "a difference of elements: `first_order=True` keeps the digits of a small impulse",
+    "tangential": "a negative eccentricity, which no orbit has",
+    "density": "air of 1e-34 kg/m^3",
+    "air": "air at the centre of the planet",
+}
+
+
+class Found(NamedTuple):
+    """The worst of one function: whether it raises the precision; roundings of its values and of
+    its derivatives, with the inputs there."""
+
+    promotes: bool
+    value: float
+    inputs: np.ndarray
+    slope: float
+    slope_inputs: np.ndarray
+
+
+class Subject:
+    """One function in both precisions."""
+
+    def __init__(self, form: Form, single: Form, places: int):
+        self.form, self.blocks, self.places = form, form.blocks, places
+        shape = (places, len(form.starts[0]))
+        self.exact = self._traced(form, shape, jnp.float64)
+        self.tested = self._traced(single, shape, jnp.float32)
+        self.promotes = self.tested.out_avals[0].dtype != jnp.float32
+
+    def _traced(self, form, shape, dtype):
+        """Value and both modes of derivatives of all places."""
+
+        def flat(x):
+            found = form.function(x)
+            parts = found if isinstance(found, tuple) else (found,)
+            if len(parts) > 1 or not self.blocks:
+                self.blocks = tuple(part.size for part in parts)
+            return jnp.concatenate([jnp.ravel(part) for part in parts])
+
+        def all_of(x):
+            return flat(x), jax.jacfwd(flat)(x), jax.jacrev(flat)(x)
+
+        return jax.make_jaxpr(jax.vmap(all_of))(jax.ShapeDtypeStruct(shape, dtype))
+
+    def truth(self, x):
+        return np_trace.evaluate(self.exact, [np.asarray(x, float)])
+
+    def lengths(self, x):
+        """The size with which each input is rounded: itself, or the vector that it belongs to."""
+        vectors = self.form.vectors or (1,) * x.shape[1]
+        parts = np.split(np.abs(x), np.cumsum(vectors)[:-1], axis=1)
+        return np.concatenate([np.max(p, 1, keepdims=True) + 0.0 * p for p in parts], axis=1)
+
+    def rows(self):
+        first = 0
+        for size in self.blocks:
+            yield slice(first, first + size)
+            first += size
+
+
+def near(form: Form, places: int, key: np.random.Generator):
+    """Places on and next to those where the form starts."""
+    starts = np.asarray(form.starts, np.float32).astype(float)
+    x = starts[np.arange(places) % len(starts)]
+    small = 10.0 ** key.uniform(-40.0, -2.0, (places, 1))
+    small = small * 10.0 ** key.uniform(-0.5, 0.5, x.shape) * key.choice([-1.0, 1.0], x.shape)
+    share = 10.0 ** key.uniform(-7.0, 0.0, x.shape) * key.choice([-1.0, 1.0], x.shape)
+    chosen = key.uniform(size=x.shape) < key.choice([0.3, 1.0], (places, 1))
+    moved = np.where(x == 0.0, small, x * (1.0 + share))
+    moved = np.where(chosen, moved, x)
+    # First the starts themselves.
+    moved[: len(starts)] = x[: len(starts)]
+    return single_numbers(moved)
+
+
+def single_numbers(x):
+    """The nearest numbers of single precision; below the normal ones zero."""
+    x = np.asarray(x, np.float32).astype(float)
+    return np.where(np.abs(x) < TINY, 0.0, x)
+
+
+def units(subject: Subject, x, key: np.random.Generator):
+    """The places in other units: x_i f^(a_i), where a is any solution of sum_i a_i x_i df/dx_i = b
+    f for all outputs and places."""
+    x0 = x * np.exp(key.uniform(-0.2, 0.2, x.shape))
+    x0 = np.where(x == 0.0, key.uniform(0.1, 0.3, x.shape), x0)
+    value, slope, _ = subject.truth(x0)
+    good = np.all(np.isfinite(value), axis=1) & np.all(np.isfinite(slope), axis=(1, 2))
+    equations = []
+    for place, v, j in zip(x0[good][:60], value[good], slope[good], strict=False):
+        rows = np.concatenate([place * j, -np.diag(v)], axis=1)
+        size = np.max(np.abs(rows), axis=1, keepdims=True)
+        equations.append(rows / np.where(size == 0.0, 1.0, size))
+    if not equations:
+        return x
+    _, sizes, basis = np.linalg.svd(np.concatenate(equations))
+    basis = basis[np.sum(sizes > 1e-9 * sizes[0]) :, : x.shape[1]]
+    if not len(basis):
+        return x
+    powers = key.normal(size=(len(x), len(basis))) @ basis
+    most = np.max(np.abs(powers), axis=1, keepdims=True)
+    powers = powers * key.uniform(4.0, 18.0, most.shape) / np.maximum(most, 1e-6)
+    return single_numbers(x * 10.0**powers)
+
+
+def hunt(subject: Subject, in_units: bool = False, seed: int = 0) -> Found:
+    """The worst of random places."""
+    key = np.random.default_rng(seed)
+    x = near(subject.form, subject.places, key)
+    if in_units:
+        x = units(subject, x, key)
+    lengths = subject.lengths(x)
+    value, slope, _ = subject.truth(x)
+    found, *modes = np_trace.evaluate(subject.tested, [x.astype(np.float32)])
+    with np.errstate(all="ignore"):
+        size = np.abs(value) + np.einsum("nij,nj->ni", np.abs(np.nan_to_num(slope)), lengths)
+        changes = np.zeros_like(slope)
+        for _ in range(4):
+            moved = x + key.choice([-1.0, 1.0], x.shape) * EPS * lengths
+            changes = np.maximum(changes, np.abs(subject.truth(moved)[1] - slope) / EPS)
+        # Where an input was zero at the start, a change by one counts.
+        starts = np.abs(np.asarray(subject.form.starts, float))
+        scales = subject.lengths(starts)[np.arange(len(x)) % len(starts)]
+        scales = np.maximum(np.where(scales == 0.0, 1.0, scales), lengths)[:, None]
+        exists = np.all(np.isfinite(value) & (np.abs(value) < FAR), axis=1)
+        exists &= np.all(np.isfinite(slope) & (np.abs(slope) < FAR), axis=(1, 2))
+        errors = slope_errors = 0.0
+        for rows in subject.rows():
+            most = np.max(size[:, rows], axis=1)
+            # Beyond it a rounding of the inputs leaves no digit, or no number at all.
+            exists &= (EPS * most < 0.05 * np.max(np.abs(value[:, rows]), axis=1)) | (most == 0.0)
+            error = np.max(np.abs(found[:, rows] - value[:, rows]), axis=1)
+            errors = np.fmax(errors, _in_roundings(error, most))
+            most = np.max((np.abs(slope) + changes)[:, rows] * scales, axis=(1, 2))
+            for mode in modes:
+                error = np.max(np.abs(mode - slope)[:, rows] * scales, axis=(1, 2))
+                slope_errors = np.fmax(slope_errors, _in_roundings(error, most))
+    values, slopes = (np.where(exists, e, 0.0) for e in (errors, slope_errors))
+    worst, steepest = np.argmax(values), np.argmax(slopes)
+    return Found(subject.promotes, values[worst], x[worst], slopes[steepest], x[steepest])
+
+
+def _in_roundings(error, size):
+    return np.where(np.isfinite(error), error / (EPS * size + 4.0 * TINY), np.inf)
+
+
+def single(tree):
+    """The tree in single precision."""
+    return jax.tree.map(
+        lambda x: jnp.asarray(x, jnp.float32) if eqx.is_inexact_array(x) else x, tree
+    )
+
+
+def subjects(names=(), places: int = 200):
+    """The closed forms and the systems of these names, or all."""
+    # Here, because its arrays are made on import, in the precision that is set by then.
+    from forms.systems import form as form_of
+    from more_systems import MORE
+    from systems import SAMPLES
+
+    for form in forms():
+        if not names or form.name in names:
+            yield Subject(form, form, places)
+    for sample in (*SAMPLES, *MORE):
+        if names and sample.name not in names:
+            continue
+        form = form_of(sample)
+        if len(form.starts[0]) <= MOST_INPUTS:
+            system, state = single(sample.system), single(sample.state)
+            tested = form_of(sample._replace(system=system, state=state))
+            yield Subject(form, tested, places)
+
+
+def main() -> int:
+    jax.config.update("jax_enable_x64", True)
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("names", nargs="*", help="functions and systems; all without any")
+    parser.add_argument("--places", type=int, default=200, help="for each function")
+    parser.add_argument("--units", action="store_true", help="in other units as well")
+    asked = parser.parse_args()
+    defect = False
+    for subject in subjects(asked.names, asked.places):
+        row = hunt(subject, asked.units)
+        name = subject.form.name
+        print(f"{name}: {row.value:.3g}, derivatives {row.slope:.3g}", flush=True)
+        if max(row.value, row.slope) > DEFECT:
+            print(f"  {row.inputs.tolist()}\n  {row.slope_inputs.tolist()}", flush=True)
+            defect = defect or name not in NOTES
+    return int(defect)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
