@@ -77,6 +77,7 @@ hunt: $(VENV)/.test  ## search for the worst errors of all closed forms, a silen
 	@$(BIN)/python tests/hunt.py
 	@$(BIN)/python tests/nan_hunt.py
 	@$(BIN)/python tests/slope_hunt.py
+	@$(BIN)/python tests/single_hunt.py
 
 validation: $(VENV)/.test $(VENV)/.bench  ## the numbers of others beside ours, and their page of the manual
 	@$(BIN)/python -m validation

@@ -30,6 +30,7 @@ from jaxtyping import Array, PyTree
 from ..core import Matrix, Scalar, Vector
 from ..core.formula import formula
 from ..core.shapes import with_rank
+from ..core.types import follow_precision
 from ..core.vectors import axis, cross, matvec
 from ..rotations import Quaternion
 from ._free_rotation import free_rotation
@@ -57,6 +58,7 @@ def free_turn(
     - `duration`: s.
     - `inertia`: of the body.
     - `omega`: at the start, in body axes, rad/s, (3, *runs)."""
+    inertia = follow_precision(inertia, duration, omega)
     if isinstance(inertia, PrincipalInertia):
         return _of_moments(duration, inertia.moments, omega)
     tensor = inertia.matrix()

@@ -6,8 +6,6 @@ components into the middle of the range first. In float64 the same happens at 1e
 which nothing reaches, and the factor costs nothing: it is left out.
 """
 
-__all__ = ["root_of_squares", "safe_hypot", "square_factor", "unit_factor"]
-
 import functools
 
 import jax

@@ -24,7 +24,7 @@ LEFT_OUT: dict[str, list[str]] = {
         attitude.BearingReactions attitude.DamperMotion attitude.InvariablePlane
         vehicles.AbstractWind*
         attitude.ParticleEquations gyros.*State mechanics.*State mechanics.Accelerations
-        orbits.AbstractPath orbits.LookAngles orbits.RadialMotion orbits.OrbitState orbits.Impulse
+        orbits.AbstractPath orbits.LookAngles orbits.RadialMotion orbits.Impulse
         rockets.GravityTurnState rockets.Separation rockets.PitchKick
         optimization.Rendezvous
         optimization.PropellantUse.sentence control.Abstract* control.Box* control.Episode
@@ -36,7 +36,8 @@ LEFT_OUT: dict[str, list[str]] = {
     "returns a field, a component of the state, a constant or nothing": """
         bodies.*Body.constant_mass bodies.*Body.has_inertia bodies.*Body.least_mass
         bodies.*Body.loaded_mass bodies.RigidBody.inertia* bodies.RigidBody.centre*
-        bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis
+        bodies.PrincipalInertia.matrix attitude.spin_rate orbits.*_node core.axis core.identity
+        orbits.position_and_velocity
         vehicles.apogee
         core.components rotations.Quaternion.coordinates
         rotations.Quaternion.identity rotations.Quaternion.*xyzw
@@ -56,6 +57,7 @@ LEFT_OUT: dict[str, list[str]] = {
         orbits.TransferStatus.sentence rotations.Quaternion.check_start gyros.BearingFriction.slips
     """.split(),
     "calls one of the functions above and nothing else": """
+        core.over_norm
         attitude.DipoleField mechanics.AbstractLagrangian.projected rockets.GravityTurn.closed_form
         rockets.SteeredThrust.propellant_left vehicles.Rail.rail_exit
         vehicles.LaunchSite.distance vehicles.LaunchSite.drift vehicles.LaunchSite.winds
