@@ -232,6 +232,7 @@ class StoreWriter:
         other = difference(store.attributes, store.columns, attributes, columns)
         if other:
             raise StoreError(f"{store.path} is the store of another campaign: {other}")
+        self.published = True
         # Nothing is repaired in a store of another campaign, nor by two processes.
         if self.lock.handle is not None:
             self._mend_metadata()

@@ -604,6 +604,21 @@ def test_a_store_is_replaced_as_a_whole_whatever_ends_it(tmp_path, monkeypatch):
     assert seen == {0.0, 0.5}
 
 
+def test_a_host_that_joins_writes_into_the_store_of_the_first(tmp_path):
+    """Which has no chunk yet, and is at its place all the same."""
+    path = tmp_path / "s.zarr"
+    attributes = dict.fromkeys(NAMES, 0) | {"seed": 0, "planned_runs": 20, "chunk": CHUNK}
+    given = columns_of(results(0, 1), {}), attributes | {"preparation_seconds": 1.0, "digest": "d"}
+    with StoreWriter(path, overwrite=True) as first:
+        first.prepare(*given)
+        first.publish()
+        second = StoreWriter(path, overwrite=True)
+        second.join(*given)
+        second.commit(1, results(10, 10), 0.1, 0.1)
+        first.commit(0, results(0, 10), 0.1, 0.1)
+    assert read(path)[0].runs == 20
+
+
 # ---------------------------------------------------------------------------- what is left behind
 
 
