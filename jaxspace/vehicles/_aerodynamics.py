@@ -32,15 +32,16 @@ from ..core import NumberField, OptionalNumberField, Scalar, output, quantity
 from ..core.listed import no_method
 from ..core.vectors import norm
 from .airframe import (
+    FINS_DOC,
+    RADIUS_CHANGES_DOC,
     AbstractSurface,
     Fins,
     NoseCone,
     RadiusChanges,
-    fins_field,
+    parts_field,
     roll_of,
     several,
     surfaces_of,
-    tail_field,
 )
 from .coefficient import BURNOUT, MachTable, as_coefficient, as_optional_coefficient, coefficient_at
 from .local_air import LocalAir, air_about, flow_pressure
@@ -77,8 +78,8 @@ class Aerodynamics(AbstractEffect):
         converter=as_coefficient, metadata={"doc": "C_A by the Mach number"}
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: Fins = fins_field()
-    tail: RadiusChanges = tail_field()
+    fins: Fins = parts_field(FINS_DOC)
+    tail: RadiusChanges = parts_field(RADIUS_CHANGES_DOC)
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )

@@ -37,14 +37,15 @@ from ..core.vectors import norm
 from ._aerodynamics import centre_of, moments_of_slope
 from .aerodynamic_table import AerodynamicTable
 from .airframe import (
+    FINS_DOC,
+    RADIUS_CHANGES_DOC,
     Fins,
     NoseCone,
     RadiusChanges,
-    fins_field,
+    parts_field,
     roll_of,
     several,
     surfaces_of,
-    tail_field,
 )
 from .local_air import LocalAir, air_about, flow_pressure
 
@@ -70,8 +71,8 @@ class TabulatedAerodynamics(AbstractEffect):
         "s", optional=True, doc="until which the motor burns; without it the motor is off"
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: Fins = fins_field()
-    tail: RadiusChanges = tail_field()
+    fins: Fins = parts_field(FINS_DOC)
+    tail: RadiusChanges = parts_field(RADIUS_CHANGES_DOC)
     axial_factor: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
     )

@@ -51,13 +51,14 @@ from ._tabulated_aerodynamics import TabulatedAerodynamics
 from .aerodynamic_table import AerodynamicTable
 from .air_drag import AirDrag
 from .airframe import (
+    FINS_DOC,
+    RADIUS_CHANGES_DOC,
     Fins,
     FinSet,
     NoseCone,
     RadiusChange,
     RadiusChanges,
-    fins_field,
-    tail_field,
+    parts_field,
 )
 from .coefficient import MachTable, as_optional_coefficient
 from .ground_gravity import RADIUS, STANDARD_GRAVITY
@@ -91,8 +92,8 @@ class Vehicle(AbstractParameters):
         metadata={"doc": "coefficient of the drag after burnout; the same by default"},
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
-    fins: Fins = fins_field()
-    tail: RadiusChanges = tail_field()
+    fins: Fins = parts_field(FINS_DOC)
+    tail: RadiusChanges = parts_field(RADIUS_CHANGES_DOC)
     exit_station: OptionalNumberField = quantity(
         "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
     )

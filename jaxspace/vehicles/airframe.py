@@ -245,20 +245,13 @@ def _as_parts(x: object) -> object:
     return tuple(x) if isinstance(x, list) else x
 
 
-def fins_field() -> Any:
-    """The field of the fins of a vehicle."""
-    return eqx.field(
-        converter=_as_parts, default=None, metadata={"doc": "the fins, of one set or of several"}
-    )
+def parts_field(doc: str) -> Any:
+    """A field of a vehicle that takes one part, several or none."""
+    return eqx.field(converter=_as_parts, default=None, metadata={"doc": doc})
 
 
-def tail_field() -> Any:
-    """The field of the changes of a vehicle's radius."""
-    return eqx.field(
-        converter=_as_parts,
-        default=None,
-        metadata={"doc": "a change of the body's radius, such as a tail or a shoulder, or several"},
-    )
+FINS_DOC = "the fins, of one set or of several"
+RADIUS_CHANGES_DOC = "a change of the body's radius, such as a tail or a shoulder, or several"
 
 
 def several(parts: Part | tuple[Part, ...] | None) -> tuple[Part, ...]:
