@@ -5,7 +5,7 @@ Along a trajectory the times stand before the runs; `*runs` then means both.
 
 __all__ = ["SingleNumberField", "as_float", "as_optional_float"]
 
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeVar
 
 import equinox as eqx
 import jax
@@ -13,6 +13,8 @@ import jax.numpy as jnp
 import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Bool, Float, PyTree
+
+T = TypeVar("T")
 
 if TYPE_CHECKING:
     # A formula takes a Python float as well as an array, and returns an array if it got one: more
@@ -93,7 +95,7 @@ def precision_of(*numbers: PyTree) -> np.dtype:
     return jnp.result_type(*(x for x in leaves if isinstance(x, float) or eqx.is_inexact_array(x)))
 
 
-def follow_precision(tree: PyTree, *numbers: PyTree) -> PyTree:
+def follow_precision(tree: T, *numbers: PyTree) -> T:
     """The tree with its Python numbers in the precision in which they meet other numbers.
 
     A sum over an array forgets that it was made of Python numbers, and would raise single precision
