@@ -161,7 +161,11 @@ def _started(s: DescentState, found: Evaluation, setting: Setting) -> DescentSta
     claimed = weight * (found.jacobian @ probes.direction)
     wrong, worst = probed_error(weight * s.probed, probes, claimed)
     checked = first & jnp.any(s.probed != 0.0)
-    unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probes, claimed)
+    unclear = (
+        checked
+        & (s.level < MOST_LEVELS)
+        & varies(weight * s.probed, probes, claimed, setting.point(s.q))
+    )
     checked = checked & ~unclear
     return s._replace(
         weight=weight,

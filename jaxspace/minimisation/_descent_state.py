@@ -190,4 +190,5 @@ def end(s: DescentState, limits: Limits) -> End:
         best.nu,
         diverged(s, limits) & falling,
         jnp.asarray(False),
+        jnp.asarray(True),
     )

@@ -36,6 +36,9 @@ FINER, MOST_LEVELS = 1e-2, 4
 VARIES = 0.1
 """Relative difference of D(h) and D(h/2) from which on they are no slope."""
 MOST_NAMED = 4
+NEAR = 0.1
+"""Relative distance of the probes up to which the slope of a singular function, as log(x), is the
+slope at x: beyond it the slope may be another one, as constant as that of x - log(x) at x >> 1."""
 NOISE = 1e-8
 """Relative errors of values, as of runs: differences within them are no change of the slope."""
 
@@ -103,10 +106,14 @@ def probed_error(
 
 
 def varies(
-    rows: Float[Array, "4 rows"], p: Probes, claimed: Float[Array, " rows"]
+    rows: Float[Array, "4 rows"],
+    p: Probes,
+    claimed: Float[Array, " rows"],
+    x: Float[Array, " n"],
 ) -> Bool[Array, ""]:
     """Whether the slope of some row with a wrong gradient changes so much between the probes that
-    their difference says nothing; the arguments are those of `probed_error`."""
+    their difference says nothing, or the probes lie so far from a small `x` that it may; the other
+    arguments are those of `probed_error`."""
     slope, uncertain, h = _slopes(rows, p)
     least = jnp.maximum(NOISE, 1e2 * jnp.finfo(rows.dtype).eps)
     noise = least * jnp.max(jnp.abs(rows), axis=0) / h
@@ -114,7 +121,13 @@ def varies(
     errors, sizes = _beyond(rows, p, claimed)
     # Written so that a value that is not finite counts as one.
     right = errors <= GRADIENT_TOLERANCE * sizes
-    return jnp.any(~right & ~known)
+    return jnp.any(~right & (~known | too_far(p, x)))
+
+
+def too_far(p: Probes, x: Float[Array, " n"]) -> Bool[Array, ""]:
+    """Whether some unknown other than zero is small compared with the distance of its probe."""
+    size = jnp.abs(x)
+    return jnp.any((size > 0.0) & (jnp.abs(p.shares[0] * p.direction) > NEAR * size))
 
 
 def _quotient(beyond: Array, largest: Array) -> Array:
@@ -125,8 +138,10 @@ def _quotient(beyond: Array, largest: Array) -> Array:
 
 def _beyond(values: Array, p: Probes, claimed: Array) -> tuple[Array, Array]:
     """Difference of slopes beyond its uncertainty, and the larger magnitude of both."""
-    slope, uncertain, _ = _slopes(values, p)
-    beyond = jnp.maximum(jnp.abs(slope - claimed) - ALLOWANCE * uncertain, 0.0)
+    slope, uncertain, h = _slopes(values, p)
+    rounding = 10.0 * jnp.finfo(values.dtype).eps * jnp.max(jnp.abs(values), axis=0) / h
+    error = jnp.abs(slope - claimed)
+    beyond = jnp.maximum(error - ALLOWANCE * jnp.maximum(uncertain, rounding), 0.0)
     return beyond, jnp.maximum(jnp.abs(slope), jnp.abs(claimed))
 
 

@@ -15,7 +15,8 @@ from ._sqp_state import Limits, Values
 class End(NamedTuple):
     """Where a search ended: scaled unknowns, values, multipliers; the weights of the violation that
     the search reduced last; whether it diverged; and whether it is at its minimum as far as the
-    rounding of the objective shows it."""
+    rounding of the objective shows it; and whether the scales at
+    its place confirm that it converged (`_local_scale.py`)."""
 
     z: Float[Array, " n"]
     at: Values
@@ -25,6 +26,7 @@ class End(NamedTuple):
     last_nu: Float[Array, " inequal"]
     diverged: Bool[Array, ""]
     rounded: Bool[Array, ""]
+    judged: Bool[Array, ""]
 
 
 def minimum_of(end: End, last: PyTree, limits: Limits, interrupted: bool) -> Minimum:
@@ -80,7 +82,7 @@ def _ended_by(
     finite = at.sound()
     # `finite` is needed as well: NaN does not exceed a tolerance, and an infinite objective can
     # have a gradient of zero.
-    converged = (gradient <= limits.tolerance) & ~missed & finite
+    converged = (gradient <= limits.tolerance) & ~missed & finite & end.judged
     spent = last.taken >= last.rows.shape[0]
     rounded = end.rounded & ~missed & finite & ~converged
     reason = stop_reason(finite, converged, spent, infeasible, end.diverged)

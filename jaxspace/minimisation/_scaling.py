@@ -3,7 +3,8 @@
     z = x / size        f, c, d -> weight * (f, c, d)
 
     size      `scale`; by default the range of the bounds, or the larger of the start and 1
-    weight    the inverse of the largest derivative in z at the start
+    weight    the inverse of the largest derivative in z at the start; larger where those near the
+              result are far smaller (`_local_scale.py`)
 
 The multipliers of the problem itself follow: a multiplier is the quotient of two scaled numbers.
 """

@@ -145,6 +145,7 @@ def _end_of_programmes(limits: sqp_state.Limits, s: sqp_state.SqpState) -> End:
         s.pending.nu,
         sqp_state.diverged(s, limits),
         sqp_state.at_rounding(s, limits),
+        s.judged,
     )
 
 

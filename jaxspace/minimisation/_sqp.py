@@ -14,7 +14,7 @@ The programme of a step always has a solution, so that infeasible targets end at
 least violation. A step that raises the violation is corrected once with the constraints at its end
 (second-order correction). Unknowns, objective and constraints are scaled (`_scaling.py`). The loop
 is that of `_drive.py`: the state holds the step that waits for its evaluation. Files:
-`_sqp_state.py`, `_sqp_measures.py`.
+`_sqp_state.py`, `_sqp_measures.py`, `_local_scale.py` (whether a search has converged).
 
 Source: Fletcher, Practical Methods of Optimization, 12.4 (S l1 QP), 14.4; Powell 1978 (damping).
 """
@@ -31,10 +31,11 @@ from jaxtyping import Array, Float, PyTree
 from ..core import Flag, Scalar
 from ._gradient_check import MOST_LEVELS, PROBES, probed_error, varies
 from ._infeasibility import ROUNDINGS
+from ._local_scale import MOST_JUDGEMENTS, Judged, local_sizes
 from ._quadratic import Programme, solve_programme
 from ._scaling import weights
 from ._sqp_measures import damped_bfgs, gradient, penalty, scaled, violation
-from ._sqp_state import Evaluation, Limits, Pending, SqpState, Values, probes_of
+from ._sqp_state import Evaluation, Limits, Pending, SqpState, Values, met, probes_of, stalled
 
 # The largest weight: a violation that no step reduces then is final.
 MOST_WEIGHT = 1e6
@@ -62,8 +63,10 @@ def advance(
         )
 
     def searching(s: SqpState) -> SqpState:
-        ways = (functools.partial(way, limits=limits) for way in (_started, _stepped))
-        s = lax.cond(s.calls == 0, *ways, s, evaluation)
+        started = s.calls == 0
+        ways = [functools.partial(way, limits=limits) for way in (_started, _stepped, _rescaled)]
+        way = jnp.where(started, 0, jnp.where(s.displaced, 2, 1))
+        s = lax.switch(way, ways, s, evaluation)
         if curvature is not None:
             # The magnitudes of the eigenvalues, raised above zero, because the programme of a step
             # must be convex.
@@ -71,9 +74,13 @@ def advance(
             values, vectors = jnp.linalg.eigh(curvature(s.x, weights))
             floor = 1e-8 * jnp.max(jnp.abs(values)) + 1e-12
             s = s._replace(B=(vectors * jnp.maximum(jnp.abs(values), floor)) @ vectors.T)
-        started = s.calls == 0
         s = s._replace(calls=s.calls + 1, gradient=gradient(s, limits))
-        return _checked_again(_planned(s, limits), started & s.unclear, limits)
+        planned = _planned(s, limits)
+        # The weights grow at most once at each place.
+        s = jax.tree.map(
+            functools.partial(jnp.where, way == 2), planned, _confirmed(planned, limits)
+        )
+        return _checked_again(s, started & s.unclear, limits)
 
     return lax.cond(s.calls < 0, probing, searching, s)
 
@@ -85,10 +92,60 @@ def _started(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     checked, probed = jnp.any(s.probed != 0.0), probes_of(s.x, limits, s.level)
     claimed = weight * (evaluation.jacobian @ probed.direction)
     wrong, worst = probed_error(weight * s.probed, probed, claimed)
-    unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probed, claimed)
+    unclear = checked & (s.level < MOST_LEVELS) & varies(weight * s.probed, probed, claimed, s.x)
     wrong = jnp.where(checked & ~unclear, wrong, 0.0)
     s = s._replace(at=at, weight=weight, violation=violation(at))
     return s._replace(wrong=wrong, worst=worst, unclear=unclear)
+
+
+def _place(s: SqpState) -> Judged:
+    return Judged(s.x, s.at, s.y, s.nu, local_sizes(s.x, s.start))
+
+
+def _confirmed(s: SqpState, limits: Limits) -> SqpState:
+    """The state before the evaluation that decides, if the search has met its tolerance and the
+    numbers at its place do not confirm it."""
+    place = _place(s)
+    doubtful = place.growth(limits)[0] & (s.judgements < MOST_JUDGEMENTS)
+    # Weights that are far too small may also be the reason why no step helps.
+    asks = (met(s, limits) | stalled(s)) & s.at.sound() & doubtful & ~s.judged
+    return s._replace(
+        judged=met(s, limits) & ~asks,
+        displaced=asks,
+        trial=jnp.where(asks, place.displaced(limits), s.trial),
+    )
+
+
+def _rescaled(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
+    """The state after the evaluation that decides: judged, or with the weights of this place."""
+    place = _place(s)
+    curvature = place.curvature(scaled(evaluation, s.weight, s.y.size), limits)
+    again, factor = place.growth(limits, curvature)
+    at, me = place.at, s.y.size
+    f, c, d = factor[0], factor[1 : 1 + me], factor[1 + me :]
+    grown = Values(
+        f * at.f, c * at.c, d * at.d, f * at.g, c[:, None] * at.J, d[:, None] * at.K, at.report
+    )
+    y, nu = s.y * f / c, s.nu * f / d
+    # A zero would leave an unknown without a model: there a step is about its size.
+    bend = jnp.where(curvature > 0.0, curvature, jnp.abs(at.g) / place.size + 1e-12)
+    largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=5.0)
+    moved = s._replace(
+        weight=factor * s.weight,
+        at=grown,
+        y=y,
+        nu=nu,
+        B=jnp.where(f > 1.0, jnp.diag(jnp.where(jnp.isfinite(bend), f * bend, f)), s.B),
+        rho=2.0 * largest,
+        radius=jnp.maximum(s.radius, jnp.max(place.size)),
+        shift=jax.tree.map(jnp.zeros_like, s.shift),
+        corrected=jnp.zeros_like(s.corrected),
+        still=jnp.zeros_like(s.still),
+        judgements=s.judgements + 1,
+        violation=violation(grown),
+    )
+    s = jax.tree.map(functools.partial(jnp.where, jnp.any(factor > 1.0)), moved, s)
+    return s._replace(judged=~again, displaced=jnp.asarray(False))
 
 
 def _checked_again(s: SqpState, again: Flag, limits: Limits) -> SqpState:

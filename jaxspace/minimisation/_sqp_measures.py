@@ -40,13 +40,18 @@ def lagrangian_gradient(
     at: Values, x: Array, y: Array, nu: Array, limits: Limits
 ) -> Float[Array, ""]:
     """The largest component of the projected gradient of the Lagrangian, or of nu d."""
-    # Projected on the bounds: a component that pushes against a bound allows no descent. It is
-    # x - clip(x - slope), without the difference of large x, which would lose a small slope.
-    free = jnp.clip(slope(at, y, nu), x - limits.upper, x - limits.lower)
+    free = projected(at, x, y, nu, limits)
     if not nu.size:
         return jnp.max(jnp.abs(free))
     loose = jnp.minimum(jnp.maximum(at.d, 0.0), nu)
     return jnp.maximum(jnp.max(jnp.abs(free)), jnp.max(loose, initial=0.0))
+
+
+def projected(at: Values, x: Array, y: Array, nu: Array, limits: Limits) -> Float[Array, " n"]:
+    """The slope of the Lagrangian, projected on the bounds: a component that pushes against a bound
+    allows no descent."""
+    # It is x - clip(x - slope), without the difference of large x, which would lose a small slope.
+    return jnp.clip(slope(at, y, nu), x - limits.upper, x - limits.lower)
 
 
 def penalty(c: Array, d: Array) -> Float[Array, ""]:

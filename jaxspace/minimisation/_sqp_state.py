@@ -47,6 +47,9 @@ class SqpState(NamedTuple):
     - `still`: refused steps in sequence whose predicted gain is rounding.
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
+    - `start`: unknowns at the start. `judged`: whether the convergence is confirmed by the scales
+      here (`_local_scale.py`); `displaced`: whether `trial` is the point that decides it;
+      `judgements`: how often the weights have grown.
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.
     - `probed`: values at the probes; `level`: reductions of their distance; `unclear`: whether they
       must come nearer; `wrong`: the error of the gradient against their differences; `worst`: the
@@ -73,6 +76,10 @@ class SqpState(NamedTuple):
     trial: Float[Array, " n"]
     pending: Pending
     weight: Float[Array, " all"]
+    start: Float[Array, " n"]
+    judged: Bool[Array, ""]
+    displaced: Bool[Array, ""]
+    judgements: Int[Array, ""]
     calls: Int[Array, ""]
     probed: Float[Array, "4 all"]
     level: Int[Array, ""]
@@ -145,7 +152,8 @@ def begin(
         (zeros(me), zeros(mi)), no, no, jnp.asarray(0), jnp.inf * one, jnp.inf * one,
         jnp.asarray(0), jnp.full((max_steps, 3), jnp.nan, x.dtype),
         x + probed.shares[0] * probed.direction if check else x,
-        Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype), calls,
+        Pending(zeros(n), zeros(me), zeros(mi), no), jnp.ones(rows, x.dtype),
+        x, no, no, jnp.asarray(0), calls,
         zeros((PROBES, rows)), jnp.asarray(0), no, zeros(()), jnp.asarray(0), size,
         jnp.asarray(0), jnp.asarray(0), report,
     )  # fmt: skip
@@ -153,19 +161,26 @@ def begin(
 
 def unfinished(s: SqpState, limits: Limits) -> Bool[Array, ""]:
     """Whether the search needs another evaluation."""
-    missed = (s.gradient > limits.tolerance) | (s.violation > limits.tolerance)
     sound = (s.wrong <= GRADIENT_TOLERANCE) & s.at.sound()
-    # A step within this radius changes only the last two digits of the scaled unknowns.
-    least = 1e2 * jnp.finfo(s.x.dtype).eps
     goes_on = (
-        missed
+        ~(met(s, limits) & s.judged)
         & ~s.hopeless
         & ~at_rounding(s, limits)
         & (s.taken < s.rows.shape[0])
-        & (s.radius > least)
+        & ~stalled(s)
         & sound
     )
-    return (s.calls <= 0) | (goes_on & ~diverged(s, limits))
+    return (s.calls <= 0) | (s.displaced & sound) | (goes_on & ~diverged(s, limits))
+
+
+def stalled(s: SqpState) -> Bool[Array, ""]:
+    """Whether a step within the radius changes only the last two digits of the scaled unknowns."""
+    return s.radius <= 1e2 * jnp.finfo(s.x.dtype).eps
+
+
+def met(s: SqpState, limits: Limits) -> Bool[Array, ""]:
+    """Whether gradient and violation meet the tolerance with the weights of the search."""
+    return (s.gradient <= limits.tolerance) & (s.violation <= limits.tolerance)
 
 
 def at_rounding(s: SqpState, limits: Limits) -> Bool[Array, ""]:

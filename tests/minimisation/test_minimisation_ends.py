@@ -62,13 +62,11 @@ def test_the_best_of_several_starts_is_finite():
 
 
 def test_a_far_optimum_needs_a_small_slope():
-    """Of large unknowns a small slope is no rounding. Where |4e-9 (x/1e9 - 1)^3|, times the scale
-    of the objective at the start, 1e3, meets the tolerance, 1 - x/1e9 is (2.5e-4)^(1/3)."""
+    """Of large unknowns a small slope is no rounding: at the start it is 4e-9. Where the minimum
+    has no curvature, each judgement by the scale at its place leads closer."""
     found = minimise(lambda x: Criterion((x[0] / 1e9 - 1.0) ** 4), jnp.array([0.5]))
     assert found.converged
-    slope = 1e3 * 4e-9 * (1.0 - found.x[0] / 1e9) ** 3
-    np.testing.assert_allclose(slope, found.gradient, rtol=1e-6)
-    assert slope < 1e-9
+    np.testing.assert_allclose(found.x, 1e9, rtol=1e-3)
     # 1e-6 - 1/x, by half: in float32 a projection by differences of x ends at 6000.
     flat = minimise(
         lambda x: Criterion(x[0] / 1e6 - jnp.log(x[0])),
