@@ -34,9 +34,10 @@ from ._descent_state import (
 )
 from ._gradient_check import MOST_LEVELS, PROBES, probed_error, varies
 from ._lagrangian import FIRST_WEIGHT
+from ._local_scale import MOST_JUDGEMENTS, Judged, local_sizes
 from ._scaling import weights
 from ._sqp_measures import lagrangian_gradient, penalty, scaled, slope, violation
-from ._sqp_state import Evaluation, probes_of
+from ._sqp_state import Evaluation, Limits, probes_of
 
 # A round ends where the gradient is below this part of the violation: a descent to the last digit
 # is wasted while the multipliers are not right.
@@ -57,19 +58,66 @@ def evaluate(s: DescentState, setting: Setting) -> Evaluation:
 
 def _trial_point(s: DescentState, setting: Setting) -> Float[Array, " n"]:
     z = setting.point(s.trial)
-    # Probes of the gradient are points of the problem itself, other trials are free numbers.
-    return jnp.where(s.calls < 0, s.trial, z) if setting.check else z
+    # Probes of the gradient and of the curvature are points of the problem itself, other trials are
+    # free numbers.
+    return jnp.where((s.calls < 0) | (s.displaced == 1), s.trial, z)
 
 
 def advance(s: DescentState, found: Evaluation, setting: Setting) -> DescentState:
     """The state after an evaluation at `s.trial`: a probe of the gradient, the start, the end of a
     step, or the average of a schedule-free optimiser."""
     z = _trial_point(s, setting)
-    if not setting.check and not setting.stepper.averages:
-        return _moved(s, found, z, setting=setting)
-    ways = [functools.partial(f, setting=setting) for f in (_moved, _probed, _averaged)]
-    way = jnp.where(s.calls < 0, 1, jnp.where(s.averaging == 1, 2, 0))
-    return lax.switch(way, ways if setting.stepper.averages else ways[:2], s, found, z)
+    ways = [functools.partial(f, setting=setting) for f in (_moved, _probed, _judged, _averaged)]
+    way = jnp.where(s.displaced == 1, 2, jnp.where(s.averaging == 1, 3, 0))
+    way = jnp.where(s.calls < 0, 1, way)
+    return lax.switch(way, ways if setting.stepper.averages else ways[:3], s, found, z)
+
+
+def _judged(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
+    """The state after the evaluation at a displaced point: judged, or with the weights of this
+    place, from which the search begins again (`_local_scale.py`)."""
+    del z
+    here, limits, me = s.here, setting.limits, setting.me
+    place = Judged(here.z, here.at, here.y, here.nu, local_sizes(here.z, s.start))
+    curvature = place.curvature(scaled(found, s.weight, me), limits)
+    again, factor = place.growth(limits, curvature)
+    f, c, d = _numbers(factor, me)
+    m = s.multipliers
+    grown = s._replace(
+        weight=factor * s.weight,
+        here=_grown(here, f, c, d, limits),
+        best=_grown(s.best, f, c, d, limits),
+        multipliers=m._replace(y=m.y * f / c, nu=m.nu * f / d),
+        optimiser=setting.stepper.restarted(s.optimiser, s.q, jnp.asarray(True)),
+        trial=s.q,
+        judgements=s.judgements + 1,
+        still=jnp.zeros_like(s.still),
+        displaced=jnp.full_like(s.displaced, 2),
+    )
+    ended = s._replace(judged=jnp.asarray(True), displaced=jnp.zeros_like(s.displaced), trial=s.q)
+    return jax.tree.map(functools.partial(jnp.where, again), grown, ended)
+
+
+def _grown(place: Place, f: Array, c: Array, d: Array, limits: Limits) -> Place:
+    """A place with larger weights, by these factors."""
+    at = place.at.grown(f, c, d)
+    y, nu = place.y * f / c, place.nu * f / d
+    gradient = lagrangian_gradient(at, place.z, y, nu, limits)
+    return Place(place.z, at, y, nu, gradient, violation(at))
+
+
+def _asked(s: DescentState, setting: Setting) -> DescentState:
+    """The state before the evaluation that decides, if the search has met its tolerance and the
+    numbers at its place do not confirm it."""
+    here, limits = s.here, setting.limits
+    place = Judged(here.z, here.at, here.y, here.nu, local_sizes(here.z, s.start))
+    asks = converged(here, limits) & ~s.judged & (s.displaced == 0)
+    doubtful = place.growth(limits)[0] & (s.judgements < MOST_JUDGEMENTS)
+    return s._replace(
+        judged=s.judged | (asks & ~doubtful),
+        displaced=jnp.where(asks & doubtful, 1, 0),
+        trial=jnp.where(asks & doubtful, place.displaced(limits), s.trial),
+    )
 
 
 def _probed(s: DescentState, found: Evaluation, z: Array, *, setting: Setting) -> DescentState:
@@ -139,12 +187,14 @@ def _after_evaluation(
         calls=s.calls + 1,
     )
     s = s._replace(stopped=s.stopped | (s.share < LEAST_SHARE))
+    s = _asked(s, setting)
+    asks = s.displaced == 1
     # Under `vmap` both are computed, which changes nothing.
-    goes_on = accepted & ~over(s, setting.limits)
+    goes_on = accepted & ~asks & ~over(s, setting.limits)
     s = lax.cond(goes_on, lambda s: _stepped(s, setting), lambda s: s, s)
-    trial = s.q + s.share * s.step
+    trial = jnp.where(asks, s.trial, s.q + s.share * s.step)
     if setting.stepper.averages:
-        ending = over(s, setting.limits) & ~converged(s.here, setting.limits)
+        ending = over(s, setting.limits) & ~asks & ~converged(s.here, setting.limits)
         trial = jnp.where(ending, setting.stepper.averaged(s.optimiser, s.q), trial)
         s = s._replace(averaging=jnp.where(ending, 1, 0))
     return s._replace(trial=trial)

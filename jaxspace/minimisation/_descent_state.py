@@ -47,6 +47,8 @@ class DescentState(NamedTuple):
       greatest ratio of a step and its gradient.
     - `left_out`: steps that were not finite; `refused`: the report of the last of them.
     - `averaging`: 1 where `trial` is the average of a schedule-free optimiser, 2 after it.
+    - `start`: z at the start; `judged`, `judgements`: as in `SqpState`; `displaced`: 1 where
+      `trial` is the displaced z by which a place is judged, 2 where a place is evaluated again.
     - `weight`, `size`, `rows`, `calls`, `probed`, `level`, `unclear`, `wrong`,
       `worst`, `taken`, `steps`: as in
       `SqpState`."""
@@ -67,6 +69,10 @@ class DescentState(NamedTuple):
     left_out: Int[Array, ""]
     refused: Any
     averaging: Int[Array, ""]
+    start: Float[Array, " n"]
+    judged: Bool[Array, ""]
+    displaced: Int[Array, ""]
+    judgements: Int[Array, ""]
     weight: Float[Array, " all"]
     size: Float[Array, " n"]
     rows: Float[Array, "steps 3"]
@@ -147,7 +153,7 @@ def begin(
         z + probed.shares[0] * probed.direction if check else q,
         Multipliers(y, nu, none + FIRST_WEIGHT), (none + jnp.inf, none + jnp.inf), zero,
         stepper.begin(q), zero, jnp.asarray(False), none, zero, report, zero,
-        jnp.ones(rows, q.dtype), size,
+        z, jnp.asarray(False), zero, zero, jnp.ones(rows, q.dtype), size,
         jnp.full((max_steps, 3), jnp.nan, q.dtype), jnp.asarray(-PROBES if check else 0),
         jnp.zeros((PROBES, rows), q.dtype), zero, jnp.asarray(False), none, zero, zero, zero,
     )  # fmt: skip
@@ -161,14 +167,14 @@ def converged(place: Place, limits: Limits) -> Bool[Array, ""]:
 
 def over(s: DescentState, limits: Limits) -> Bool[Array, ""]:
     """Whether the optimiser takes no further step."""
-    ended = converged(s.here, limits) | s.stopped | (s.taken >= s.rows.shape[0])
+    ended = (converged(s.here, limits) & s.judged) | s.stopped | (s.taken >= s.rows.shape[0])
     ended = ended | ~(s.wrong <= GRADIENT_TOLERANCE) | ~s.here.at.sound()
     return (s.calls > 0) & (ended | diverged(s, limits))
 
 
 def unfinished(s: DescentState, limits: Limits) -> Bool[Array, ""]:
     """Whether the search needs another evaluation."""
-    return (s.averaging == 1) | ~over(s, limits)
+    return (s.averaging == 1) | (s.displaced > 0) | ~over(s, limits)
 
 
 def diverged(s: DescentState, limits: Limits) -> Bool[Array, ""]:
@@ -190,5 +196,6 @@ def end(s: DescentState, limits: Limits) -> End:
         best.nu,
         diverged(s, limits) & falling,
         jnp.asarray(False),
-        jnp.asarray(True),
+        # The average of a schedule-free optimiser is the last evaluation.
+        s.judged | (s.averaging == 2),
     )

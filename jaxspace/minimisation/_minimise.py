@@ -72,8 +72,8 @@ def minimise(
       place of BFGS, for problems that are cheap to differentiate twice.
     - `scale`: sizes of the unknowns, a tree like `start`; by default the range of the bounds, or
       the larger of the start and 1. Objective and constraints are scaled by their derivatives at
-      the start. The quadratic programmes judge their convergence by the derivatives at the result,
-      and continue with those as scales where the start was much steeper.
+      the start. Convergence is judged by those at the result, with which the search continues
+      where the start was much steeper.
     - `progress`: called after each step with its number, objective, scaled violation and
       gradient; not under `jit`. Ctrl-C ends such a search with the best result so far, from its
       first step on.

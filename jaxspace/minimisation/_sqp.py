@@ -121,14 +121,12 @@ def _rescaled(s: SqpState, evaluation: Evaluation, limits: Limits) -> SqpState:
     place = _place(s)
     curvature = place.curvature(scaled(evaluation, s.weight, s.y.size), limits)
     again, factor = place.growth(limits, curvature)
-    at, me = place.at, s.y.size
+    me = s.y.size
     f, c, d = factor[0], factor[1 : 1 + me], factor[1 + me :]
-    grown = Values(
-        f * at.f, c * at.c, d * at.d, f * at.g, c[:, None] * at.J, d[:, None] * at.K, at.report
-    )
+    grown = s.at.grown(f, c, d)
     y, nu = s.y * f / c, s.nu * f / d
     # A zero would leave an unknown without a model: there a step is about its size.
-    bend = jnp.where(curvature > 0.0, curvature, jnp.abs(at.g) / place.size + 1e-12)
+    bend = jnp.where(curvature > 0.0, curvature, jnp.abs(s.at.g) / place.size + 1e-12)
     largest = jnp.max(jnp.abs(jnp.concatenate([y, nu])), initial=5.0)
     moved = s._replace(
         weight=factor * s.weight,

@@ -29,6 +29,11 @@ class Values(NamedTuple):
         parts = (self.f, self.c, self.d, self.g, self.J, self.K)
         return jnp.all(jnp.stack([jnp.all(jnp.isfinite(x)) for x in parts if x.size]))
 
+    def grown(self, f: Array, c: Array, d: Array) -> "Values":
+        """The values with larger weights, by these factors."""
+        rows = (f * self.g, c[:, None] * self.J, d[:, None] * self.K)
+        return Values(f * self.f, c * self.c, d * self.d, *rows, self.report)
+
 
 class Pending(NamedTuple):
     """A step p whose end point is not evaluated yet, and the multipliers of its programme."""
@@ -47,7 +52,7 @@ class SqpState(NamedTuple):
     - `still`: refused steps in sequence whose predicted gain is rounding.
     - `weight`, `size`: scales of (f, c, d) and of the unknowns.
     - `rows`: history.
-    - `start`: unknowns at the start. `judged`: whether the convergence is confirmed by the scales
+    - `start`: unknowns at the start; `judged`: whether the convergence is confirmed by the scales
       here (`_local_scale.py`); `displaced`: whether `trial` is the point that decides it;
       `judgements`: how often the weights have grown.
     - `calls`: number of the next evaluation. Below zero it probes the gradient; zero is the start.

@@ -3,6 +3,7 @@
 import jax
 import jax.numpy as jnp
 import numpy as np
+import optax
 import pytest
 from scipy.optimize import minimize
 
@@ -30,8 +31,12 @@ CASES = np.array(
 ).T
 
 
-@pytest.mark.parametrize("exact", [False, pytest.param(True, marks=pytest.mark.sweep)])
-def test_minima_below_steep_starts(exact):
+@pytest.mark.parametrize(
+    ("optimiser", "exact"),
+    [("sqp", False), pytest.param("sqp", True, marks=pytest.mark.sweep), (optax.lbfgs(), False)],
+    ids=["sqp", "exact", "lbfgs"],
+)
+def test_minima_below_steep_starts(optimiser, exact):
     """A gradient of 1e-9 in units of the slope at the start, up to 3e43, says nothing."""
     functions = [f for f, _ in FAMILY]
 
@@ -42,6 +47,7 @@ def test_minima_below_steep_starts(exact):
             start[None],
             bounds=(low[None], jnp.array([jnp.inf])),
             max_steps=300,
+            optimiser=optimiser,
             exact_hessian=exact,
         )
         return found.x[0], found.criterion.objective, found.converged
