@@ -5,6 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from jax import export
+from unchecked import unchecked
 
 from jaxspace import (
     Accuracy,
@@ -61,8 +62,9 @@ VERBS = {f.__name__: f for f in (end, pair, at_event, phases)}
 @pytest.mark.parametrize("verb", VERBS)
 def test_without_compilation(verb):
     """A user's own function then meets numbers, which a debugger shows."""
-    # Without `jit`, JAX takes a member of an enumeration for an array of 64 bits.
-    with jax.disable_jit(), jax.numpy_dtype_promotion("standard"):
+    # Without `jit`, JAX takes a member of an enumeration for an array of 64 bits, and arrays of
+    # NumPy stay what they are, which the annotations do not name.
+    with unchecked(), jax.disable_jit(), jax.numpy_dtype_promotion("standard"):
         position = VERBS[verb](1.0)
     np.testing.assert_allclose(position, [np.cos(0.5), np.sin(0.5), 0.0], atol=1e-6)
 

@@ -26,7 +26,6 @@ __all__ = ["Nutation"]
 
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float
 
@@ -35,6 +34,7 @@ from ..core.elliptic import complete_first, complete_third
 from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_atan2, safe_divide, safe_sqrt
+from ..core.structure import HashedModule
 from ..rotations import Quaternion
 from ._turning_circles import Place, TurningCircles, turning_circles
 
@@ -47,7 +47,7 @@ NEAR = 0.1
 @printed(
     N="1/s", beta="1/s^2", alpha_up="1/s^2", alpha_down="1/s^2", gamma_up="1/s", gamma_down="1/s"
 )
-class Nutation(eqx.Module):
+class Nutation(HashedModule):
     """One nutation of a top between its two turning circles.
 
     - `N`, 1/s, and `beta`, 1/s^2: constants of the equations above.

@@ -28,7 +28,6 @@ __all__ = ["Polhode"]
 
 from typing import final
 
-import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float
@@ -40,12 +39,13 @@ from ..core.listed import no_method
 from ..core.printing import printed
 from ..core.safe import safe_divide, safe_sqrt
 from ..core.squares import unit_factor
+from ..core.structure import HashedModule
 from ..core.vectors import components, cross, dot, norm
 
 
 @final
 @printed(rate="1/s", vertices="rad/s", plane_distance="rad/s", herpolhode="rad/s")
-class Polhode(eqx.Module):
+class Polhode(HashedModule):
     """The closed curve of omega in a free body.
 
     - `rate`: N, 1/s; `modulus_squared`: k^2; `complement`: k'^2.

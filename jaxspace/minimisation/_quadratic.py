@@ -83,7 +83,7 @@ def _by_active_set(p: Programme, at: _Place) -> tuple[Array, Array]:
         matrix = p.Q + weight * G.T @ G
         factors = lu_factor(matrix + 1e-15 * jnp.max(jnp.abs(matrix)) * eye)
 
-        def better(_: int, place: tuple[Array, Array]) -> tuple[Array, Array]:
+        def better(_: object, place: tuple[Array, Array]) -> tuple[Array, Array]:
             z, nu = place
             missed = jnp.where(active, p.G @ z + p.h, 0.0)
             slope = p.Q @ z + p.q - G.T @ (nu - weight * missed)

@@ -185,8 +185,8 @@ class Discrete(AbstractDistribution):
 
 
 def _place(
-    weights: Float[Array, " n"], below: Float[Array, ""], above: Float[Array, ""]
-) -> Int[Array, ""]:
+    weights: Float[Array, " n"], below: Float[Array, "*runs"], above: Float[Array, "*runs"]
+) -> Int[Array, "*runs"]:
     """The place in a list with these weights at which the share `below` of all draws lies before,
     and `above` = 1 - `below` after it; never one of weight zero."""
     count = weights.size

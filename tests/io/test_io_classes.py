@@ -30,6 +30,7 @@ NOT_IN_FILES = {
     "control.Held": WRAPS,
     "integration.PackedSystem": WRAPS,
     "studies.Uncertain": WRAPS,
+    "studies.UncertainRoot": WRAPS,
     "optimization.SteeredBurn": TASK,
     "optimization.SteeredFlight": TASK,
     "optimization.Burn": TASK,

@@ -7,6 +7,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from unchecked import unchecked
 
 from jaxspace import BodyState, Scene, load, simulate
 from jaxspace.core import InputError
@@ -175,9 +176,9 @@ def test_orbits_as_body_states():
     found = interception(BodyState(*chaser), BodyState(*target), 0.0, 3.0, 1.0)
     listed = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.1]]
     jax.tree.map(np.testing.assert_array_equal, found, expected)
-    jax.tree.map(
-        np.testing.assert_array_equal, interception(listed, target, 0.0, 3.0, 1.0), expected
-    )
+    with unchecked():
+        found = interception(listed, target, 0.0, 3.0, 1.0)
+    jax.tree.map(np.testing.assert_array_equal, found, expected)
     times = jnp.array([0.0, 0.5]), jnp.array([3.0, 3.5])
     tables = [
         porkchop(one, two, *times, 1.0)
@@ -199,5 +200,5 @@ def test_orbits_as_body_states():
 def test_an_orbit_of_another_kind_is_refused(function, wrong, sentence):
     target = jnp.array([0.0, 2.0, 0.0]), jnp.array([-0.7, 0.0, 0.0])
     times = ((0.0, 1.0),) if function is least_rendezvous else (jnp.zeros(1), jnp.ones(1))
-    with pytest.raises(InputError, match=sentence):
+    with unchecked(), pytest.raises(InputError, match=sentence):
         function(wrong, target, *times, 1.0)
