@@ -145,8 +145,11 @@ def hunt(subject: Subject, in_units: bool = False, seed: int = 0) -> Found:
     """The worst of random places."""
     key = np.random.default_rng(seed)
     x = near(subject.form, subject.places, key)
-    if in_units:
-        x = units(subject, x, key)
+    return judge(subject, units(subject, x, key) if in_units else x, key)
+
+
+def judge(subject: Subject, x, key: np.random.Generator) -> Found:
+    """The worst of these places."""
     lengths = subject.lengths(x)
     value, slope, _ = subject.truth(x)
     found, *modes = np_trace.evaluate(subject.tested, [x.astype(np.float32)])

@@ -4,6 +4,7 @@ is as good as its roundings next to singular places, where squares underflow."""
 
 import dataclasses
 import inspect
+import math
 from typing import get_args
 
 import equinox as eqx
@@ -21,6 +22,7 @@ from jaxspace.bodies import BodyState, PrincipalInertia, RigidBody
 from jaxspace.core import InputError, Scalar, State
 from jaxspace.gyros import TwoGimbalGyro
 from jaxspace.gyros.bearing import BearingFriction, RotorMotor
+from jaxspace.orbits.kepler import kepler_flow
 from jaxspace.orbits.point_gravity import point_gravity
 from jaxspace.rockets import SpinningRocket
 from jaxspace.rotations import Quaternion
@@ -170,7 +172,8 @@ def test_the_body_of_the_manual_keeps_single_precision():
 # Some of `single_hunt.py`, which searches all of them for longer.
 SINGULAR = (
     *("arctangent", "length", "direction", "quotient", "kepler", "elements", "constants"),
-    *("cones", "coast", "plane_change"),
+    *("cones", "coast", "plane_change", "turning_by_gravity"),
+    *("pseudo_potential", "quickest_descent"),
 )
 
 
@@ -196,3 +199,48 @@ def test_gravity_of_far_planets_in_metres():
     np.testing.assert_allclose(slope[0, 0], -2.0 * expected / 4.5e12, rtol=2e-6)
     np.testing.assert_allclose(slope[1, 1], expected / 4.5e12, rtol=2e-6)
     np.testing.assert_allclose(jax.jacrev(point_gravity)(r, mu), slope, rtol=2e-6)
+
+
+def test_a_circle_whose_squared_radius_underflows():
+    """r = 1e-20 and mu = 1: its square is zero in float32."""
+    r = jnp.asarray([1e-20, 0.0, 0.0], jnp.float32)
+    v = jnp.asarray([0.0, 1e10, 0.0], jnp.float32)
+    given = r, v, jnp.asarray(1e-30, jnp.float32), jnp.asarray(1.0, jnp.float32)
+    place, velocity = kepler_flow(*given)
+    expected = np.array([math.cos(1.0), math.sin(1.0), 0.0])
+    np.testing.assert_allclose(place / 1e-20, expected, atol=1e-6)
+    np.testing.assert_allclose(velocity[:2] / 1e10, [-expected[1], expected[0]], atol=1e-6)
+
+
+# Kinds of the inputs of forms: length, speed, time, gravitational parameter, number.
+SOLAR = {
+    **dict.fromkeys(("constants", "elements", "radii", "sizes", "equinoctial"), "LLLVVVM"),
+    "state": "L00000M",
+    "kepler": "LLLVVVTM",
+    "transfer": "LLLLLLTM",
+    "shortest": "LLLLLLM",
+    "apsides": "LLLLM",
+    "burnout_elements": "LV0M",
+    "ballistic": "LV0M",
+    "farthest": "LVM",
+    "flight_time": "00L0M",
+    "detour": "LL0M",
+    "encounters": "LLM",
+}
+
+
+@pytest.mark.parametrize("name", SOLAR)
+def test_orbits_about_the_sun_in_metres(name):
+    """Values and both modes of derivatives: mu is 1.3e20, whose square no float32 represents."""
+    length, mu = 1.5e11, 1.327e20
+    sizes = {"L": length, "V": math.sqrt(mu / length), "T": length * math.sqrt(length / mu)}
+    sizes |= {"M": mu, "0": 1.0}
+    (subject,) = single_hunt.subjects([name], places=24)
+    key = np.random.default_rng(0)
+    starts = np.asarray(subject.form.starts, float)
+    shares = 10.0 ** key.uniform(-6.0, -0.5, (24, starts.shape[1]))
+    x = starts[np.arange(24) % len(starts)]
+    x = np.where(x == 0.0, shares, x * (1.0 + shares)) * [sizes[kind] for kind in SOLAR[name]]
+    found = single_hunt.judge(subject, single_hunt.single_numbers(x), key)
+    assert found.value < single_hunt.DEFECT, found.inputs
+    assert found.slope < single_hunt.DEFECT, found.slope_inputs

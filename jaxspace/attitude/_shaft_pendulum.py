@@ -22,6 +22,7 @@ from ..core import AbstractSystem, NumberField, Scalar, argument, constructor, q
 from ..core.elliptic import complete_elliptic
 from ..core.printing import printed
 from ..core.safe import end_sqrt
+from ..core.squares import quotient
 from ..core.types import as_float
 
 
@@ -103,7 +104,8 @@ class ShaftPendulum(AbstractSystem):
         """Period, s, of the swing through `amplitude`, rad, on both sides of a shaft at rest
         (Thomson 5.12-P7)."""
         A, _, Wl, _ = self._letters()
-        return 4.0 * jnp.sqrt(A / Wl) * complete_elliptic(jnp.cos(0.5 * as_float(amplitude)) ** 2)
+        complement = jnp.cos(0.5 * as_float(amplitude)) ** 2
+        return 4.0 * jnp.sqrt(quotient(A, Wl)) * complete_elliptic(complement)
 
     def _letters(self) -> tuple[Scalar, Scalar, Scalar, Scalar]:
         return self.transverse_inertia, self.axial_inertia, self.weight_moment, self.shaft_rate

@@ -31,6 +31,7 @@ from jaxtyping import Array, Float
 from ..core import AbstractSystem, NumberField, Scalar, Vector, argument, constructor, quantity
 from ..core.elliptic import complete_elliptic
 from ..core.printing import printed
+from ..core.squares import quotient
 from ..core.types import as_float
 from ..core.vectors import axis, cross, dot
 
@@ -133,4 +134,4 @@ class SphericalPendulum(AbstractSystem):
         It grows without limit towards an amplitude of half a turn."""
         # By the complement of k^2 = sin^2, because 1 - k^2 loses its digits near half a turn.
         complement = jnp.cos(0.5 * amplitude) ** 2
-        return 4.0 * jnp.sqrt(self.length / self.gravity) * complete_elliptic(complement)
+        return 4.0 * jnp.sqrt(quotient(self.length, self.gravity)) * complete_elliptic(complement)

@@ -26,6 +26,7 @@ from ..core import Scalar
 from ..core.barrier import barrier, computed_once
 from ..core.roots import increasing_root
 from ..core.safe import end_sqrt
+from ..core.squares import quotient
 
 
 def steady_rates(
@@ -97,7 +98,7 @@ def pseudo_potential(
     up, down = h_Z - p, h_Z + p
     # At the vertical there is no pole where the momenta let the axis pass.
     upright = s == 0.0
-    around = jnp.where(upright, 0.0, up * c / jnp.where(upright, 1.0, s)) + down * s / c
+    around = jnp.where(upright, 0.0, quotient(up * c, jnp.where(upright, 1.0, s))) + down * s / c
     V = around * around / (8.0 * A) + Wl * (1.0 - 2.0 * s * s)
     return jnp.where(upright & (up != 0.0), jnp.inf, V)
 

@@ -47,6 +47,7 @@ from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_divide
 from ..core.shapes import check_components
+from ..core.squares import quotient
 from ..core.vectors import cross as cross_product
 from ..core.vectors import dot, unit
 from ._state import attitude_and_omega
@@ -166,7 +167,7 @@ def jacobi_integral(y: BodyState, inertia: AbstractInertia, mu: Scalar) -> Scala
     **Raises** `InputError` for a state without attitude and omega."""
     attitude, omega = attitude_and_omega(y)
     moment = cross_product(y.position, y.velocity)
-    rate = jnp.sqrt(dot(moment, moment)) / dot(y.position, y.position)
+    rate = quotient(jnp.sqrt(dot(moment, moment)), dot(y.position, y.position))
     turning = attitude.rotate_back(rate * unit(moment))
     relative = omega - turning
     kinetic = dot(relative, inertia.times(relative)) - dot(turning, inertia.times(turning))

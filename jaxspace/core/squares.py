@@ -1,4 +1,4 @@
-"""Lengths from squares that would leave the range of single precision.
+"""Lengths and quotients whose squares would leave the range of single precision.
 
 In float32 the square of a number below 1e-19 is zero, and that of a number above 1e19 infinite,
 although the length itself is an ordinary number. A power of two, which rounds nothing, moves the
@@ -10,6 +10,7 @@ import functools
 
 import jax
 import jax.numpy as jnp
+from jax.custom_derivatives import SymbolicZero
 
 from .square_roots import sqrt
 from .types import Scalar
@@ -78,3 +79,27 @@ def _safe_hypot_rule(
     zero = length == 0.0
     per_length = jnp.where(zero, 0.0, 1.0 / jnp.where(zero, 1.0, length))
     return length, (x * per_length) * dx + (y * per_length) * dy
+
+
+@jax.custom_jvp
+def quotient(a: Scalar, b: Scalar) -> Scalar:
+    """Quotient a / b of quantities of any size, such as the gravitational parameter of the sun.
+
+    JAX's rule for a / b squares b, which leaves the range of float32 above 1.8e19 and below 1e-19:
+    the derivative is then zero or infinite. This one uses the quotient itself.
+
+    **Arguments**
+
+    - `a`, `b`: numbers, (*runs,)."""
+    return a / b
+
+
+@functools.partial(quotient.defjvp, symbolic_zeros=True)
+def _quotient_rule(
+    primals: tuple[Scalar, Scalar], tangents: tuple[Scalar | SymbolicZero, Scalar | SymbolicZero]
+) -> tuple[Scalar, Scalar]:
+    (a, b), (da, db) = primals, tangents
+    q = quotient(a, b)
+    parts = [] if isinstance(da, SymbolicZero) else [da]
+    parts += [] if isinstance(db, SymbolicZero) else [-q * db]
+    return q, quotient(functools.reduce(jnp.add, parts), b)

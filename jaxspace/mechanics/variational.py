@@ -25,6 +25,7 @@ from jaxtyping import Array, Float
 from ..core import Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.special import stumpff_near
+from ..core.squares import quotient
 from ..core.types import as_float
 from ._lagrangian import AbstractLagrangian
 
@@ -105,7 +106,7 @@ def brachistochrone(
 
     def newton(p: Array, ratio: Scalar) -> Array:
         s, c = jnp.sin(0.5 * p), jnp.cos(0.5 * p)
-        step = (_lag(p) - 2.0 * ratio * s * s) / (2.0 * s * (s - ratio * c))
+        step = quotient(_lag(p) - 2.0 * ratio * s * s, 2.0 * s * (s - ratio * c))
         # Kept within one arch of the cycloid.
         return jnp.clip(p - step, 0.5 * p, 0.5 * p + jnp.pi)
 
@@ -115,7 +116,7 @@ def brachistochrone(
     root = jax.lax.fori_loop(0, STEPS, lambda _, p: newton(p, fixed), guess)
     p = newton(newton(jax.lax.stop_gradient(root), ratio), ratio)
     # By the distance: the drop r (1 - cos p) vanishes at the end of the arch.
-    r = distance / _lag(p)
+    r = quotient(distance, _lag(p))
     return r, p, jnp.sqrt(r / gravity) * p
 
 

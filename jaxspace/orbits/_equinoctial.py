@@ -29,6 +29,7 @@ from ..core.barrier import barrier
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.squares import quotient
 from ..core.trigonometry import atan2, sincos_once
 from ..core.vectors import dot, norm
 from ._modified_equinoctial import ModifiedEquinoctialElements, orbit_axes, state_along
@@ -95,7 +96,7 @@ def _of_state(
     r = norm(position)
     x = ModifiedEquinoctialElements.of_state(position, velocity, mu, retrograde=retrograde)
     # 1/a and not a, because it is finite on every conic.
-    alpha = 2.0 / r - dot(velocity, velocity) / mu
+    alpha = 2.0 / r - quotient(dot(velocity, velocity), mu)
     if is_concrete(alpha) and np.any(np.asarray(alpha) == 0.0):
         raise InputError(
             "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: "
@@ -109,7 +110,7 @@ def _state(x: EquinoctialElements, mu: Scalar) -> tuple[Vector, Vector]:
     a, f, g = x.semi_major_axis, x.k, x.h
     closed = a > 0.0
     size = jnp.abs(a)
-    per_rate = size * jnp.sqrt(size / mu)
+    per_rate = size * jnp.sqrt(quotient(size, mu))
     # A hyperbola starts at its periapsis; an ellipse starts where its eccentric longitude equals
     # the mean one, because a circle has no periapsis.
     K = jnp.where(closed, x.mean_longitude, 0.0)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 from ..bodies import BodyState
 from ..core import AbstractClosedForm, Flag, Scalar, Vector
 from ..core.square_roots import sqrt
+from ..core.squares import quotient
 from ..core.vectors import cross, dot
 from .kepler import conic_flow
 
@@ -48,13 +49,13 @@ def _passes_centre(r: Vector, v: Vector, mu: Scalar, duration: Scalar) -> Flag:
     the passage is (E - sin E) / n, (sinh H - H) / n, and on the parabola sqrt(2 r^3/mu) / 3."""
     distance = sqrt(dot(r, r))
     outwards = dot(r, v)
-    alpha = 2.0 / distance - dot(v, v) / mu
+    alpha = 2.0 / distance - quotient(dot(v, v), mu)
     flat = jnp.abs(alpha) * distance < 1e-6
     size = jnp.where(flat, 1.0, jnp.abs(alpha))
     rate = size * jnp.sqrt(mu * size)
-    sine = outwards * jnp.sqrt(size / mu)
+    sine = outwards * jnp.sqrt(quotient(size, mu))
     anomaly = jnp.arctan2(sine, 1.0 - distance * size)
-    parabola = jnp.sign(outwards) * jnp.sqrt(2.0 * distance**3 / mu) / 3.0
+    parabola = jnp.sign(outwards) * distance * jnp.sqrt(quotient(2.0 * distance, mu)) / 3.0
     ellipse = (anomaly - jnp.sin(anomaly)) / rate
     hyperbola = (sine - jnp.arcsinh(sine)) / rate
     since = jnp.where(flat, parabola, jnp.where(alpha > 0.0, ellipse, hyperbola))

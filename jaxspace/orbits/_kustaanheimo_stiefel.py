@@ -28,6 +28,7 @@ from jaxtyping import Array, Float
 from ..bodies import BodyState
 from ..core import AbstractRegularised, AbstractSystem, Scalar, Vector
 from ..core.square_roots import sqrt
+from ..core.squares import quotient
 from ..core.structure import once_per_structure
 from ..core.tracing import depending_on
 from ..core.vectors import dot, inverse_norm
@@ -79,11 +80,11 @@ class KustaanheimoStiefel(AbstractRegularised):
         r = dot4(u, u)
         # r . v = dr/ds, because dt/ds = |r|.
         climb = 2.0 * dot4(u, w)
-        unit = sqrt(r / self.mu)
-        beta = -2.0 * z[8] * r / self.mu
-        sigma = climb / (unit * self.mu)
+        unit = sqrt(quotient(r, self.mu))
+        beta = quotient(-2.0 * z[8] * r, self.mu)
+        sigma = quotient(climb, unit * self.mu)
         # Rounding may leave a small negative number on a straight line, where p is zero.
-        p = jnp.maximum(4.0 * dot4(w, w) / self.mu - sigma * sigma, 0.0)
+        p = jnp.maximum(quotient(4.0 * dot4(w, w), self.mu) - sigma * sigma, 0.0)
         return unit * universal_anomaly(sigma, beta, duration / (r * unit), p)
 
     def step_scale(self, sigma: Scalar, z: Array) -> Scalar:

@@ -30,6 +30,7 @@ from ..core import AbstractParameters, InputError, NumberField, Scalar, Vector, 
 from ..core.barrier import barrier, computed_once
 from ..core.blocks import in_blocks
 from ..core.checks import is_concrete
+from ..core.squares import quotient
 from ..core.trigonometry import atan2, sincos_once
 from ..core.types import as_float
 from ..core.vectors import dot, scale, unit
@@ -99,7 +100,7 @@ def _of_state(
     h, k = _tilt(momentum, retrograde)
     F, G = orbit_axes(h, k, retrograde)
     longitude = atan2(dot(position, G), dot(position, F))
-    p = dot(momentum, momentum) / mu
+    p = quotient(dot(momentum, momentum), mu)
     return ModifiedEquinoctialElements(p, dot(e, F), dot(e, G), h, k, longitude, retrograde)
 
 

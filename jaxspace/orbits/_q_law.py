@@ -49,6 +49,7 @@ import jax.numpy as jnp
 from ..bodies import AbstractBody, AbstractCondition, AbstractEffect, BodyState, Load
 from ..core import NumberField, OptionalNumberField, Scalar, Vector, quantity, reference
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.squares import quotient
 from ..core.vectors import axis, components, cross, dot, inverse_norm, norm, scale, unit
 from ._planet import gravitational_parameter
 from .elements import eccentricity_vector
@@ -216,15 +217,15 @@ class _Orbit(eqx.Module):
         # Put together, for the z of a difference has a derivative in reverse mode, which cancels.
         x, y, z = components(h)
         tau = scale(1.0 / (norm(h) + z), jnp.stack([x, y, jnp.zeros_like(z)]))
-        per_a = 2.0 * inverse_norm(r) - dot(v, v) / mu
-        return cls(r, v, mu, h, eccentricity_vector(r, v, mu), tau, dot(h, h) / mu, per_a)
+        per_a = 2.0 * inverse_norm(r) - quotient(dot(v, v), mu)
+        return cls(r, v, mu, h, eccentricity_vector(r, v, mu), tau, quotient(dot(h, h), mu), per_a)
 
     def over_velocity(
         self, p: Scalar, per_a: Scalar, half_e: Vector, half_tau: Vector | None
     ) -> Vector:
         """The slope over the velocity, from those over p and 1/a and half of those over the vectors
         e and tau."""
-        per_mu = 2.0 / self.mu
+        per_mu = quotient(2.0, self.mu)
         over_h = scale(p * per_mu, self.h) + scale(per_mu, cross(half_e, self.v))
         if half_tau is not None:
             # Of the length of h in the divisor of tau.

@@ -38,6 +38,7 @@ from ..core import Scalar
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.printing import printed
 from ..core.safe import end_sqrt, safe_atan2, safe_sqrt
+from ..core.squares import quotient
 from ..core.types import as_float
 from ..core.vectors import cross, dot, norm
 
@@ -82,7 +83,7 @@ def ballistic_flight(
     not come back, from the escape speed on.
     """
     r = as_float(radius)
-    lam = r * speed * speed / mu
+    lam = quotient(r * speed * speed, mu)
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     closed = lam < 2.0
     # The range alone stays finite beyond the escape speed: NaN here serves all three results.
@@ -101,7 +102,9 @@ def ballistic_flight(
     # psi + e sin psi, with psi the eccentric anomaly from the highest point.
     outwards = jnp.sqrt(lam * (2.0 - lam)) * s
     psi = jnp.arctan2(outwards, 1.0 - lam)
-    duration = 2.0 * r * jnp.sqrt(r / mu) * (psi + outwards) / ((2.0 - lam) * jnp.sqrt(2.0 - lam))
+    duration = (
+        2.0 * r * jnp.sqrt(quotient(r, mu)) * (psi + outwards) / ((2.0 - lam) * jnp.sqrt(2.0 - lam))
+    )
     return BallisticFlight(2.0 * half, height, duration)
 
 
@@ -123,7 +126,7 @@ def ballistic_angles(
     both are one, and their derivatives are infinite.
     """
     r = as_float(radius)
-    lam = r * speed * speed / mu
+    lam = quotient(r * speed * speed, mu)
     sine, cosine = jnp.sin(0.5 * as_float(range_angle)), jnp.cos(0.5 * as_float(range_angle))
     lam, sine, cosine = jnp.broadcast_arrays(lam, sine, cosine)
     # lambda^2 cos^2 - 4 sin^2 (1 - lambda), as a product.
@@ -171,7 +174,7 @@ def longest_range(radius: Scalar, speed: Scalar, mu: Scalar) -> tuple[Scalar, Sc
 
     NaN above the circular speed, with which every place is reached; at that speed the slope is
     infinite."""
-    lam = jnp.asarray(as_float(radius) * speed * speed / mu)
+    lam = jnp.asarray(quotient(as_float(radius) * speed * speed, mu))
     phi = 2.0 * jnp.arctan2(lam, 2.0 * end_sqrt(lambda l: 1.0 - l, lam))
     return phi, 0.25 * (jnp.pi - phi)
 

@@ -27,6 +27,7 @@ import jax.numpy as jnp
 from ..core import Scalar, Vector, argument, initial
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_sqrt
+from ..core.squares import quotient
 from ..core.types import as_float
 from .elements import ClassicalElements, state_from_elements
 from .initial import MU
@@ -105,7 +106,7 @@ def elements_from_burnout(
     **Raises** `InputError` for a velocity straight up or down.
     """
     r = as_float(radius)
-    lam = r * speed * speed / mu
+    lam = quotient(r * speed * speed, mu)
     s, c = jnp.sin(flight_path_angle), jnp.cos(flight_path_angle)
     # As components, because their angle is right in every quadrant.
     cosine = lam * c * c - 1.0

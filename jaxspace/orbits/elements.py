@@ -64,6 +64,7 @@ from ..core.checks import is_concrete
 from ..core.formula import AWAY, NOT_ZERO, POSITIVE, formula
 from ..core.safe import safe_atan2, safe_divide
 from ..core.square_roots import sqrt
+from ..core.squares import quotient
 from ..core.trigonometry import sincos
 from ..core.types import as_float
 from ..core.vectors import axis, cross, dot, inverse_norm, norm, unit
@@ -107,7 +108,7 @@ def eccentricity_vector(position: Vector, velocity: Vector, mu: Scalar) -> Vecto
     - `mu`: gravitational parameter of the centre, m^3/s^2; negative for a centre that repels, where
       the vector points away from periapsis."""
     h = cross(position, velocity)
-    return cross(velocity, h) / mu - inverse_norm(position) * position
+    return quotient(cross(velocity, h), mu) - inverse_norm(position) * position
 
 
 @formula(mu=NOT_ZERO)
@@ -120,7 +121,7 @@ def semi_latus_rectum(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     - `mu`: gravitational parameter of the centre, m^3/s^2; where it is negative, so is p."""
     h = cross(position, velocity)
     # In this order no square leaves the range of float32.
-    return dot(h, h / mu)
+    return dot(h, quotient(h, mu))
 
 
 @formula(position=AWAY, mu=NOT_ZERO)
@@ -134,7 +135,9 @@ def semi_major_axis(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
     - `mu`: gravitational parameter of the centre, m^3/s^2; where it is negative, a is positive."""
     energy = specific_energy(position, velocity, mu)
-    return jnp.where(energy == 0.0, math.inf, -0.5 * mu / jnp.where(energy == 0.0, 1.0, energy))
+    return jnp.where(
+        energy == 0.0, math.inf, quotient(-0.5 * mu, jnp.where(energy == 0.0, 1.0, energy))
+    )
 
 
 @formula(position=AWAY, mu=NOT_ZERO)
@@ -162,7 +165,7 @@ def apoapsis_radius(position: Vector, velocity: Vector, mu: Scalar) -> Scalar:
     - `position`, `velocity`: m and m/s, about the centre, (3, *runs).
     - `mu`: gravitational parameter of the centre, m^3/s^2."""
     energy = specific_energy(position, velocity, mu)
-    a = -0.5 * mu / jnp.where(energy < 0.0, energy, -1.0)
+    a = quotient(-0.5 * mu, jnp.where(energy < 0.0, energy, -1.0))
     return jnp.where(
         energy < 0.0, a * (1.0 + norm(eccentricity_vector(position, velocity, mu))), math.inf
     )
@@ -262,7 +265,7 @@ def _elements(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElemen
     along = jnp.where(circle, dot(position, n), dot(e, position))
     # Angles in the plane of the orbit are from the node n towards m, which is 90 degrees ahead.
     y, x = barrier(((across, h[0], dot(e, m), ahead), (h[2], -h[1], dot(e, n), along)))
-    return ClassicalElements(dot(h, h) / mu, length, *map(safe_atan2, y, x))
+    return ClassicalElements(quotient(dot(h, h), mu), length, *map(safe_atan2, y, x))
 
 
 @computed_once

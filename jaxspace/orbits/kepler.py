@@ -49,8 +49,8 @@ from ..core.formula import FINITE, NOT_NEGATIVE, formula
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
-from ..core.square_roots import sqrt
-from ..core.vectors import cross, dot
+from ..core.squares import quotient
+from ..core.vectors import cross, dot, norm
 from ._anomaly import Anomaly, anomaly_after
 from ._rectilinear import rectilinear_motion
 
@@ -114,27 +114,27 @@ def _conic(
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position = with_rank(position, rank)
     velocity = with_rank(velocity, rank)
-    r0, v2 = sqrt(dot(position, position)), dot(velocity, velocity)
+    r0, v2 = norm(position), dot(velocity, velocity)
     # A weaker centre bends the path by less than a rounding, and e^2 would leave the range of
     # float32. The derivative by mu is the same.
     least = float(jnp.finfo(r0.dtype).eps) ** 2 * (r0 * v2)
     weak = (mu > 0.0) & (mu < least)
     mu = mu + jax.lax.stop_gradient(jnp.where(weak, least - mu, 0.0))
     # In units of |r0| and of the circular speed, so that no product leaves the range of float32.
-    r0, speed_unit = barrier((r0, jnp.sqrt(mu / r0)))
-    scale = 1.0 / (r0 * speed_unit)
+    r0, speed_unit = barrier((r0, jnp.sqrt(quotient(mu, r0))))
+    scale = quotient(1.0, r0 * speed_unit)
     sigma = dot(position, velocity) * scale
-    beta = 2.0 - v2 / (speed_unit * speed_unit)
+    beta = 2.0 - quotient(v2, speed_unit * speed_unit)
     h = cross(position, velocity) * scale
-    time_unit = r0 / speed_unit
+    time_unit = quotient(r0, speed_unit)
     # p is a function of sigma and beta, whose derivatives include its own.
     p = jax.lax.stop_gradient(dot(h, h))
-    sigma, beta, tau, p = barrier((sigma, beta, duration / time_unit, p))
+    sigma, beta, tau, p = barrier((sigma, beta, quotient(duration, time_unit), p))
     end = _anomaly(sigma, beta, tau, p)
     g1 = end.chi - beta * end.g3
     f = 1.0 - end.g2
     g = (end.left - end.g3) * time_unit
-    rate_f = -g1 / (end.rho * time_unit)
+    rate_f = quotient(-g1, end.rho * time_unit)
     rate_g = 1.0 - end.g2 / end.rho
     # Each factor serves three components.
     f, g, rate_f, rate_g = barrier((f, g, rate_f, rate_g))

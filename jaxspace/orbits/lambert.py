@@ -32,8 +32,9 @@ from ..core.barrier import barrier
 from ..core.formula import POSITIVE, formula
 from ..core.shapes import with_rank
 from ..core.square_roots import inverse_sqrt
+from ..core.squares import quotient, unit_factor
 from ..core.tracing import is_traced
-from ..core.vectors import axis, cross, dot, norm, unit
+from ..core.vectors import axis, components, cross, dot, norm, unit
 from ._conic_of_time import conic_of_time, least_time
 from ._transfer_status import (
     TransferStatus,
@@ -138,8 +139,9 @@ def _transfer(
     low: bool,
 ) -> tuple[Vector, Vector, Int[Array, "*runs"]]:
     """The velocities at both ends, and the `TransferStatus`; arguments as in `lambert`."""
+    normal = _direction(normal)
     chord = _chord(start, end, normal)
-    unit_of_time = chord.s * jnp.sqrt(chord.s / (2.0 * mu))
+    unit_of_time = chord.s * jnp.sqrt(quotient(chord.s, 2.0 * mu))
     time, lam, kappa = barrier((duration / unit_of_time, chord.lam, chord.kappa))
     x = conic_of_time(time, lam, kappa, revolutions, low)
     status = geometry_status(
@@ -169,13 +171,20 @@ def least_duration(
     known places and a `normal` that do not decide the way.
     """
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
+    normal = _direction(normal)
     chord = _chord(start, end, normal)
     undecided = way_is_undecided((chord.i1, chord.i2), normal)
     if jnp.ndim(undecided) == 0 and not is_traced(undecided) and undecided:
         raise InputError(f"least_duration: {TransferStatus.NO_WAY.sentence}")
     least, _ = least_time(chord.lam, chord.kappa, revolutions)
-    duration = least * chord.s * jnp.sqrt(chord.s / (2.0 * mu))
+    duration = least * chord.s * jnp.sqrt(quotient(chord.s, 2.0 * mu))
     return jnp.where(undecided, jnp.nan, duration)
+
+
+def _direction(normal: Vector | None) -> Vector | None:
+    """The normal in a size whose square float32 represents: the product of two places in metres is
+    beyond."""
+    return None if normal is None else unit_factor(*components(normal)) * normal
 
 
 def _chord(start: Vector, end: Vector, normal: Vector | None) -> _Chord:

@@ -23,6 +23,7 @@ import jax.numpy as jnp
 from ..core import Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.printing import printed
+from ..core.squares import quotient
 from ..core.types import as_float
 from .burnout import vis_viva_speed
 
@@ -71,7 +72,7 @@ def phasing(
     """
     a = as_float(semi_major_axis)
     turns = revolutions if target_revolutions is None else target_revolutions
-    period = 2.0 * math.pi * a * jnp.sqrt(a / mu)
+    period = 2.0 * math.pi * a * jnp.sqrt(quotient(a, mu))
     # The change of the period and not the period, so that a small lead keeps its digits.
     longer = ((turns - revolutions) - lead / period) / revolutions
     growth = jnp.expm1(2.0 / 3.0 * jnp.log1p(longer))

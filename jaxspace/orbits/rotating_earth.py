@@ -23,6 +23,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar, Vector
 from ..core.formula import POSITIVE, formula
+from ..core.squares import quotient
 from ..core.vectors import axis, cross, scale
 from ..rotations import MovingFrame, Quaternion
 
@@ -120,6 +121,6 @@ def plumb_line_deviation(latitude: Scalar, mu: Scalar, radius: Scalar, rate: Sca
     **Returns** d, rad, (*runs,): positive on the northern half, where the plumb line meets the axis
     south of the centre. It is greatest where cos(2 lat) = k / (2 - k).
     """
-    k = rate * rate * radius / mu * radius * radius
+    k = quotient(rate * rate * radius, mu) * radius * radius
     c, s = jnp.cos(latitude), jnp.sin(latitude)
     return jnp.arctan2(k * s * c, 1.0 - k * c * c)

@@ -21,6 +21,7 @@ import numpy as np
 from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.formula import formula
 from ..core.jit import quick_jit
+from ..core.squares import quotient
 from ..core.tracing import is_traced
 from ..core.vectors import dot, norm
 
@@ -32,7 +33,7 @@ def _mean_motion(system: AbstractSystem, y: State, t: Scalar) -> Scalar:
     r = norm(y.position)
     mu = -dot(a, y.position) * r
     # 1/A, and zero for an orbit that does not come back.
-    curvature = jnp.maximum(2.0 / r - dot(y.velocity, y.velocity) / mu, 0.0)
+    curvature = jnp.maximum(2.0 / r - quotient(dot(y.velocity, y.velocity), mu), 0.0)
     return jnp.sqrt(mu * curvature) * curvature
 
 

@@ -30,6 +30,7 @@ from ..core.barrier import barrier
 from ..core.formula import FINITE, NOT_NEGATIVE, POSITIVE, formula
 from ..core.special import stumpff
 from ..core.square_roots import inverse_sqrt, sqrt
+from ..core.squares import quotient
 from ..core.types import as_float
 from .kepler import universal_anomaly
 
@@ -49,7 +50,7 @@ def period(semi_major_axis: Scalar, mu: Scalar) -> Scalar:
     a = as_float(semi_major_axis)
     closed = (a > 0.0) & (a < math.inf)
     a = jnp.where(closed, a, 1.0)
-    return jnp.where(closed, _TURN * a * jnp.sqrt(a / mu), math.inf)
+    return jnp.where(closed, _TURN * a * jnp.sqrt(quotient(a, mu)), math.inf)
 
 
 @formula(period=POSITIVE, mu=POSITIVE)
@@ -87,7 +88,7 @@ def time_of_flight(
     p, e = as_float(semi_latus_rectum), as_float(eccentricity)
     turns = jnp.round(start / _TURN), jnp.round(end / _TURN)
     first, last = (f - _TURN * n for f, n in zip((start, end), turns, strict=True))
-    unit_of_time = p * jnp.sqrt(p / mu)
+    unit_of_time = p * jnp.sqrt(quotient(p, mu))
     # A whole turn takes 2 pi / (1 - e^2)^(3/2) of these units.
     closed = e < 1.0
     energy = jnp.where(closed, (1.0 - e) * (1.0 + e), 1.0)

@@ -31,6 +31,7 @@ from jaxtyping import Array, Float
 from ..core import Scalar
 from ..core.formula import ABOVE_ZERO, POSITIVE, formula
 from ..core.printing import printed
+from ..core.squares import quotient
 from ..core.types import as_float
 
 
@@ -79,7 +80,7 @@ def apsidal_impulse(radius: Scalar, before: Scalar, after: Scalar, mu: Scalar) -
     # (s2 - s) / ((r + s2) (r + s)), of which one may be infinite.
     open_s, open_s2 = jnp.isinf(s), jnp.isinf(s2)
     t, t2 = jnp.where(open_s, r, s), jnp.where(open_s2, r, s2)
-    share = (t2 - t) / ((r + t2) * (r + t))
+    share = quotient(t2 - t, (r + t2) * (r + t))
     share = jnp.where(open_s2, 1.0 / (r + t), jnp.where(open_s, -1.0 / (r + t2), share))
     return 2.0 * mu * share / speeds
 
@@ -93,7 +94,7 @@ def _apsis_speed(r: Scalar, s: Scalar, mu: Scalar) -> Scalar:
 def half_revolution(radius: Scalar, opposite: Scalar, mu: Scalar) -> Scalar:
     """Time from the apsis at the `radius`, m, to the `opposite` one, m, in s; `mu`, m^3/s^2."""
     a = 0.5 * (as_float(radius) + opposite)
-    return math.pi * a * jnp.sqrt(a / mu)
+    return math.pi * a * jnp.sqrt(quotient(a, mu))
 
 
 @formula(

@@ -22,6 +22,7 @@ import jax.numpy as jnp
 
 from ..core import Scalar, Vector
 from ..core.formula import NOT_NEGATIVE, POSITIVE, formula
+from ..core.squares import quotient
 from ..core.vectors import scale
 
 
@@ -33,7 +34,7 @@ def reduced_mass(m1: Scalar, m2: Scalar) -> Scalar:
 
     - `m1`, `m2`: kg, (*runs,)."""
     # In this order, because the product of two masses of planets leaves the range of float32.
-    return m1 * (m2 / (m1 + m2))
+    return m1 * quotient(m2, m1 + m2)
 
 
 @formula(m1=NOT_NEGATIVE, m2=NOT_NEGATIVE)
@@ -50,7 +51,7 @@ def to_relative(m1: Scalar, m2: Scalar, first: Vector, second: Vector) -> tuple[
     """
     separation = second - first
     # Not as a mean weighted by the masses, whose products leave the range of float32.
-    return first + scale(m2 / (m1 + m2), separation), separation
+    return first + scale(quotient(m2, m1 + m2), separation), separation
 
 
 @formula(m1=NOT_NEGATIVE, m2=NOT_NEGATIVE)
@@ -68,8 +69,8 @@ def from_relative(
     """
     total = m1 + m2
     return (
-        barycentre - scale(m2 / total, separation),
-        barycentre + scale(m1 / total, separation),
+        barycentre - scale(quotient(m2, total), separation),
+        barycentre + scale(quotient(m1, total), separation),
     )
 
 
@@ -86,4 +87,4 @@ def sphere_of_influence(distance: Scalar, mu: Scalar, mu_central: Scalar) -> Sca
 
     **Returns** the radius, m, (*runs,), of Laplace; its derivative is infinite at mu = 0.
     """
-    return distance * jnp.power(mu / mu_central, 0.4)
+    return distance * jnp.power(quotient(mu, mu_central), 0.4)

@@ -90,7 +90,9 @@ def gravity_turn(
     z0 = jnp.tan(0.5 * as_float(start))
     s = jnp.log(jnp.tan(0.5 * as_float(angle)) / z0)
     first = GravityTurnState(*map(as_float, (speed, start, 0.0, 0.0)))
-    time = _elapsed(s, thrust_ratio, z0) * speed / (gravity * (1.0 + z0 * z0))
+    n = as_float(thrust_ratio)
+    elapsed = _growth(n - 1.0, s) + _weighted(2, n + 1.0, s, z0)
+    time = elapsed * speed / (gravity * (1.0 + z0 * z0))
     return time, _state(s, thrust_ratio, gravity, first)
 
 
@@ -136,6 +138,20 @@ def _growth(a: Scalar, s: Scalar) -> Scalar:
     return s * phi1(a * s)
 
 
+def _weighted(k: int, a: Scalar, s: Scalar, z0: Scalar) -> Scalar:
+    """z_0^k (e^(a s) - 1)/a without e^(a s), which leaves the range of float32 after a start next
+    to the vertical although the product does not."""
+    power = a * s
+    grows = power > 0.0
+    # z_0^k e^(a s) = z^k e^((a - k) s).
+    weight = jnp.where(
+        grows,
+        (z0 * jnp.exp(s)) ** k * jnp.exp(jnp.where(grows, a - k, 0.0) * s),
+        z0**k,
+    )
+    return s * weight * phi1(jnp.where(grows, -power, power))
+
+
 def _elapsed(s: Scalar, n: Scalar, z0: Scalar) -> Scalar:
     """The time in units of v_0/(g (1 + z_0^2))."""
     return _growth(n - 1.0, s) + z0 * z0 * _growth(n + 1.0, s)
@@ -147,8 +163,8 @@ def _state(s: Scalar, n: Scalar, gravity: Scalar, y: GravityTurnState) -> Gravit
     z = z0 * jnp.exp(s)
     w = 1.0 + z0 * z0
     unit = y.speed * y.speed / (gravity * w * w)
-    across = _growth(2.0 * n - 1.0, s) + z0 * z0 * _growth(2.0 * n + 1.0, s)
-    up = _growth(2.0 * n - 2.0, s) - z0**4 * _growth(2.0 * n + 2.0, s)
+    across = _growth(2.0 * n - 1.0, s) + _weighted(2, 2.0 * n + 1.0, s, z0)
+    up = _growth(2.0 * n - 2.0, s) - _weighted(4, 2.0 * n + 2.0, s, z0)
     return GravityTurnState(
         speed=y.speed * jnp.exp((n - 1.0) * s) * (1.0 + z * z) / w,
         # By the difference of the two angles, which keeps its digits over a short time.
