@@ -229,10 +229,13 @@ SOLAR = {
 }
 
 
-@pytest.mark.parametrize("name", SOLAR)
-def test_orbits_about_the_sun_in_metres(name):
-    """Values and both modes of derivatives: mu is 1.3e20, whose square no float32 represents."""
-    length, mu = 1.5e11, 1.327e20
+@pytest.mark.parametrize(
+    ("name", "length", "mu"),
+    [*((name, 1.5e11, 1.327e20) for name in SOLAR), ("kepler", 1e-20, 1.0)],
+)
+def test_orbits_of_the_sun_and_of_small_lengths_in_metres(name, length, mu):
+    """Values and both modes of derivatives, where the square of mu or of the length leaves the
+    range of float32."""
     sizes = {"L": length, "V": math.sqrt(mu / length), "T": length * math.sqrt(length / mu)}
     sizes |= {"M": mu, "0": 1.0}
     (subject,) = single_hunt.subjects([name], places=24)

@@ -49,8 +49,8 @@ from ..core.formula import FINITE, NOT_NEGATIVE, formula
 from ..core.one_kernel import in_one_kernel
 from ..core.shapes import with_rank
 from ..core.special import stumpff
-from ..core.squares import quotient
-from ..core.vectors import cross, dot, norm
+from ..core.squares import quotient, unit_factor
+from ..core.vectors import components, cross, dot, norm
 from ._anomaly import Anomaly, anomaly_after
 from ._rectilinear import rectilinear_motion
 
@@ -114,6 +114,23 @@ def _conic(
     rank = max(position.ndim - 1, velocity.ndim - 1, jnp.ndim(duration), jnp.ndim(mu))
     position = with_rank(position, rank)
     velocity = with_rank(velocity, rank)
+    length = unit_factor(*components(position))
+    if isinstance(length, float):
+        return _motion(position, velocity, duration, mu)
+    # In metres, products within the derivatives leave the range of float32.
+    speed = unit_factor(jnp.sqrt(mu * length), *components(velocity))
+    r, v = _motion(
+        length * position,
+        speed * velocity,
+        duration * (length / speed),
+        mu * (length * speed * speed),
+    )
+    return r / length, v / speed
+
+
+def _motion(
+    position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
+) -> tuple[Vector, Vector]:
     r0, v2 = norm(position), dot(velocity, velocity)
     # A weaker centre bends the path by less than a rounding, and e^2 would leave the range of
     # float32. The derivative by mu is the same.
