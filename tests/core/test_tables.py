@@ -95,7 +95,8 @@ class Push(eqx.Module):
     control: Table | Spline
 
     def __call__(self, t, y, body):
-        push = self.control(t) * jnp.array([1.0, 0.0, 0.0]).reshape(3, *(1,) * jnp.ndim(t))
+        push = self.control(t)
+        push = push * jnp.array([1.0, 0.0, 0.0]).reshape(3, *(1,) * jnp.ndim(push))
         return Load(acceleration_N=push + 0.0 * y.position)
 
 
