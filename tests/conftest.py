@@ -167,6 +167,15 @@ def programs_are_dropped():
 
 
 @pytest.fixture
+def fresh_programs():
+    """Traces none of which was made before the test, or is used after it, because the test changes
+    a constant that a trace depends on."""
+    jax.clear_caches()
+    yield
+    jax.clear_caches()
+
+
+@pytest.fixture
 def settings_stay():
     """Hand the settings of JAX back after a test that runs a page or the command line."""
     names = (

@@ -156,7 +156,7 @@ def test_derivatives_do_not_depend_on_the_neighbours():
         np.testing.assert_array_equal(a, b[..., order])
 
 
-def test_a_slow_run_leaves_the_others_their_derivatives(monkeypatch):
+def test_a_slow_run_leaves_the_others_their_derivatives(monkeypatch, fresh_programs):
     """Where the record is full, and the steps that the runs share are used up by one of them."""
     times = jnp.linspace(0.0, 12.0, 2)
     alone = slopes(whole_runs(), times)
@@ -169,7 +169,7 @@ def test_a_slow_run_leaves_the_others_their_derivatives(monkeypatch):
         np.testing.assert_allclose(found, b, rtol=0.0, atol=1e-5 * np.max(np.abs(b)))
 
 
-def test_a_record_that_is_full_takes_steps_that_all_runs_share(monkeypatch):
+def test_a_record_that_is_full_takes_steps_that_all_runs_share(monkeypatch, fresh_programs):
     """The same derivatives, within what the tolerance of the runs makes of them."""
     y, times = whole_runs(), jnp.linspace(0.0, 12.0, 3)
     whole = slopes(y, times)

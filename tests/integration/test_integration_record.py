@@ -32,7 +32,7 @@ def step_of(n, like):
 @pytest.mark.parametrize("step", [CLOCK, OWN], ids=["common steps", "own steps"])
 @pytest.mark.parametrize("limit", [1, 2, 7, 64, 100, 257])
 @pytest.mark.parametrize("dtype", [jnp.float32, jnp.float64])
-def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype):
+def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype, fresh_programs):
     """With room for four states beside all steps: they are dropped as often as possible."""
     monkeypatch.setattr(_record, "RECORD_BYTES", 0)
     like = BodyState(jnp.zeros((3, 3), dtype), jnp.zeros((3, 3), dtype))
@@ -65,7 +65,9 @@ def test_steps_and_states_are_found_again(monkeypatch, step, limit, dtype):
 
 
 @pytest.mark.parametrize("shared", [False, True])
-def test_a_short_record_holds_more_steps_where_the_runs_share_them(monkeypatch, shared):
+def test_a_short_record_holds_more_steps_where_the_runs_share_them(
+    monkeypatch, shared, fresh_programs
+):
     """Five of each run, or all of them with one number each, that of the run ahead."""
     monkeypatch.setattr(_record, "RECORD_BYTES", 0)
     monkeypatch.setattr(_record, "SHORT", 15)
@@ -107,7 +109,7 @@ def end(mu, max_steps, dense=False):
     return simulate(TwoBody(mu), y0, jnp.array([0.0, 1.0]), accuracy=accuracy, dense=dense).final
 
 
-def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch):
+def test_a_record_without_room_is_refused_before_it_is_compiled(monkeypatch, fresh_programs):
     sentence = "Accuracy.max_steps is {}: .* would take {} GB of memory; .* at most {}"
     # Half of the memory for the ends of the steps, of 8 bytes each, or for seven numbers of each.
     monkeypatch.setattr(_record, "memory", lambda: 16e9)

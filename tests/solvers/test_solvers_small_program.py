@@ -269,7 +269,9 @@ def test_derivatives_of_many_runs_of_a_large_field(method, mode):
 @pytest.mark.parametrize("method", [DOP853(), RKN1210()], ids=["DOP853", "RKN1210"])
 @pytest.mark.parametrize("additions", [0, 110], ids=["a step twice", "a step once"])
 @pytest.mark.slow
-def test_reverse_mode_along_several_states_of_a_record(monkeypatch, additions, method, times):
+def test_reverse_mode_along_several_states_of_a_record(
+    monkeypatch, additions, method, times, fresh_programs
+):
     """Some 300 to 800 steps with room for six states: between two of them lie more steps than are
     kept at once."""
     monkeypatch.setattr(_record, "RECORD_BYTES", 0)
@@ -326,7 +328,7 @@ def test_a_hessian_holds_the_backward_pass_of_the_gradient_once():
         assert program.count("cotangent_along_steps[") == 1
 
 
-def test_a_second_derivative_along_several_states_of_a_record(monkeypatch):
+def test_a_second_derivative_along_several_states_of_a_record(monkeypatch, fresh_programs):
     """Some forty steps with room for six states, of which every second one is dropped when they
     are full; beside the difference of gradients."""
     monkeypatch.setattr(_record, "RECORD_BYTES", 0)
