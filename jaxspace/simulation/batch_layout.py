@@ -6,11 +6,12 @@ from typing import TypeAlias, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax.export import is_symbolic_dim
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import InputError, State
-from ..core.layout import add_batch_axis, run_axes_of
+from ..core.layout import add_batch_axis, component_axes_of, run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
@@ -141,10 +142,12 @@ def in_blocks(
     return blocks.map(block, (batched, own), (shared, rest, given), order)
 
 
-def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
+def local_blocks(arrays: tuple[PyTree, PyTree], runs: NumRuns) -> Blocks:
     """The blocks of these `runs`: on all local devices if there is a block for each of them.
 
-    On one device if the arrays are committed to a device, or within a transformation."""
+    On one device if the arrays are committed to a device, or within a transformation.
+
+    `arrays`: the batched and the shared ones, as from `split_batch`."""
     devices = jax.local_devices()
     leaves = [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
     free = not is_traced(arrays) and all(
@@ -156,7 +159,18 @@ def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
     # A program for any number of runs has blocks of one size; the last one is padded.
     if is_symbolic_dim(runs):
         return blocks
-    return Blocks(min(blocks.size, _whole_vectors(leaves, runs)), blocks.mesh)
+    size = runs if _captures_runs(arrays[1][0], runs) else _whole_vectors(leaves, runs)
+    return Blocks(min(blocks.size, size), blocks.mesh)
+
+
+def _captures_runs(system: PyTree, runs: int) -> bool:
+    """Whether a shared array that declares no axes, such as one that a user's function closes over,
+    may carry a number for each run: it only fits a block of as many runs, without padding."""
+    axes = jax.tree.leaves(component_axes_of(system))
+    return any(
+        declared < 0 and np.shape(x)[-1:] == (runs,)
+        for x, declared in zip(jax.tree.leaves(system), axes, strict=True)
+    )
 
 
 def _whole_vectors(arrays: list[jax.Array], runs: int) -> int:
