@@ -116,10 +116,12 @@ def test_every_run_of_a_batch_has_its_tolerance():
     one = batch.of(1)
     assert one.accuracy.rtol == one.config.rtol == rtol[1]
     np.testing.assert_array_equal(batch.stats["steps"][::2], batch.stats["steps"][0])
-    # A run alone with this tolerance takes these steps.
+    # A run alone with this tolerance takes about as many steps: it is another program, and a step
+    # that rounding decides to repeat changes those after it. The other tolerance takes a tenth
+    # more.
     alone = simulate(ORBIT, start(1.0), TS, accuracy=Accuracy(rtol[1], method=DOP853()))
     np.testing.assert_allclose(alone.final.position, one.final.position, atol=1e-8)
-    assert abs(int(alone.stats["steps"]) - int(one.stats["steps"])) <= 1
+    assert abs(int(alone.stats["steps"]) - int(one.stats["steps"])) <= 4
     error = apart(batch.error().position, 0.0)
     np.testing.assert_array_less(error, 1e-8)
 
