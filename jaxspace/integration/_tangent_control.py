@@ -193,8 +193,10 @@ class TangentControl(eqx.Module):
         longer = jnp.where(some, state.longest / jnp.where(some, state.resolved, 1.0), 1.0)
         grown = jax.tree.map(lambda x: x * (part * part).astype(x.dtype), state.sizes)
         most = jnp.maximum(MOST_ERROR / self.tolerance.rtol, USUAL)
+        ratios = self._ratios(state.errors, grown)
         resolved = (
-            jnp.all(self._ratios(state.errors, grown) * longer**POWER <= ALARM, axis=0)
+            # The times may have double precision where the state has single.
+            jnp.all(ratios * (longer**POWER).astype(ratios.dtype) <= ALARM, axis=0)
             & jnp.all(self._ratios(state.errors, state.sizes) <= most, axis=0)
             & (state.longest <= LONGER * state.resolved)
         )
