@@ -6,21 +6,17 @@ from typing import TypeAlias, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
-import numpy as np
 from jax.export import is_symbolic_dim
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import InputError, State
-from ..core.layout import add_batch_axis, component_axes_of, run_axes_of
+from ..core.layout import add_batch_axis, run_axes_of
 from ..core.structure import once_per_structure
 from ..core.tracing import is_traced
 from ..integration.accuracy import state_dtype
 from ..integration.config import IntegrationConfig
 from ..integration.mapping import BLOCK
 from .blocks import Blocks, NumRuns, Order
-
-# Bytes in the widest vectors of processors; those of other processors divide it.
-VECTOR = 64
 
 T = TypeVar("T")
 InAxes: TypeAlias = tuple[PyTree, PyTree] | None
@@ -142,12 +138,10 @@ def in_blocks(
     return blocks.map(block, (batched, own), (shared, rest, given), order)
 
 
-def local_blocks(arrays: tuple[PyTree, PyTree], runs: NumRuns) -> Blocks:
+def local_blocks(arrays: PyTree, runs: NumRuns) -> Blocks:
     """The blocks of these `runs`: on all local devices if there is a block for each of them.
 
-    On one device if the arrays are committed to a device, or within a transformation.
-
-    `arrays`: the batched and the shared ones, as from `split_batch`."""
+    On one device if the arrays are committed to a device, or within a transformation."""
     devices = jax.local_devices()
     leaves = [x for x in jax.tree.leaves(arrays) if isinstance(x, jax.Array)]
     free = not is_traced(arrays) and all(
@@ -157,27 +151,4 @@ def local_blocks(arrays: tuple[PyTree, PyTree], runs: NumRuns) -> Blocks:
     devices = devices[: max(1, runs // BLOCK)] if free else devices[:1]
     blocks = Blocks.on(devices, runs)
     # A program for any number of runs has blocks of one size; the last one is padded.
-    if is_symbolic_dim(runs):
-        return blocks
-    size = runs if _captures_runs(arrays[1][0], runs) else _whole_vectors(leaves, runs)
-    return Blocks(min(blocks.size, size), blocks.mesh)
-
-
-def _captures_runs(system: PyTree, runs: int) -> bool:
-    """Whether a shared array that declares no axes, such as one that a user's function closes over,
-    may carry a number for each run: it only fits a block of as many runs, without padding."""
-    axes = jax.tree.leaves(component_axes_of(system))
-    return any(
-        declared < 0 and np.shape(x)[-1:] == (runs,)
-        for x, declared in zip(jax.tree.leaves(system), axes, strict=True)
-    )
-
-
-def _whole_vectors(arrays: list[jax.Array], runs: int) -> int:
-    """The next number of runs that fills the vectors of any processor.
-
-    The compiler rounds runs that are left over in another way, so that the bits of a run would
-    depend on its place in the batch. A single run has no other place."""
-    sizes = [x.dtype.itemsize for x in arrays if jnp.issubdtype(x.dtype, jnp.inexact)]
-    lanes = VECTOR // min(sizes, default=VECTOR)
-    return runs if runs == 1 else lanes * -(-runs // lanes)
+    return blocks if is_symbolic_dim(runs) else Blocks(min(blocks.size, runs), blocks.mesh)
