@@ -81,8 +81,8 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
         return ", ".join(f"{name} {x.text(factor)}" for name, x in named_blocks(value).items())
 
     rows = [("final error asked for", listed(1.0))]
-    if runs == 1:
-        return [*rows, ("estimated", "0: the run is a closed form")]
+    if all(phase.config.method == "closed_form" for phase in run.phases):
+        return [*rows, ("estimated", f"{listed(estimate)}, the rounding of a closed form")]
     rows.append(("estimated", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
     tolerance = tolerance_of(run.phases[-1])
