@@ -111,6 +111,9 @@ LEFT_OUT: dict[str, list[str]] = {
     "interpolates measured values, by a cubic that its tests hold to SciPy's": """
         vehicles.AerodynamicTable* vehicles.TabulatedAerodynamics* vehicles.Measured*
     """.split(),
+    "is the force that decides a limit of validity, under the tests of that limit": """
+        mechanics.BarOnString.tension mechanics.LandingLegs.ground_force
+    """.split(),
     "takes the eigenvalues of LAPACK": """
         attitude.NutationDamper.eigenvalues
         mechanics.FlexibleMissile.coupled_frequencies_squared
