@@ -1,11 +1,13 @@
-"""Draws the manual's pictures by the library itself: `python docs/figures.py [NAME ...]` writes
-docs/figures/NAME.png."""
+"""Draws the pictures of the manual with the library: `python docs/figures.py [NAME ...]` writes
+docs/figures/NAME.png and, for `nutation`, the animation of the README."""
 
+import re
 import sys
 from pathlib import Path
 
 import matplotlib.pyplot as plt
 import numpy as np
+from _animation import nutation, save
 from _figures_of_physics import (
     gravity_gradient,
     optimization,
@@ -33,6 +35,16 @@ import jaxspace
 HERE = Path(__file__).parent / "figures"
 
 
+def orbit():
+    """The figure that the first Python block of the README draws."""
+    readme = (HERE.parents[1] / "README.md").read_text()
+    block = re.search(r"^```python\n(.*?)^```$", readme, re.M | re.S)[1]
+    exec(re.sub(r"^plt\.savefig.*$", "", block, flags=re.M), {})
+    axes = plt.gca()
+    axes.set(xlabel="x, m", ylabel="y, m", aspect="equal")
+    return axes.figure
+
+
 def dark(picture):
     """The dark version of a picture, as `manual.css` makes it in the browser: light and dark change
     places, hues stay, and white becomes the dark of the page that GitHub shows."""
@@ -48,6 +60,7 @@ def dark(picture):
 DRAWN = {
     f.__name__: f
     for f in (
+        orbit,
         top,
         two_body,
         transfers,
@@ -71,10 +84,13 @@ if __name__ == "__main__":
     jaxspace.enable_x64()
     plt.switch_backend("agg")
     HERE.mkdir(exist_ok=True)
-    for name in sys.argv[1:] or DRAWN:
+    for name in sys.argv[1:] or [*DRAWN, "nutation"]:
+        if name == "nutation":
+            save(nutation(), HERE / "nutation.gif")
+            continue
         DRAWN[name]().savefig(HERE / f"{name}.png", dpi=110)
         plt.close("all")
-        # A page of GitHub has no style of ours.
+        # A page of GitHub does not use the style sheet of the manual.
         if name == "kick_stage":
             light = Image.open(HERE / "kick_stage.png")
             dark(light).quantize(256).save(HERE / "kick_stage_dark.png")

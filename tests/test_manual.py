@@ -1,15 +1,20 @@
-"""The manual runs: every Python block of every page and of the README, in one namespace a page.
+"""The manual runs: every Python block of every page, in one namespace a page, and each block of
+the README in its own process.
 
 A block of another library carries a title (```{.python title="SciPy"}), and is shown only.
 """
 
 import ast
+import contextlib
 import importlib
 import inspect
 import json
+import os
 import pkgutil
 import re
 import runpy
+import subprocess
+import sys
 from pathlib import Path
 
 import jax
@@ -29,11 +34,11 @@ COPIED = re.compile(r"^jaxspace new (\w+)", re.MULTILINE)
 MANUAL = ["README.md", "CONTRIBUTING.md"]
 MANUAL += sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("docs/**/*.md"))
 PAGES = [page for page in MANUAL if CODE.search((ROOT / page).read_text())]
-# The home page has the code of the README, which runs once.
+# The home page has the code of the README, each block of which runs in a process of its own.
 HOME = "docs/index.md"
+APART = HOME, "README.md"
 # What a reader opens first is run always, of the other pages a sample.
 FIRST = (
-    "README.md",
     "docs/tutorials/getting_started.md",
     "docs/tutorials/rocket_to_the_ground.md",
     "docs/tutorials/trained_controller.md",
@@ -81,29 +86,52 @@ def test_prose_is_folded(page):
     assert not [line for line in prose if len(line) > 100]
 
 
+README = (ROOT / "README.md").read_text()
+EXAMPLES = CODE.findall(README)
+
+
 def test_home_page_begins_as_the_readme():
-    blocks = [BLOCK.findall((ROOT / page).read_text()) for page in (HOME, "README.md")]
-    # The code, its output, and the scene file; below them each goes its own way.
-    assert blocks[0][:5] == blocks[1][:5] and [kind for kind, _ in blocks[0][:5]] == [
-        *("python", "text", "toml", "sh", "python")
-    ]
+    home, readme = [BLOCK.findall(text) for text in ((ROOT / HOME).read_text(), README)]
+    # Installation, orbit, gradient with its output, and campaign; the rest differs.
+    kinds = ["sh", "python", "python", "text", "toml", "sh", "python"]
+    assert home[:7] == readme[:7] and [kind for kind, _ in home[:7]] == kinds
 
 
-def test_readme_shows_what_its_first_block_prints(capsys, settings_stay):
-    (_, code), (_, shown), *_ = BLOCK.findall((ROOT / "README.md").read_text())
-    with jax.numpy_dtype_promotion("standard"):
-        exec(compile(code, "README.md", "exec"), {"__name__": "page"})
-    numbers = [re.findall(r"-?\d+\.?\d*", text) for text in (capsys.readouterr().out, shown)]
-    printed, expected = (np.array(row, float) for row in numbers)
-    # The last digit shown, which other roundings of a run at 1e-9 may move by one.
-    within = np.array([1.5] + 3 * [0.015])
-    assert printed.size == expected.size == 4
-    assert np.all(np.abs(printed - expected)[:4] < within), (printed, expected)
+@pytest.mark.parametrize("block", range(3), ids=("orbit", "gradient", "campaign"))
+def test_each_block_of_the_readme_runs_alone(block, tmp_path, request, settings_stay):
+    """A reader copies one block into a new process, where JAX has its default settings."""
+    path = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+    light = str(int(request.config.getoption("--sweep") == "sample"))
+    settings = {"JAX_DISABLE_MOST_OPTIMIZATIONS": light, "MPLBACKEND": "agg", "PYTHONPATH": path}
+    if block == 2:
+        with contextlib.chdir(tmp_path):
+            assert cli.main(["new", "kick_stage"]) == 0
+    done = subprocess.run(
+        # The same program with fewer runs.
+        [sys.executable, "-W", "error", "-c", EXAMPLES[block].replace("10_000", "100")],
+        cwd=tmp_path,
+        env={**os.environ, **settings},
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    if block == 0:
+        assert (tmp_path / "orbit.png").stat().st_size > 5000
+    if block == 1:
+        shown = BLOCK.findall(README)[3][1]
+        printed, expected = (
+            np.array(re.findall(r"-?\d+\.?\d*", text), float) for text in (done.stdout, shown)
+        )
+        # The last digit shown, which other roundings of a run at 1e-9 may move by one.
+        within = np.array([1.5] + 3 * [0.015])
+        assert printed.size == expected.size == 4
+        assert np.all(np.abs(printed - expected) < within), (printed, expected)
 
 
 def test_scene_of_the_readme_is_the_example():
-    """Each line of its excerpt stands in the file."""
-    (scene,) = re.findall(r"^```toml\n(.*?)^```$", (ROOT / "README.md").read_text(), re.M | re.S)
+    """Each line of its excerpt is a line of the file."""
+    (scene,) = re.findall(r"^```toml\n(.*?)^```$", README, re.M | re.S)
     example = (ROOT / "examples" / "scenes" / "kick_stage.toml").read_text()
     for line in filter(None, scene.splitlines()):
         assert line.partition("  #")[0] in example
@@ -120,7 +148,9 @@ def marks_of(page):
     return () if page.startswith(FIRST) else pytest.mark.slow
 
 
-@pytest.mark.parametrize("page", [pytest.param(p, marks=marks_of(p)) for p in PAGES if p != HOME])
+@pytest.mark.parametrize(
+    "page", [pytest.param(p, marks=marks_of(p)) for p in PAGES if p not in APART]
+)
 def test_code_of_the_page_runs(page, tmp_path, monkeypatch, settings_stay):
     monkeypatch.chdir(tmp_path)  # a page may write a file
     (tmp_path / "examples").symlink_to(ROOT / "examples")  # and read those of the examples
