@@ -108,12 +108,18 @@ def is_stiff(starts: InitialConditions, rtol: float) -> bool:
 
 
 def of_each(starts: InitialConditions, function: Callable[..., PyTree], given: Array) -> PyTree:
-    """`function(system, y, ts, x)` of each sampled run, with its row of `given`."""
-    picked = jax.tree.map(
+    """`function(system, y, ts, x)` of each sampled run, with its row of `given`.
+
+    System and state of a batch are passed as a batch of one run."""
+    *batch, ts = jax.tree.map(
         lambda x, n: jnp.moveaxis(x[..., starts.rows], -1, 0) if n else x,
         starts.runs,
         starts.run_axes,
     )
+    # What all runs share has an axis of length one for them: a run without it would broadcast
+    # against the components.
+    batch = jax.tree.map(lambda x, n: x[..., None] if n else x, batch, list(starts.run_axes[:2]))
+    picked = (*batch, ts)
     axes = jax.tree.map(lambda n: 0 if n else None, starts.run_axes)
     given = given.astype(jnp.result_type(*jax.tree.leaves(starts.runs[1])))
     # Leaves that are no arrays, such as a user's functions, cannot pass through a map.

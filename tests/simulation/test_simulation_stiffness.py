@@ -204,6 +204,16 @@ def test_one_run_that_needs_small_steps_keeps_all_explicit():
     assert not stiff([0.5] * 3, rows)
 
 
+def test_a_batch_is_stiff_that_shares_a_number_of_each_component():
+    """Three frequencies, (3, 1), beside states, (3, runs): a run of it is not taken as (3,)."""
+    system = eqx.tree_at(lambda m: m.w, MODES, MODES.w[:, None])
+    y0s = jax.tree.map(lambda x: jnp.stack([x, 0.5 * x], axis=-1), RING)
+    axes = (jax.tree.map(lambda _: 0, system), jax.tree.map(lambda _: 1, y0s), 0)
+    for end, stiff in ((500.0, True), (0.5, False)):
+        starts = InitialConditions((system, y0s, jnp.array([0.0, end])), axes, np.arange(2))
+        assert is_stiff(starts, 1e-9) == stiff
+
+
 def test_single_precision_is_judged_in_its_own():
     def one(x):
         return jnp.asarray(x, jnp.float32)
