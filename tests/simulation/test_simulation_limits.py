@@ -9,18 +9,31 @@ import jax.numpy as jnp
 import numpy as np
 from numpy.testing import assert_allclose, assert_array_equal
 
-from jaxspace import simulate, simulate_batch, simulate_mission
+from jaxspace import Accuracy, simulate, simulate_batch, simulate_mission
 from jaxspace.attitude import RollingDisk
 from jaxspace.attitude.disk_tilt import disk_tilt
 from jaxspace.attitude.swinging import SwingingCords
 from jaxspace.attitude.unwinding import StretchingCords
-from jaxspace.gyros import Gyrocompass, RateGyro, RateGyroState, TwoGimbalGyro
+from jaxspace.gyros import (
+    Gyrocompass,
+    Gyropendulum,
+    GyropendulumState,
+    PlatformAxis,
+    RateGyro,
+    RateGyroState,
+    StablePlatform,
+    TwoGimbalGyro,
+)
 from jaxspace.gyros.bearing import BearingFriction
 from jaxspace.mechanics import BarOnSpring, BarOnString, ElasticPendulum, LandingLegs
 from jaxspace.simulation import Event, Mission, Phase, Status
+from jaxspace.solvers import Tsit5
+from jaxspace.studies import propagate_covariance
+from jaxspace.studies.covariance import MeanRoot, UncertainRoot
 
 INSIDE, LEFT = Status.COMPLETED, Status.OUTSIDE_MODEL
 G = 9.81
+FAST = Accuracy(1e-7, method=Tsit5(), max_steps=256)
 # A uniform disk, a hoop and a disk that rolls fast enough to stay upright.
 AXIAL = np.array([0.5, 1.0, 0.5]) * 0.37 * 0.2**2
 DISKS = RollingDisk(0.37, 0.2, 0.5 * AXIAL, AXIAL, G)
@@ -138,11 +151,16 @@ def test_cords_that_become_slack_or_meet_the_drum():
         assert run.status == status
 
 
-def test_gyros():
-    """A rate gyro that swings to 2 H w/K and back, in closed form; a compass whose axis is past the
-    vertical; and dry friction without the events of its slip."""
+def rate_gyros():
+    """Two that swing to 2 H w/K and back, to 0.15 and 1.2 rad, and their period, s."""
     gyro = RateGyro(1e-4, 0.0, 0.01, spring=0.04, input_rate=np.array([0.3, 2.4]))
-    period = 2.0 * math.pi * math.sqrt(1e-4 / 0.04)
+    return gyro, 2.0 * math.pi * math.sqrt(1e-4 / 0.04)
+
+
+def test_gyros():
+    """A rate gyro in closed form; a compass whose axis is past the vertical; and dry friction
+    without the events of its slip."""
+    gyro, period = rate_gyros()
     still = RateGyroState(jnp.zeros(2), jnp.zeros(2))
     run = simulate_batch(gyro, still, np.linspace(0.0, period, 5), throw=False)
     assert_array_equal(run.status, [INSIDE, LEFT])
@@ -156,3 +174,61 @@ def test_gyros():
     assert simulate(gyro, y0, ts, throw=False).status == LEFT
     margin = Event(gyro.friction_margin, direction=-1, terminal=False, then=gyro.stick_or_slip)
     assert simulate(gyro, y0, ts, events=(margin,), throw=False).status == INSIDE
+
+
+def tilted_pendulums(peaks):
+    """Pendulums from rest at the vertical, with the plumb line tilted by half of `peaks`, (2, n):
+    the axis precesses about it through the tilt of twice that, and back."""
+    system = Gyropendulum(
+        200.0, 0.01, 4.0, acceleration_theta=0.5 * G * peaks[0],
+        acceleration_phi=0.5 * G * peaks[1], gravity=G,
+    )  # fmt: skip
+    rest = GyropendulumState(*(jnp.zeros(peaks.shape[1]) for _ in range(4)))
+    return system, rest, 2.0 * math.pi / float(system.frequencies[0])
+
+
+def test_a_gyropendulum_that_tilts_by_more_than_a_radian():
+    """In either tilt, in both directions. The nutation is below 1e-6 rad."""
+    peaks = np.array([[0.99, 1.01, 0.0, 0.0, -1.01], [0.0, 0.0, 0.99, -1.01, 0.0]])
+    system, rest, period = tilted_pendulums(peaks)
+    run = simulate_batch(system, rest, np.linspace(0.0, period, 33), throw=False)
+    # Half a circle about the plumb line crosses each tilt by its radius alone.
+    assert_array_equal(run.status, [INSIDE, LEFT, INSIDE, LEFT, LEFT])
+    inside = np.asarray(run.status) == INSIDE
+    assert_allclose(np.stack([run.final.theta, run.final.phi])[:, inside], 0.0, atol=1e-5)
+
+
+def test_platforms_whose_gyros_turn_by_more_than_a_radian():
+    """Free platforms nutate: a gyro that starts at the rate a n turns by a sin(n t), to a and back
+    within half a period."""
+    inertia, own, h = 0.5, 1e-3, 0.8
+    peaks = np.array([0.99, 1.01, -1.01])
+    axis = PlatformAxis(inertia, own, h)
+    n = h / math.sqrt(inertia * own)
+    ts = np.linspace(0.0, math.pi / n, 9)
+    rest = jax.tree.map(lambda x: jnp.zeros(3) + x, axis.at_rest)
+    y0 = dataclasses.replace(rest, gyro_rate=jnp.asarray(peaks * n))
+    run = simulate_batch(axis, y0, ts, throw=False)
+    assert_array_equal(run.status, [INSIDE, LEFT, LEFT])
+    assert_allclose(run.final.gyro_angle[0], 0.0, atol=1e-6)
+    # About each axis of three in turn: the innermost gimbals turn alone, with their own inertia.
+    platform = StablePlatform([inertia - 0.1] * 3, 0.1, own, h)
+    y0 = platform.state(*jnp.zeros((3, 4)))
+    peaks = np.array([[1.01, 0.0, 0.0, 0.0], [0.0, -1.01, 0.0, 0.99], [0.0, 0.0, 1.01, 0.0]])
+    y0 = dataclasses.replace(y0, gyro_rates=jnp.asarray(peaks * n))
+    run = simulate_batch(platform, y0, ts, accuracy=FAST, throw=False)
+    assert_array_equal(run.status, [LEFT, LEFT, LEFT, INSIDE])
+    assert_allclose(run.final.gyro_angles[:, 3], 0.0, atol=1e-5)
+
+
+def test_a_mean_that_leaves_the_range():
+    """The covariance, and its root, are propagated about a mean that the model describes."""
+    gyro, period = rate_gyros()
+    y0 = RateGyroState(jnp.zeros(2), jnp.zeros(2))
+    ts = np.linspace(0.0, period, 5)
+    P = np.eye(2) * 1e-6
+    run, _ = propagate_covariance(gyro, y0, ts, P, batch=True, accuracy=FAST, throw=False)
+    assert_array_equal(run.status, [INSIDE, LEFT])
+    root = MeanRoot(y0, 1e-3 * jnp.eye(2)[..., None] * jnp.ones(2))
+    run = simulate_batch(UncertainRoot(gyro), root, ts, accuracy=FAST, throw=False)
+    assert_array_equal(run.status, [INSIDE, LEFT])

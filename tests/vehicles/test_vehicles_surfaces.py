@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import jaxspace
-from jaxspace import BodyState, Scene
+from jaxspace import Accuracy, BodyState, Scene, simulate_batch
 from jaxspace.bodies import BurningBody, ExponentialAtmosphere, RigidBody
 from jaxspace.control import ApogeeControl, FinControl, LandingControl
 from jaxspace.control.vehicle_laws import drag_apogee
@@ -18,6 +18,9 @@ from jaxspace.core import InputError
 from jaxspace.rockets import ColdGasThrusters, ThrottledEngine
 from jaxspace.rockets.servo import servo_rate
 from jaxspace.rotations import Quaternion, from_euler_angles
+from jaxspace.scene import Scaled
+from jaxspace.simulation import Status
+from jaxspace.solvers import Tsit5
 from jaxspace.vehicles import Aerodynamics, AirBrake, FinSet, MovableFins, Wind
 from jaxspace.vehicles.flights import apogee
 from jaxspace.vehicles.local_air import LocalAir
@@ -34,6 +37,7 @@ Y = BodyState(
     jnp.array([0.3, -0.2, 0.7]),
 )
 CANARDS = FinSet(4, 0.05, 0.06, 0.03, 0.02, 0.0635, 0.9)
+FAST = Accuracy(1e-6, method=Tsit5(), max_steps=64)
 FOUR = np.arange(4.0) * np.pi / 2.0
 
 
@@ -99,6 +103,44 @@ def test_fins_turned_about_an_axis_turn_the_body_about_it():
         force, moment = force + here, moment + np.cross(arm, here)
     np.testing.assert_allclose(y.attitude.rotate_back(load.force_N), force, rtol=1e-11)
     np.testing.assert_allclose(load.torque_B[:2], moment[:2], rtol=1e-11)
+
+
+def test_stalled_fins_are_outside_of_the_model():
+    """From an incidence of 15 degrees on, of the flow at the fins, their angle and their cant, at a
+    dynamic pressure above 1 kPa."""
+    tenth, limit = np.degrees(0.1), np.sqrt(2.0 * 1000.0 / 1.2)
+    # tan 15 deg = 0.268 = tan 12 deg + 0.055: the flow by a rate of pitch over that along the axis.
+    pitch = 100.0 * np.cos(np.radians(12.0)) / float(CANARDS.centre())
+    rows = [
+        # Incidence of the flow, deg, speed, angle of the fins, rate of pitch, and what is expected.
+        *((a, 100.0, 0.0, 0.0, a * a > 225.0) for a in (14.9, -14.9, 15.1, -15.1)),
+        *((40.0, share * limit, 0.0, 0.0, share > 1.0) for share in (0.99, 1.01)),
+        *((a - tenth, 100.0, 0.1, 0.0, a > 15.0) for a in (14.8, 15.2)),
+        *((12.0, 100.0, 0.0, share * pitch, share > 0.055) for share in (0.05, 0.06)),
+    ]
+    degrees, speed, angle, rate, left = map(jnp.array, zip(*rows, strict=True))
+    calm = LocalAir(ExponentialAtmosphere(1.2, 0.0, 7000.0))
+
+    def status(fins, degrees, wrap=lambda effect: effect):
+        a, zero = jnp.radians(degrees), jnp.zeros(degrees.size)
+        command = jnp.stack([zero, zero, angle[: a.size]])
+        scene = Scene([wrap(MovableFins(fins, FOUR, air=calm, command=command))], BODY)
+        y = BodyState(
+            jnp.zeros((3, a.size)),
+            speed[: a.size] * jnp.stack([jnp.sin(a), zero, jnp.cos(a)]),
+            Quaternion.about(0, zero),
+            jnp.stack([zero, rate[: a.size], zero]),
+        )
+        # So short that the state barely changes.
+        ts = jnp.array([0.0, 1e-4])
+        return simulate_batch(scene, scene.start(y), ts, accuracy=FAST, throw=False).status
+
+    expected = np.where(left, Status.OUTSIDE_MODEL, Status.COMPLETED)
+    np.testing.assert_array_equal(status(CANARDS, degrees), expected)
+    # A cant adds to the angles, and a scaled effect has the range of the one that it scales.
+    canted = dataclasses.replace(CANARDS, cant=jnp.asarray(0.1))
+    found = status(canted, degrees[:4] - tenth, lambda effect: Scaled(effect, 0.5))
+    np.testing.assert_array_equal(found[::2], expected[:4:2])
 
 
 def test_an_air_brake_drags_by_its_share():
