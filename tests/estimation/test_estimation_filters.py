@@ -41,8 +41,9 @@ def position(t, y):
     return y["x"][None]
 
 
-def linear_filter(P, z, r, q):
-    """The textbook's filter of x'' = -k x with white noise in x'', in NumPy; state (v, x)."""
+def linear_filter(P, z, H, R, q):
+    """The textbook's filter of x'' = -k x with white noise in x'', in NumPy; state (v, x). Of the
+    readings z = H y, (m, times), the rows that are NaN are left out."""
     k = 2.0
     w, h = np.sqrt(k), STEP
     c, s = np.cos(w * h), np.sin(w * h)
@@ -53,17 +54,19 @@ def linear_filter(P, z, r, q):
     for x, a in zip(0.5 * h * (nodes + 1.0), 0.5 * h * weights, strict=True):
         column = np.array([np.cos(w * x), np.sin(w * x) / w])
         Q += a * q * np.outer(column, column)
-    m, means, covariances = np.array([0.1, 0.4]), [], []
-    for i, reading in enumerate(z):
+    m, means, covariances, nis = np.array([0.1, 0.4]), [], [], []
+    for i, readings in enumerate(z.T):
         if i:
             m, P = phi @ m, phi @ P @ phi.T + Q
-        if not np.isnan(reading):
-            K = P[:, 1] / (P[1, 1] + r**2)
-            m = m + K * (reading - m[1])
-            P = P - np.outer(K, P[1])
+        there = ~np.isnan(readings)
+        some, r = H[there], readings[there] - H[there] @ m
+        S = some @ P @ some.T + R[np.ix_(there, there)]
+        K = np.linalg.solve(S, some @ P).T
+        m, P = m + K @ r, P - K @ some @ P
         means.append(m)
         covariances.append(P)
-    return np.array(means), np.array(covariances)
+        nis.append(r @ np.linalg.solve(S, r))
+    return np.array(means), np.array(covariances), np.array(nis)
 
 
 START = {"v": jnp.array(0.1), "x": jnp.array(0.4)}
@@ -80,12 +83,67 @@ def test_a_linear_system_is_filtered_as_the_textbook_does(kind):
         SPRING, START, P, TS, z[None], position,
         noise=np.array([r]), process=jnp.asarray(process), kind=kind, accuracy=FAST,
     )  # fmt: skip
-    means, covariances = linear_filter(P, z, r, q)
+    means, covariances, _ = linear_filter(P, z[None], np.array([[0.0, 1.0]]), r**2 * np.eye(1), q)
     assert found.names == ("v", "x") and np.all(np.asarray(found.status) <= 1)
     # The tolerance of each propagation.
     assert_allclose(found.states["x"], means[:, 1], atol=1e-6)
     assert_allclose(np.moveaxis(found.covariance, -1, 0), covariances, atol=1e-7)
     assert float(found.innovations[0, 7]) == 0.0
+
+
+CORRELATED = np.array([[0.05**2, 0.9 * 0.05 * 0.02], [0.9 * 0.05 * 0.02, 0.02**2]])
+"""The covariance of two readings with a correlation of 0.9."""
+
+
+@KINDS
+def test_correlated_readings_of_which_one_is_missing(kind):
+    """Each of two readings, or both, are missing at times: the filter is the one whose readings
+    there are the others alone. The error of a missing reading says nothing about the other one."""
+    q, H = 0.02, np.array([[0.0, 1.0], [1.0, 0.5]])
+    z = H @ np.stack([-0.7 * np.sin(1.4 * TS), np.cos(1.4 * TS) * 0.5]) + 0.03
+    z[0, [0, 3, 4, 20]] = z[1, [2, 9, 10, 11]] = z[:, 15] = np.nan
+    P = np.diag([0.04, 0.09])
+    found = kalman_filter(
+        SPRING, START, P, TS, z, lambda t, y: jnp.stack([y["x"], y["v"] + 0.5 * y["x"]]),
+        noise=CORRELATED, process=np.diag([q, 0.0]), kind=kind, accuracy=FAST,
+    )  # fmt: skip
+    means, covariances, nis = linear_filter(P, z, H, CORRELATED, q)
+    assert_allclose(found.states["v"], means[:, 0], atol=1e-6)
+    assert_allclose(found.states["x"], means[:, 1], atol=1e-6)
+    assert_allclose(np.moveaxis(found.covariance, -1, 0), covariances, atol=1e-7)
+    assert_allclose(found.nis, nis, rtol=1e-3, atol=1e-6)
+    assert np.all(np.asarray(found.innovations)[np.isnan(z)] == 0.0)
+
+
+@KINDS
+@pytest.mark.parametrize("missing", [0, 1])
+def test_a_reading_that_never_comes_is_none(kind, missing):
+    """The filter of a pendulum with one of two correlated readings always missing, beside the
+    filter that has the other alone. Both readings curve, so that sigma points add to their
+    covariance."""
+    there = 1 - missing
+    z = np.stack([np.sin(0.4 * np.cos(1.4 * TS)), np.cos(0.4 * np.cos(1.4 * TS))])
+    z[missing] = np.nan
+
+    def both(t, y):
+        return jnp.stack([jnp.sin(y["x"]), jnp.cos(y["x"])])
+
+    def filtered(z, measure, R):
+        return kalman_filter(
+            SWING, START, np.diag([0.04, 0.09]), TS[:6], z[:, :6], measure, noise=R, kind=kind,
+            accuracy=FAST,
+        )  # fmt: skip
+
+    found = filtered(z, both, CORRELATED)
+    R = CORRELATED[[there]][:, [there]]
+    alone = filtered(z[[there]], lambda t, y: both(t, y)[there][None], R)
+    # Two programs, which round differently.
+    assert_allclose(found.covariance, alone.covariance, rtol=1e-9, atol=1e-14)
+    for name in ("v", "x"):
+        assert_allclose(found.states[name], alone.states[name], rtol=1e-9, atol=1e-12)
+    assert_allclose(found.nis, alone.nis, rtol=1e-6)
+    S = alone.innovation_covariance[0, 0]
+    assert_allclose(found.innovation_covariance[there, there], S, rtol=1e-9)
 
 
 @KINDS
