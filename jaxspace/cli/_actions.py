@@ -71,6 +71,14 @@ def failures(given: argparse.Namespace) -> int:
     return _campaigns.failures(given.file, given.all, given.modules)
 
 
+def write_map(given: argparse.Namespace) -> int:
+    """Write the landings of a stored campaign as KML and GeoJSON."""
+    from . import _map
+
+    settle(once=True)
+    return _map.write_map(given.file, given.out, given.modules)
+
+
 def report(given: argparse.Namespace) -> int:
     """Write the page and the tables of a stored campaign."""
     from . import _report

@@ -18,6 +18,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("replay", actions.replay, "simulate one run of a store again, in full detail"),
     ("failures", actions.failures, "list the failed runs of a store, each with why"),
     ("report", actions.report, "write the page and the tables of a stored campaign"),
+    ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
     ("explain", actions.explain, "show what the effects of a scene file read, add and cost"),
     ("cost", actions.cost, "measure what accuracy costs in the run of a scene file"),
     ("budget", actions.budget, "show which effects of a scene file matter"),
@@ -27,7 +28,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("verify", actions.verify, "evaluate the hard cases, in value and gradient, on this machine"),
 )
 WITH_MODULES = (
-    *("run", "disperse", "resume", "replay", "failures", "report"),
+    *("run", "disperse", "resume", "replay", "failures", "report", "map"),
     *("explain", "cost", "budget", "optimize", "list", "schema"),
 )
 # Not from the package of campaigns, whose import takes time.
@@ -54,6 +55,7 @@ def parser() -> argparse.ArgumentParser:
     _replay_options(commands["replay"])
     _failures_options(commands["failures"])
     _report_options(commands["report"])
+    _map_options(commands["map"])
     _cost_options(commands["cost"])
     _budget_options(commands["budget"])
     _optimize_options(commands["optimize"])
@@ -111,6 +113,11 @@ def _failures_options(failures: argparse.ArgumentParser) -> None:
 def _report_options(report: argparse.ArgumentParser) -> None:
     report.add_argument("file", metavar="STORE", help="the store of a dispersion")
     report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
+
+
+def _map_options(command: argparse.ArgumentParser) -> None:
+    command.add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
+    command.add_argument("--out", metavar="DIR", help="output directory (default: that of STORE)")
 
 
 def _optimize_options(optimize: argparse.ArgumentParser) -> None:

@@ -60,10 +60,10 @@ def keep_pictures(
         there = (values["east"], values["north"]) if {"east", "north"} <= set(values) else None
         footprint_figure(result, wind=wind, title=title, nominal=there).savefig(path, dpi=150)
 
-    statuses = [_attempt("figure", f"{start}.png", figure)]
+    statuses = [attempt("figure", f"{start}.png", figure)]
     if result.footprint() is not None:
-        statuses.append(_attempt("figure", f"{start}_landings.png", landings))
-    return max(*statuses, _attempt("page", f"{start}.html", page))
+        statuses.append(attempt("figure", f"{start}_landings.png", landings))
+    return max(*statuses, attempt("page", f"{start}.html", page))
 
 
 def nominal_outputs(
@@ -119,10 +119,10 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
     print(tables)
     start = os.path.join(folder, name)
     statuses = [keep_pictures(result, title, nominal, start, paths, site)]
-    statuses.append(_attempt("table", f"{start}.csv", result.to_csv))
+    statuses.append(attempt("table", f"{start}.csv", result.to_csv))
     # Parquet needs an extra; the table in CSV is there in any case.
     if importlib.util.find_spec("pyarrow") is not None:
-        statuses.append(_attempt("table", f"{start}.parquet", result.to_parquet))
+        statuses.append(attempt("table", f"{start}.parquet", result.to_parquet))
     if file is not None:
         print_next(file, "replay", path, "--run", 0, "--show")
     return max(statuses)
@@ -149,7 +149,7 @@ def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
         return None
 
 
-def _attempt(what: str, path: str, write: Callable[[str], None]) -> int:
+def attempt(what: str, path: str, write: Callable[[str], None]) -> int:
     """Write a file, and say where it is or why it is not there. Returns its exit status: 1 for a
     file that cannot be made, 2 for one that cannot be written."""
     try:

@@ -19,6 +19,7 @@ from ._search.optimum import Optimum as Optimum
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
     from . import ephemeris as ephemeris
+    from . import maps as maps
     from . import mean_elements as mean_elements
 else:
     __getattr__, __dir__ = _modules_of(__name__)

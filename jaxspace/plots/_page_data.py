@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 from ..core.record import Record
 from ._bins import bins
 from ._dispersion_figure import chosen_pair, contributors_or_none, explained, shown, summary
-from .footprint import degrees_by_length, required_radius, wind_rose
+from .footprint import degrees_by_length, wind_rose
 
 if TYPE_CHECKING:
     from ..dispersion import RunPaths
@@ -83,7 +83,7 @@ def _footprint(dispersion: "Dispersion") -> Record | None:
             }
             for ellipse in result.ellipses
         ],
-        "radius": required_radius(dispersion, result.unit),
+        "radius": result.required,
         "degrees": degrees_by_length(dispersion),
     }
 

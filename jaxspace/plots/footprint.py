@@ -125,7 +125,7 @@ def _footprint(
     if nominal is not None:
         axes.plot(*nominal, "D", color=COLOURS[2], fillstyle="none", label="nominal run")
     axes.plot(0.0, 0.0, "^", color=COLOURS[1], markersize=10, label="rail")
-    radius = required_radius(dispersion, footprint.unit)
+    radius = footprint.required
     if radius is not None:
         turn = np.linspace(0.0, 2.0 * np.pi, 241)
         circle = radius * np.sin(turn), radius * np.cos(turn)
@@ -137,14 +137,6 @@ def _footprint(
     axes.set_aspect("equal", adjustable="datalim")
     _geography(axes, dispersion)
     axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(0.0, -0.13), ncols=2, frameon=False)
-
-
-def required_radius(dispersion: "Dispersion", unit: str) -> float | None:
-    """The greatest distance from the rail that the campaign allows, in the `unit` of the landings;
-    `None` for any, and where the unit of the distance has no known factor to it."""
-    radius = (*dispersion.requirements.get("distance", ()), None, None)[1]
-    factor = factor_between(dispersion.units.get("distance", ""), unit)
-    return None if radius is None or factor is None else factor * radius
 
 
 def degrees_by_length(dispersion: "Dispersion") -> list[tuple[float, float]] | None:

@@ -10,6 +10,7 @@ import equinox as eqx
 import numpy as np
 
 from ..core import InputError
+from ..core.common_units import factor_between
 from ..core.extras import extra
 from ..core.listed import Listed
 from ..core.record import resuming
@@ -277,7 +278,11 @@ class Dispersion(HashedModule):
         if points.shape[1] < 3:
             return None
         ellipses = tuple(ellipsoid(points, share) for share in SHARES)
-        return Footprint(points, self.units.get(LANDING[0], ""), ellipses)
+        unit = self.units.get(LANDING[0], "")
+        limit = (*self.requirements.get("distance", ()), None, None)[1]
+        factor = factor_between(self.units.get("distance", ""), unit)
+        required = None if limit is None or factor is None else factor * limit
+        return Footprint(points, unit, ellipses, required)
 
     def convergence(self, name: str, share: float = 0.99) -> Convergence:
         """Convergence of mean, deviation and a percentile of a quantity over the good runs."""

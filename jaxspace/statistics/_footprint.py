@@ -22,11 +22,14 @@ class Footprint(NamedTuple):
 
     - `points`: to the east and to the north, (2, runs).
     - `unit`: theirs.
-    - `ellipses`: of 50, 90 and 99 % of a normal distribution, in this order."""
+    - `ellipses`: of 50, 90 and 99 % of a normal distribution, in this order.
+    - `required`: the largest distance from the origin that the campaign allows, in `unit`; `None`
+      without such a requirement, and if its unit cannot be converted."""
 
     points: np.ndarray
     unit: str
     ellipses: tuple[Ellipsoid, ...]
+    required: float | None = None
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
