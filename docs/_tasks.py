@@ -7,7 +7,7 @@ TASKS = {
         "Say how": "Accuracy FinalError Event Mission Phase crossings",
         "Read the result": "Trajectory MissionTrajectory CompactRun Status "
         "SimulationError",
-        "Know the error of a derivative": "gradient_error gradient_within CheckedGradient",
+        "Know the error of a derivative": "gradient_error CheckedGradient",
     },
     "scene": {
         "Put a system together": "Scene Custom",

@@ -11,7 +11,6 @@ from ._crossings import crossings as crossings
 from ._final_error import FinalError as FinalError
 from ._gradient_error import CheckedGradient as CheckedGradient
 from ._gradient_error import gradient_error as gradient_error
-from ._gradient_error import gradient_within as gradient_within
 from ._mission import Mission as Mission
 from ._mission import Phase as Phase
 from ._mission_batch import simulate_mission_batch as simulate_mission_batch

@@ -1,8 +1,7 @@
-"""The error of a derivative: estimated, or asked for, as of a run by `Trajectory.error` and
-`FinalError`.
+"""Estimate of the numerical error of a derivative, as `Trajectory.error` estimates that of a run.
 
-Steps that serve a motion need not serve its derivative, which may be some thousand times as far
-off. A derivative is therefore compared with those by other tolerances, all by one program.
+Steps that resolve a motion need not resolve its derivative, whose error may be a thousand times as
+large. The derivative is therefore compared with one at another tolerance, by the same program.
 """
 
 import dataclasses
@@ -15,12 +14,10 @@ import numpy as np
 from jaxtyping import Array, ArrayLike, Float, PyTree
 
 from ..core import InputError
-from ..core.checks import check_positive
 from ..core.jit import quick_jit
 from ..core.printing import printed
 from ..core.tracing import is_traced
 from ..integration.accuracy import (
-    DEFAULT,
     DEFAULT_RTOL,
     Accuracy,
     as_accuracy,
@@ -28,10 +25,8 @@ from ..integration.accuracy import (
     least_tolerance,
     state_dtype,
 )
-from ..integration.status import Status, raise_on_failure
 from ..solvers.protocol import solver_traits
-from ._final_error import USUAL, Measured
-from ._to_final_error import APART, MOST, advance, begun
+from ._to_final_error import MOST
 
 X = TypeVar("X")
 
@@ -40,19 +35,17 @@ FINER = 0.01
 LITTLE = 0.1
 
 
-@printed(tolerance="", runs="")
+@printed(tolerance="")
 class CheckedGradient(NamedTuple):
     """A derivative with its error.
 
     - `gradient`: as `jax.jacrev` has it.
     - `error`: the estimate of its error, of the same form.
-    - `tolerance`: that of its runs.
-    - `runs`: how many times it was computed."""
+    - `tolerance`: that of its runs."""
 
     gradient: PyTree
     error: PyTree
     tolerance: float
-    runs: int
 
 
 def gradient_error(
@@ -88,63 +81,7 @@ def gradient_error(
     gradient, other = (_derivative(function, x, accuracy, r, forward) for r in (rtol, other_rtol))
     # The finer derivative has a hundredth of the error: the difference is that of the coarser one.
     error = jax.tree.map(lambda a, b: np.abs(np.asarray(a) - np.asarray(b)), gradient, other)
-    return CheckedGradient(gradient, error, rtol, 2)
-
-
-def gradient_within(
-    function: Callable[[X, Accuracy], PyTree],
-    x: X,
-    within: PyTree[Float[ArrayLike, ""]],
-    *,
-    accuracy: Accuracy = DEFAULT,
-    forward: bool = False,
-) -> CheckedGradient:
-    """A derivative with the error that is asked for, as `FinalError` does it for a run: with
-    smaller tolerances until the derivatives, as they change, show it.
-
-    **Arguments**
-
-    - `function`, `x`, `forward`: as in `gradient_error`.
-    - `within`: the error of the length of each array of the derivative, in its unit: one number, or
-      a tree of the same form.
-    - `accuracy`: method and limits of the steps, without a tolerance, which is found.
-
-    **Returns** a `CheckedGradient`, whose `error` is the estimate for the length of each array.
-
-    **Raises** `InputError` as `gradient_error` does, and for a tolerance in `accuracy`;
-    `SimulationError` where the error cannot be met."""
-    for each in jax.tree.leaves(within):
-        check_positive("within", each)
-    if accuracy.rtol is not None:
-        raise InputError(
-            "gradient_within.accuracy has a tolerance, which follows from the error that is asked "
-            "for: give its method and limits alone."
-        )
-    x, dtype = _checked(x, accuracy)
-    least = 2.0 * least_tolerance(dtype)
-    rtol = min(APART * max(USUAL, least), MOST)
-    search = None
-    # Each derivative decides on the next tolerance. All are of one program, so that a further one
-    # costs its runs alone.
-    while True:
-        gradient = _derivative(function, x, accuracy, rtol, forward)
-        measured = _measured(gradient, within)
-        search = (
-            begun(measured, rtol, least) if search is None else advance(search, measured, least)
-        )
-        if bool(search.over):
-            break
-        rtol = float(search.rtol)
-    estimate = float(search.estimate)
-    # So written, because an estimate that is NaN has missed, too.
-    if not estimate <= 1.0:
-        raise_on_failure(
-            jnp.asarray(Status.FINAL_ERROR_MISSED),
-            lambda: f"That of the derivative is {estimate:.3g} times what is asked.",
-        )
-    bounds = [estimate * allowed for allowed in search.last.allowed]
-    error = jax.tree.unflatten(jax.tree.structure(gradient), bounds)
-    return CheckedGradient(gradient, error, rtol, int(search.runs))
+    return CheckedGradient(gradient, error, rtol)
 
 
 def _checked(x: PyTree, accuracy: Accuracy) -> tuple[PyTree, np.dtype]:
@@ -186,20 +123,3 @@ def _program(
     """The derivative with a tolerance, which is a number of the program."""
     mode = jax.jacfwd if forward else jax.jacrev
     return mode(lambda x: function(x, dataclasses.replace(accuracy, rtol=rtol)))(x)
-
-
-def _measured(gradient: PyTree, within: PyTree[Float[ArrayLike, ""]]) -> Measured:
-    values, form = jax.tree.flatten(gradient)
-    allowed, asked = jax.tree.flatten(within)
-    if len(allowed) == 1:
-        allowed = allowed * len(values)
-    elif asked != form:
-        raise InputError(
-            f"gradient_within.within is {within}: it must be one number, or a tree like the "
-            f"derivative, {form}."
-        )
-    # A derivative that is not finite shows no error, and asks for a smaller tolerance.
-    good = jnp.asarray(all(bool(np.all(np.isfinite(x))) for x in values))
-    no = jnp.asarray(False)
-    limits = tuple(jnp.asarray(a, x.dtype) for a, x in zip(allowed, values, strict=True))
-    return Measured(tuple(values), limits, good, no, no, jnp.asarray(0))
