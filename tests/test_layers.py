@@ -50,7 +50,7 @@ ALLOWED = {
         *("solvers", "integration", "simulation", "studies"),
     },
     # Statistics are of plain arrays: who has some needs no campaign.
-    "statistics": {"core", "integration"},
+    "statistics": {"core"},
     "stores": {"core", "statistics"},
     "sampling": {"core"},
     # They compute runs by their numbers, and know nothing of what a run simulates.
@@ -59,12 +59,12 @@ ALLOWED = {
         *("core", "integration", "simulation", "sampling", "statistics", "stores", "engines"),
     },
     # Searches for a minimum, which know nothing of what is minimised.
-    "minimisation": {"core", "integration"},
-    "optimization": {"core", "orbits", "rockets", "integration", "simulation", "minimisation"},
+    "minimisation": {"core"},
+    "optimization": {"core", "orbits", "rockets", "simulation", "minimisation"},
     "robust": {
         *("core", "integration", "simulation", "statistics", "dispersion", "minimisation"),
     },
-    "estimation": {"core", "integration", "simulation", "studies"},
+    "estimation": {"core", "simulation", "studies"},
     # The packages of physics, whose public names scene files may use, and what runs them.
     "io": {
         *("core", "rotations", "bodies", "orbits", "attitude", "rockets", "gyros", "mechanics"),

@@ -20,7 +20,7 @@ from jaxspace import (
 )
 from jaxspace.bodies import Load
 from jaxspace.core.square_roots import inverse_sqrt, sqrt
-from jaxspace.integration.status import SimulationError, Status
+from jaxspace.core.status import SimulationError, Status
 from jaxspace.orbits import PointGravity, TwoBody
 from jaxspace.scene import Custom
 

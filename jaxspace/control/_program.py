@@ -10,13 +10,13 @@ from jaxtyping import Array, PyTree
 
 from ..core import AbstractSystem, InputError, State
 from ..core.shapes import with_rank
+from ..core.status import Status
 from ..core.tables import breaks_of
 from ..core.tracing import count_operations
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import broadcast_state, times_behind_components
 from ..integration.programs import Runs, is_small
-from ..integration.status import Status
 from ..simulation.batch_layout import cut_batch, local_blocks, split_batch
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.masking import mask_invalid

@@ -12,7 +12,7 @@ from jaxtyping import Array, PyTree
 
 from ..core import Scalar, State
 from ..core.barrier import barrier
-from ..integration.status import Status
+from ..core.status import Status
 from ._advance import advance, select
 from ._clocks import Nodes
 from ._controller import act_on, started

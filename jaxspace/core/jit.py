@@ -21,6 +21,9 @@ T = TypeVar("T")
 CompilerOptions: TypeAlias = dict[str, Any]
 Options: TypeAlias = dict[str, CompilerOptions]
 
+# For programs that run a few times and take far longer to compile: it halves that time.
+QUICK: Options = {"compiler_options": {"xla_backend_optimization_level": 0}}
+
 KEPT = 32
 """Number of programs that are kept of each function: 5,000 memory maps and 400 MB at most of a
 verb, and more than most scripts and notebooks go through before they return to one."""
@@ -98,6 +101,11 @@ def quick_jit(function: Callable[P, T], **options: CompilerOptions) -> Callable[
 
     call.lower = lower  # pyright: ignore[reportAttributeAccessIssue]
     return call
+
+
+def jit_quickly(function: Callable[P, T]) -> Callable[P, T]:
+    """The function under `quick_jit` with the options `QUICK`."""
+    return quick_jit(function, **QUICK)
 
 
 # The programs of functions that are made anew for each use, by the options of the compiler.

@@ -19,10 +19,10 @@ import numpy as np
 from jaxtyping import PyTree
 
 from ..core.processors import cores
+from ..core.status import SimulationError, Status
 from ..engines import AbstractRunner
 from ..integration.accuracy import Accuracy
 from ..integration.exact_part import exact
-from ..integration.status import SimulationError, Status
 from ..simulation.blocks import Blocks
 from ..stores.results import RunResults
 from ._campaign import Campaign, ordered

@@ -19,8 +19,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core.record import Record
+from ..core.status import SimulationError, Status
 from ..integration.accuracy import DEFAULT_RTOL, least_tolerance
-from ..integration.status import SimulationError, Status
 from ..statistics.purpose import Purpose
 from ..stores.results import RunResults
 

@@ -8,11 +8,11 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, ArrayLike
 
+from ..core.jit import jit_quickly
+from ..core.status import Status
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
 from ..integration.exact_part import exact, leaves_open, takes_many_steps
-from ..integration.status import Status
 from ..simulation.legs import legs_of
 from ..simulation.phases import longest
 from ..simulation.runnable import AbstractRunnable

@@ -15,10 +15,9 @@ import numpy as np
 from jaxtyping import Array, Float, Int, PyTree
 
 from ..core import InputError
-from ..core.jit import compiled
+from ..core.jit import compiled, jit_quickly
+from ..core.status import SimulationError, Status
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
-from ..integration.status import SimulationError, Status
 from ..simulation.mission_result import MissionTrajectory
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases

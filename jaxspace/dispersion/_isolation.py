@@ -7,7 +7,7 @@ from typing import TypeVar
 import jax
 import numpy as np
 
-from ..integration.status import SimulationError
+from ..core.status import SimulationError
 
 T = TypeVar("T")
 

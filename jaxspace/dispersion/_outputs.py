@@ -10,7 +10,7 @@ from jaxtyping import Array, Float
 
 from ..core import InputError
 from ..core.jit import quick_jit
-from ..integration.status import SimulationError
+from ..core.status import SimulationError
 from ..simulation.mission_result import MissionTrajectory
 from ._interface import OutputFunction
 from ._isolation import RAISED, callbacks, reason

@@ -15,11 +15,10 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Integer
 
 from ..core.barrier import barrier
-from ..core.jit import quick_jit
+from ..core.jit import jit_quickly, quick_jit
+from ..core.status import Status
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
 from ..integration.programs import Runs, is_small
-from ..integration.status import Status
 from ..simulation.blocks import WIDE_VECTORS, Blocks
 from ..simulation.failures import nan_where_failed
 from ..simulation.mission_runs import run_mission

@@ -10,11 +10,11 @@ import numpy.typing as npt
 from jaxtyping import Array, Float
 
 from ..core import Scalar
+from ..core.jit import jit_quickly
 from ..core.printing import printed
 from ..core.safe import safe_divide
+from ..core.status import Status
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
-from ..integration.status import Status
 from ..simulation.legs import legs_of
 from ..simulation.mission_runs import run_mission
 from ..simulation.phases import resolve_phases

@@ -38,8 +38,8 @@ from jaxtyping import Array, Float, PyTree
 from ..core import InputError, Scalar
 from ..core.jit import quick_jit
 from ..core.printing import printed
+from ..core.status import SimulationError, Status
 from ..integration.accuracy import Accuracy
-from ..integration.status import SimulationError, Status
 from ..sampling.designs import map_normals, normal_columns
 from ..sampling.distributions import AbstractDistribution
 from ..sampling.joint import Component

@@ -12,10 +12,10 @@ import numpy as np
 from jax.typing import ArrayLike
 from jaxtyping import Array, Float, Int, Key
 
+from ..core.jit import jit_quickly
+from ..core.status import Status
 from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
-from ..integration.status import Status
 from ..sampling.designs import AbstractDesign, Sobol, map_normals, normal_columns
 from ..simulation.blocks import jit_wide_vectors
 from ..simulation.failures import nan_where_failed

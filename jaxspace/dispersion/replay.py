@@ -11,11 +11,11 @@ import numpy as np
 from jaxtyping import Array
 
 from ..core import InputError
+from ..core.jit import jit_quickly
 from ..core.printing import printed
+from ..core.status import SimulationError, Status
 from ..integration.accuracy import Accuracy
-from ..integration.compiling import jit_quickly
 from ..integration.config import IntegrationConfig
-from ..integration.status import SimulationError, Status
 from ..simulation import MissionTrajectory
 from ..simulation.blocks import Blocks
 from ..simulation.finish import with_calls

@@ -32,7 +32,7 @@ from ..core import InputError, Scalar
 from ..core.checks import is_concrete
 from ..core.jit import compiled, quick_jit
 from ..core.square_roots import sqrt
-from ..integration.status import sentence_alone
+from ..core.status import sentence_alone
 from ..studies.coordinates import Coordinates
 from ._fit_result import Fit
 from ._residuals import residual_tests

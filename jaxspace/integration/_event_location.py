@@ -24,13 +24,13 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
+from ..core.status import Status
 from ..solvers.tolerances import Tolerance
 from ._step_zero import PARTS, Ends, FlowCondition, Part, StepCondition
 from .event_zero import rounding_change
 from .events import Event
 from .layout import runs_of
 from .normalised_time import Segments, StepTimes
-from .status import Status
 
 # Most repetitions of a step until its end is at the event. Three reach rounding where the condition
 # is smooth; elsewhere the best result so far is used.

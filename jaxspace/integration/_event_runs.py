@@ -11,6 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
+from ..core.status import Status
 from ._event_bracket import Place, close_in
 from ._in_turn import in_turn
 from .config import IntegrationConfig
@@ -29,7 +30,6 @@ from .event_zero import (
 from .events import Event
 from .integrate import integrate
 from .layout import state_at, times_first
-from .status import Status
 
 
 class ConditionOnRun(NamedTuple):

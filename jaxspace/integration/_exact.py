@@ -8,10 +8,10 @@ from jaxtyping import Array, Float
 
 from ..core import AbstractClosedForm, AbstractDecoupled, State
 from ..core.groups import on_group, project
+from ..core.status import Status, status_from
 from ..solvers.tolerances import Tolerance
 from .layout import of_each, times_behind_components, times_first
 from .result import IntegrationResult
-from .status import Status, status_from
 
 
 def by_closed_form(

@@ -17,13 +17,13 @@ from jaxtyping import Array, Bool, Float, Int
 from ..core import AbstractSystem, Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
+from ..core.status import Status
 from ..solvers.dense_output import AbstractDenseOutput
 from ._event_bracket import NARROW, zero_share
 from ._in_turn import in_turn
 from .event_zero import APART, ROUNDINGS, Zero, candidates, dips, pick
 from .events import Event
 from .normalised_time import StepTimes
-from .status import Status
 
 # Number of parts of a step that are sampled at once.
 PARTS = 16

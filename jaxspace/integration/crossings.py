@@ -31,6 +31,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.printing import printed
+from ..core.status import Status
 from ..core.structure import HashedModule
 from ._event_runs import ConditionOnRun, Samples, Zeros, sampled, zeros_between
 from .config import IntegrationConfig
@@ -40,7 +41,6 @@ from .field_trace import field_trace
 from .integrate import integrate
 from .layout import state_at, times_behind_components
 from .methods import HIGH_ORDER
-from .status import Status
 
 # Largest deviation of the samples from their rates, relative to the root mean square of the
 # condition.

@@ -18,6 +18,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from ..core import AbstractSystem, Scalar, State
+from ..core.status import Status
 from ..solvers.tolerances import Tolerance
 from ._event_location import LocatedEvents, Location, SearchedStep, SoughtEvents, located
 from ._event_runs import ConditionOnRun, first_zero
@@ -26,7 +27,6 @@ from .config import IntegrationConfig
 from .events import Event
 from .integrate import integrate, locates_events
 from .normalised_time import StepTimes
-from .status import Status
 
 
 def first_event(

@@ -10,6 +10,7 @@ from jaxtyping import Array, Float, Int
 from ..core import Flag, State
 from ..core.barrier import barrier
 from ..core.groups import project
+from ..core.status import Status, status_from
 from ..solvers.protocol import solver_traits
 from ._event_location import LocatedEvents, Location
 from ._individual_state import IndividualLoop
@@ -19,7 +20,6 @@ from ._packed import Packing
 from .config import IntegrationConfig
 from .layout import times_behind_components
 from .normalised_time import ScaledVectorField, Segments
-from .status import Status, status_from
 
 
 class Outcome(NamedTuple):

@@ -30,7 +30,7 @@ from jax.flatten_util import ravel_pytree
 from jaxtyping import Array, ArrayLike, PyTree
 
 from ..core import AbstractSystem, State
-from .compiling import jit_quickly
+from ..core.jit import jit_quickly
 from .methods import STIFF
 
 # Radians or decay times in a run: DOP853 takes five steps for three of them, which is more than a

@@ -16,9 +16,8 @@ import jax
 from jax import lax
 from jaxtyping import Array
 
-from ..core.jit import compiled
+from ..core.jit import QUICK, compiled
 from ..core.tracing import is_traced
-from ..integration.compiling import QUICK
 from .search_store import SearchStore
 
 # What a search carries from step to step, and what is evaluated for it.

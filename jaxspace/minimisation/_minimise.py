@@ -18,8 +18,8 @@ from jaxtyping import PyTree
 from ..core import InputError, Scalar
 from ..core.formula import POSITIVE, formula
 from ..core.jit import compiled
+from ..core.status import sentence_alone
 from ..core.tracing import is_traced
-from ..integration.status import sentence_alone
 from ._bounds import as_bounds
 from ._criterion import Criterion, Minimum, Point, StopReason, worst_number
 from ._drive import Progress

@@ -36,14 +36,13 @@ from jaxtyping import Array, Bool, Float
 from ..core import Flag, InputError, Scalar, check
 from ..core.checks import check_non_negative, check_positive, is_concrete
 from ..core.formula import ABOVE_ZERO, BELOW_ONE, NOT_NEGATIVE, POSITIVE, formula
-from ..core.jit import quick_jit
+from ..core.jit import jit_quickly, quick_jit
 from ..core.printing import printed
 from ..core.roots import increasing_root
 from ..core.safe import safe_divide
 from ..core.shapes import with_rank
 from ..core.tracing import is_traced
 from ..core.types import as_float
-from ..integration.compiling import jit_quickly
 from ..minimisation import Criterion, minimise
 from .fixed_masses import all_choices, choose_stages
 from .optimisers import lbfgs

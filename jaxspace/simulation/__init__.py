@@ -1,9 +1,9 @@
 """Simulate one run or many, a system or a mission of phases, to a stated accuracy. No physics."""
 
+from ..core.status import SimulationError as SimulationError
+from ..core.status import Status as Status
 from ..integration.accuracy import Accuracy as Accuracy
 from ..integration.events import Event as Event
-from ..integration.status import SimulationError as SimulationError
-from ..integration.status import Status as Status
 from ._batch import simulate_batch as simulate_batch
 from ._compact import CompactRun as CompactRun
 from ._compact import simulate_compact as simulate_compact

@@ -18,10 +18,10 @@ from ..core import InputError
 from ..core.checks import check_positive, is_concrete
 from ..core.layout import run_axes_of
 from ..core.printing import printed
+from ..core.status import Status
 from ..core.structure import HashedModule
 from ..core.types import as_float
 from ..integration.accuracy import DEFAULT, Accuracy, check_number
-from ..integration.status import Status
 from .mission_result import Simulated
 from .trajectory import Trajectory
 

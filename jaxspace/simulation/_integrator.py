@@ -8,6 +8,7 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, Scalar, State
 from ..core.safe import safe_divide
+from ..core.status import combine_status
 from ..integration.config import IntegrationConfig
 from ..integration.event_search import LocatedEvents, first_event
 from ..integration.events import Event
@@ -21,7 +22,6 @@ from ..integration.layout import (
     with_start,
 )
 from ..integration.result import IntegrationResult
-from ..integration.status import combine_status
 
 
 class Integrator(NamedTuple):

@@ -8,11 +8,11 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, State
 from ..core.jit import quick_jit
+from ..core.status import Status
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import Crossings
 from ..integration.layout import broadcast_state, state_at
 from ..integration.result import IntegrationResult
-from ..integration.status import Status
 from ._integrator import Integrator
 from .batch_layout import in_blocks, local_blocks, split_batch
 from .blocks import Blocks, jit_wide_vectors

@@ -15,11 +15,11 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
 from ..core import State
+from ..core.status import Status, combine_status
 from ..integration.crossings import Crossings
 from ..integration.event_zero import pick
 from ..integration.events import Event, newton_correct
 from ..integration.layout import runs_of, times_behind_components, with_start
-from ..integration.status import Status, combine_status
 from ._instants import Instant
 from ._integrator import Integrator, total_of
 

@@ -10,13 +10,13 @@ from jaxtyping import Array
 
 from ..core import AbstractSystem, State
 from ..core.jit import quick_jit
+from ..core.status import Status, combine_status, time_unresolved
 from ..integration.config import IntegrationConfig
 from ..integration.crossings import crossings_between
 from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
 from ..integration.layout import broadcast_state, runs_of
-from ..integration.status import Status, combine_status, time_unresolved
 from ._integrator import Integrator, of_each_run
 from ._restarts import collected, restarts_between, states_between
 from ._to_event import integrate_to_event, through_times_to_event, where_stopped

@@ -11,6 +11,7 @@ from jaxtyping import ArrayLike, Float, PyTree, Real
 
 from ..core import AbstractSystem, InputError
 from ..core.captured import captured_as_leaves
+from ..core.status import Status
 from ..core.tracing import is_traced
 from ..integration.accuracy import (
     Accuracy,
@@ -22,7 +23,6 @@ from ..integration.accuracy import (
 from ..integration.config import resolve
 from ..integration.events import Event
 from ..integration.exact_part import exact, with_exact_part
-from ..integration.status import Status
 from ..integration.stiffness import InitialConditions
 from ._final_error import FinalError
 from ._mission import check_system

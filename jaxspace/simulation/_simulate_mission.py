@@ -6,6 +6,7 @@ from ..core import InputError
 from ..core.captured import captured_as_leaves
 from ..core.checks import check_finite, is_concrete
 from ..core.jit import quick_jit
+from ..core.status import Status
 from ..integration.accuracy import (
     Accuracy,
     as_accuracy,
@@ -14,7 +15,6 @@ from ..integration.accuracy import (
     check_tolerances,
 )
 from ..integration.exact_part import exact
-from ..integration.status import Status
 from ._final_error import FinalError
 from ._mission import Mission, check_mission
 from ._to_final_error import to_final_error

@@ -12,9 +12,9 @@ from jaxtyping import Array, ArrayLike, Int, PyTree
 
 from ..core import State
 from ..core.checks import is_concrete
+from ..core.status import Status
 from ..core.text import aligned, html_table
 from ..integration.layout import state_at
-from ..integration.status import Status
 from ._dataset import blocks_of
 from .run_call import RunCall
 

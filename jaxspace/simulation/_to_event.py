@@ -18,11 +18,11 @@ from jaxtyping import Array, Bool
 from ..core import Scalar, State
 from ..core.barrier import barrier
 from ..core.safe import safe_divide
+from ..core.status import Status, combine_status
 from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, newton_correct
 from ..integration.layout import replace_state, runs_of, state_at, with_start
 from ..integration.simultaneous import simultaneous_events
-from ..integration.status import Status, combine_status
 from ._integrator import Integrator, of_each_run
 from .trajectory import Trajectory, without_events
 

@@ -31,9 +31,9 @@ from jaxtyping import Array, Bool, Float, PyTree
 
 from ..core import AbstractSystem, InputError, Scalar
 from ..core.captured import captured_as_leaves
+from ..core.status import Status
 from ..core.tracing import is_traced
 from ..integration.accuracy import as_state, least_tolerance, state_dtype
-from ..integration.status import Status
 from ._final_error import FinalError, Measured, distance, rounding
 from .finish import finished
 from .mission_result import Result, Simulated

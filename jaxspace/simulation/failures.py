@@ -18,8 +18,8 @@ from jax.extend.core import Primitive
 from jax.interpreters import ad, batching, mlir
 from jaxtyping import Array, Int, PyTree
 
+from ..core.status import SimulationError, Status, sentence_alone
 from ..integration.result import DenseOutput
-from ..integration.status import SimulationError, Status, sentence_alone
 from .masking import mask_invalid, nan_unless, scaled
 from .mission_result import MissionTrajectory
 

@@ -9,10 +9,10 @@ import jax.numpy as jnp
 from jaxtyping import Array
 
 from ..core.checks import is_concrete
+from ..core.status import Status, raise_on_failure
 from ..core.tracing import is_traced
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
-from ..integration.status import Status, raise_on_failure
 from ._mission import Mission
 from .failures import loud
 from .legs import legs_of

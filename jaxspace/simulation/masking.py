@@ -9,8 +9,8 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, PyTree
 
 from ..core.barrier import barrier
+from ..core.status import Status
 from ..integration.crossings import Crossings
-from ..integration.status import Status
 from .trajectory import Trajectory
 
 T = TypeVar("T")

@@ -12,9 +12,9 @@ from jaxtyping import Array, Float, Int
 
 from ..core import InputError, State
 from ..core.printing import printed
+from ..core.status import Status, combine_status
 from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
-from ..integration.status import Status, combine_status
 from ._summary import summary_of_mission
 from .trajectory import Trajectory
 

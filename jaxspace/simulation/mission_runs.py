@@ -6,10 +6,10 @@ from jaxtyping import Array
 
 from ..core import Scalar, State
 from ..core.jit import quick_jit
+from ..core.status import combine_status
 from ..integration.config import IntegrationConfig
 from ..integration.events import Event
 from ..integration.layout import state_at
-from ..integration.status import combine_status
 from ._integrator import Integrator
 from ._mission import Mission, Phase
 from ._phase_loop import loop_groups, run_in_loop

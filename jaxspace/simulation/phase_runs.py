@@ -11,6 +11,7 @@ from jaxtyping import Array, ArrayLike, Float
 
 from ..core import Scalar, State
 from ..core.safe import safe_divide
+from ..core.status import Status, time_unresolved
 from ..integration.event_search import LocatedEvents
 from ..integration.events import Event, closures_of_events
 from ..integration.integrate import locates_events
@@ -23,7 +24,6 @@ from ..integration.layout import (
     with_start,
 )
 from ..integration.result import IntegrationResult
-from ..integration.status import Status, time_unresolved
 from ._integrator import Integrator
 from ._to_event import SoughtCondition, ended, integrate_to_event, search_to_event
 from .checks import check_events

@@ -11,9 +11,9 @@ from typing import TypeAlias
 import numpy as np
 
 from ..core.checks import is_concrete
+from ..core.status import Status
 from ..integration.config import IntegrationConfig
 from ..integration.mapping import BLOCK
-from ..integration.status import Status
 from .mission_result import Result, Simulated
 from .trajectory import Trajectory
 

@@ -14,6 +14,7 @@ from ..core import AbstractSystem, InputError, Scalar, State
 from ..core.jit import quick_jit
 from ..core.layout import run_axes_of
 from ..core.listed import no_method
+from ..core.status import Status
 from ..core.structure import HashedModule
 from ..integration.accuracy import Accuracy
 from ..integration.config import IntegrationConfig
@@ -22,7 +23,6 @@ from ..integration.event_zero import pick
 from ..integration.integrate import take_step
 from ..integration.layout import state_at, times_first
 from ..integration.result import DenseOutput, IntegrationResult
-from ..integration.status import Status
 from ._dataset import dataset_of
 from ._integrator import of_each_run
 from ._rerun import final_state_again, last_finite, restarts_of, with_stored_steps

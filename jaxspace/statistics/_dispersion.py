@@ -14,9 +14,9 @@ from ..core.common_units import factor_between
 from ..core.extras import extra
 from ..core.listed import Listed
 from ..core.record import resuming
+from ..core.status import Status
 from ..core.structure import HashedModule
 from ..core.text import aligned, in_words
-from ..integration.status import Status
 from ._failures import Failure, failures_of
 from ._footprint import LANDING, SHARES, Footprint
 from .contributors import Contributors, contributors

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from ..core.printing import printed
-from ..integration.status import Status
+from ..core.status import Status
 
 
 @printed()

@@ -7,7 +7,7 @@ import numpy as np
 
 from ..core.extras import extra
 from ..core.record import Record
-from ..integration.status import Status
+from ..core.status import Status
 
 if TYPE_CHECKING:
     import pandas

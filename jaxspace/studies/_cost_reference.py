@@ -11,9 +11,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..core import Scalar, State
+from ..core.status import Status
 from ..integration.accuracy import least_tolerance
 from ..integration.methods import HIGH_ORDER, STIFF
-from ..integration.status import Status
 from ..simulation import Mission
 from ..simulation.mission_result import Simulated
 from ..solvers.protocol import solver_traits

@@ -9,7 +9,7 @@ import numpy as np
 from jaxtyping import Array, Float
 
 from ..core import State
-from ..integration.status import Status
+from ..core.status import Status
 from ..simulation import Trajectory
 from ..simulation.trajectory import relative_change
 from ._cost_case import Case, Programs

@@ -19,8 +19,8 @@ from ..core import InputError, Scalar, State
 from ..core.checks import check_positive
 from ..core.declarations import Output
 from ..core.quantities import quantities
+from ..core.status import SimulationError, Status
 from ..integration.accuracy import DEFAULT_RTOL, Accuracy, as_accuracy, least_tolerance, state_dtype
-from ..integration.status import SimulationError, Status
 from ..solvers.protocol import refine, solver_traits
 from ._effect_choice import negligible, timed_run, verified
 from ._effect_rows import influence_of, shares_of

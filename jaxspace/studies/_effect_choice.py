@@ -10,8 +10,8 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import State
+from ..core.status import Status
 from ..integration.accuracy import Accuracy
-from ..integration.status import Status
 from ._runs import OutputOfRun, aot_compile, run_once, timed, value_of
 from ._scaled_runs import ScaledRuns
 from ._scene_effects import Runnable, remove_effects

@@ -16,8 +16,8 @@ import numpy as np
 from jaxtyping import Array, PyTree
 
 from ..core import State
+from ..core.status import Status
 from ..integration.accuracy import Accuracy, state_dtype
-from ..integration.status import Status
 from ..simulation.mission_result import Simulated
 from ._runs import OutputOfRun, run_once, value_of
 from ._scene_effects import Runnable, scale_effects

@@ -12,7 +12,7 @@ from jaxspace import Accuracy, BodyState, Event, Mission, Phase, Scene, simulate
 from jaxspace import simulate_mission as fly_one
 from jaxspace import simulate_mission_batch as fly
 from jaxspace.core import InputError
-from jaxspace.integration.status import Status
+from jaxspace.core.status import Status
 from jaxspace.orbits import UniformGravity
 from jaxspace.simulation import simulate_compact
 from jaxspace.simulation.mission_runs import run_mission

@@ -11,9 +11,9 @@ from numpy.testing import assert_allclose
 
 from jaxspace import Accuracy, Event, Mission, Phase
 from jaxspace.core import AbstractSystem, Scalar
+from jaxspace.core.jit import QUICK
+from jaxspace.core.status import Status
 from jaxspace.core.tracing import count_operations
-from jaxspace.integration.compiling import QUICK
-from jaxspace.integration.status import Status
 from jaxspace.simulation.mission_runs import run_mission
 from jaxspace.simulation.phases import resolve_phases
 from jaxspace.solvers import Tsit5
