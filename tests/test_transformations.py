@@ -103,7 +103,7 @@ def test_failed_runs_of_an_exported_program_are_nan():
 def test_failed_runs_outside_of_jit_raise_their_sentence(transformed):
     few = Accuracy(1e-9, max_steps=2)
     x = jnp.asarray([1.0, 1.1] if transformed is jax.vmap else 1.0)
-    with pytest.raises(SimulationError, match="The steps ran out"):
+    with pytest.raises(SimulationError, match="The maximum number of steps was reached"):
         transformed(lambda mu: radius(mu, few))(x)
 
 

@@ -139,7 +139,7 @@ def test_raw_moments_of_several_bodies_say_what_to_write():
 def test_an_array_without_an_axis_of_runs_is_named():
     """Of a system and of a mission, whose runs are cut into blocks."""
     system, states = Decay(jnp.ones(100)), jnp.ones(100)
-    sentence = r"rates of shape \(100,\), for its field declares no axis of runs"
+    sentence = r"rates of shape \(100,\), because their annotations have no batch axis"
     with pytest.raises(InputError, match=sentence):
         simulate_batch(system, states, SPAN)
     with pytest.raises(InputError, match=sentence):
@@ -151,7 +151,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
     [
         (
             lambda: simulate(Decay(jnp.ones(3)), jnp.ones(4), SPAN),
-            r"Decay.vector_field cannot take y0, which holds an array \(4,\): .*\(3,\), \(4,\)",
+            r"Decay.vector_field fails for y0, which contains an array \(4,\): .*\(3,\), \(4,\)",
         ),
         (
             lambda: simulate(Other(), {"a": jnp.ones(3)}, SPAN),
@@ -159,7 +159,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate(KEPLER, [jnp.ones(3), jnp.ones(3)], SPAN),
-            r"cannot take y0, which holds \[0\] \(3,\), \[1\] \(3,\)",
+            r"fails for y0, which contains \[0\] \(3,\), \[1\] \(3,\)",
         ),
         (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which holds an array \(6,\)"),
         (
@@ -178,11 +178,11 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), [jnp.ones(3)]),
-            "cannot take y0, which holds",
+            "fails for y0, which contains",
         ),
         (
             lambda: simulate(KEPLER, Y, SPAN, events=(Event(lambda t, y: y.height),)),
-            r"events\[0\].condition cannot take the time and the state .*no attribute 'height'",
+            r"events\[0\].condition fails for the time and the state .*no attribute 'height'",
         ),
         (lambda: simulate(KEPLER, Y, SPAN, events=Event(lambda t, y: t)), "must be a tuple"),
         (lambda: simulate(KEPLER, Y, SPAN, accuracy="high"), "accuracy is 'high'"),
@@ -193,7 +193,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), Y, jnp.linspace(0.0, 1.0, 5)),
-            r"t0 has the shape \(5,\): a mission starts at one time",
+            r"t0 has the shape \(5,\): it must be a scalar, the start time",
         ),
         (lambda: Phase(KEPLER, "1 day"), "Phase.until is '1 day': it must be a duration in s"),
         (lambda: Mission([KEPLER]), "Mission.phases holds a Integrated: it must hold phases"),
@@ -224,7 +224,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate_mission(Mission([Phase(KEPLER, 1.0, lambda t, y: y.height)]), Y),
-            "Phase 'phase': then cannot take the time and a state .*no attribute 'height'",
+            "Phase 'phase': then fails for the time and a state .*no attribute 'height'",
         ),
         (lambda: Phase(KEPLER, 1.0, 3.0), "Phase.then is 3.0: it must be a function"),
         (lambda: Phase(KEPLER, 1.0j), "Phase.until is 1j: it must be a duration in s"),
@@ -310,7 +310,9 @@ def test_mapped_runs_that_fail_raise_their_sentence_alone():
         run = simulate(Integrated(TwoBody(mu)), Y, FAR, accuracy=Accuracy(max_steps=4))
         return run.final.position
 
-    with pytest.raises(SimulationError, match="^The steps ran out: raise max_steps"):
+    with pytest.raises(
+        SimulationError, match="^The maximum number of steps was reached: increase max_steps"
+    ):
         jax.vmap(end)(jnp.array([1.0, 1.1]))
 
 
@@ -320,7 +322,9 @@ def test_the_derivative_of_a_failed_run_is_refused_in_one_sentence(derivative):
         run = simulate(Integrated(TwoBody(mu)), Y, FAR, accuracy=Accuracy(max_steps=4))
         return run.final.position[0]
 
-    with pytest.raises(SimulationError, match="^The steps ran out: raise max_steps"):
+    with pytest.raises(
+        SimulationError, match="^The maximum number of steps was reached: increase max_steps"
+    ):
         derivative(end)(1.0)
 
 
@@ -340,7 +344,9 @@ def ended(mu):
 )
 def test_a_run_that_fails_in_a_search_raises_its_sentence_alone(search):
     """And not the error of JAX, which holds the traceback of the call before it."""
-    with pytest.raises(SimulationError, match="^The steps ran out: raise max_steps"):
+    with pytest.raises(
+        SimulationError, match="^The maximum number of steps was reached: increase max_steps"
+    ):
         search()
 
 
@@ -371,7 +377,7 @@ MANY_ARRAYS = jnp.ones((3, 5))
     ],
 )
 def test_many_runs_are_sent_to_the_batch(call, array):
-    with pytest.raises(InputError, match=array + ".*simulate_mission_batch take many.*batch=True"):
+    with pytest.raises(InputError, match=array + ".*simulate_mission_batch a batch.*batch=True"):
         call()
 
 

@@ -73,8 +73,8 @@ def _refuse_options_of_runs(options: Options) -> None:
     for name, default in Options._field_defaults.items():
         if name != "method" and getattr(options, name) != default:
             raise InputError(
-                f"--{name} says something about the runs of a campaign: --method {options.method} "
-                f"makes none, and takes no such option. Leave out one of the two."
+                f"--{name} applies to the runs of a campaign, and --method {options.method} "
+                "computes none: omit one of the two options."
             )
 
 
@@ -82,9 +82,9 @@ def _without_runs(file: SceneFile, method: str) -> int:
     """Print mean and deviation by a method that makes no campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
-    with waiting(f"computing the moments by {method}"), warnings_as_lines():
+    with waiting(f"computing the moments with {method}"), warnings_as_lines():
         # The report says so in its table.
-        warnings.filterwarnings("ignore", ".*is not to be trusted")
+        warnings.filterwarnings("ignore", ".*is not reliable")
         result = moments(campaign, method, accuracy=file.accuracy)
     print(moments_report(file.title, result, campaign.units, file.nominal_outputs(nominal)))
     return 0
@@ -142,7 +142,7 @@ def _run_and_report(
     with waiting("simulating the nominal run"):
         nominal = None if file.site is not None else file.nominal_mission()
     campaign = file.campaign(nominal, warn=False, runs=runs)
-    with progress("compiling and starting", total=runs, unit="run") as bar:
+    with progress("compiling and starting up", total=runs, unit="run") as bar:
         # Through the bar, which moves down: a plain print would tear it.
         write = functools.partial(bar.write, file=sys.stderr)
 
@@ -167,9 +167,9 @@ def _run_and_report(
     print(tables)
     methods = file.compare if compare is None else compare
     if methods:
-        with waiting("computing the moments by other methods"), warnings_as_lines():
+        with waiting("computing the moments with the other methods"), warnings_as_lines():
             table = compare_methods(campaign, result, methods, accuracy=file.accuracy)
-        print(f"\nmethods beside these runs\n{comparison_table(table)}\n")
+        print(f"\ncomparison of methods with these runs\n{comparison_table(table)}\n")
     written = keep_pictures(result, file.title, outputs, os.path.splitext(store)[0], site=file.site)
     print(_times(result, time.perf_counter() - began))
     print(f"store  {store}")
@@ -197,15 +197,15 @@ def _left(store: str, untouched: bool) -> str:
 
     `untouched`: whether `store` is the one of an earlier campaign."""
     if untouched:
-        return f"stopped before the first run: nothing was computed, and {store} is as it was."
+        return f"stopped before the first run: nothing was computed, and {store} is unchanged."
     try:
         there = _opened_quietly(store)
     # Stopped before the first run.
     except StoreError:
-        return "stopped before the first run: nothing is kept."
+        return "stopped before the first run: nothing was stored."
     planned = there.planned_runs
     return (
-        f"stopped: {there.runs} of {planned} runs are kept in {store}. "
+        f"stopped: {there.runs} of {planned} runs are stored in {store}. "
         f"`jaxspace resume {shlex.quote(store)}` computes the rest."
     )
 
@@ -283,7 +283,8 @@ def _scene(store: str, dispersion: Dispersion, modules: Sequence[str]) -> SceneF
     """The scene of a store. Raises `InputError` for a campaign that was built in Python."""
     if "scene_file" not in dispersion.attributes:
         raise InputError(
-            f"{store} is of a campaign from Python, which the command line cannot build: call "
-            f"disperse(campaign, ..., store=..., resume=True) or campaign.replay(number, seed=...)."
+            f"{store} belongs to a campaign defined in Python, which the command line cannot "
+            "rebuild: call disperse(campaign, ..., store=..., resume=True) or "
+            "campaign.replay(number, seed=...)."
         )
     return stored_scene(dispersion, modules)

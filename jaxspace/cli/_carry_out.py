@@ -52,7 +52,7 @@ def _status(given: argparse.Namespace, file: str) -> int:
     except BrokenPipeError:
         # Whoever read the output has stopped.
         drop_output()
-        say(f"{file}: the output was closed before its end.")
+        say(f"{file}: the output was closed prematurely.")
         return BAD_RUN
     except OSError as error:
         drop_output()

@@ -41,7 +41,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
     file = load(path, modules=modules)
     make_folder(folder)
     if isinstance(file.system, Mission):
-        with waiting("simulating the mission, and once more for its error"), by_numpy():
+        with waiting("simulating the mission, and repeating it to estimate the error"), by_numpy():
             result = file.nominal_mission(samples=PICTURED)
             # A mission has no error estimate of its own: the finer run gives one.
             finer = file.nominal_mission(samples=PICTURED, factor=0.01)
@@ -51,7 +51,7 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
             picture = path_of(file, folder, f"_{name}.png".replace(" ", "_"))
             draw(file, phase, picture, f"{file.title}: {name}")
     else:
-        with waiting("simulating the run, and once more for its error"), by_numpy():
+        with waiting("simulating the run, and repeating it to estimate the error"), by_numpy():
             result = file.simulate(ts=_pictured_times(file), throw=False)
             assert isinstance(result, Trajectory | LoopRun)
             report = run_report(file, result)
@@ -87,10 +87,13 @@ def optimize(
     file = load(path, modules=modules)
     if file.task is not None and file.task.dispersed:
         if sensitivities:
-            raise InputError("--sensitivities is about one run: a search over dispersion has many.")
+            raise InputError(
+                "--sensitivities is not available for a search over dispersion, which has many "
+                "runs."
+            )
         return optimize_design(file, folder, resume)
     if resume:
-        raise InputError('--resume needs optimize.over = "dispersion" in the file.')
+        raise InputError('--resume requires optimize.over = "dispersion" in the file.')
     make_folder(folder)
     best = path_of(file, folder, "_optimum.toml")
     with progress("compiling the search", unit="step") as bar:
@@ -103,7 +106,7 @@ def optimize(
             bar.set_postfix_str(f"violation {violation:.1e}, gradient {gradient:.1e}")
 
         def confirmed(found: Optimum) -> Confirmed:
-            bar.set_description("confirming the optimum by a run")
+            bar.set_description("verifying the optimum with a run")
             return _confirmed(file, found, best)
 
         result, numbers, run = confirmed(file.optimize(progress=show))
@@ -112,7 +115,7 @@ def optimize(
         while result.warning and result.steps < most:
             if not (result.minimum.converged or result.infeasible):
                 break
-            sentence = f"{result.warning} The search goes on with {2 * result.steps}."
+            sentence = f"{result.warning} The search continues with {2 * result.steps}."
             bar.write(sentence, file=sys.stderr)
             again = file.optimize(progress=show, start=result.values, steps=2 * result.steps)
             result, numbers, run = confirmed(again)
@@ -151,7 +154,7 @@ def explain(path: str, modules: Sequence[str] = ()) -> int:
     print(file.title)
     scenes = file.scenes()
     if not scenes:
-        print(f"{type(file.system).__name__} is a system of its own: it has no effects.")
+        print(f"{type(file.system).__name__} is a complete system without separate effects.")
     for name, scene in scenes.items():
         print(f"\n{name}\n{scene.explain(_names_in(file, name, scene))}")
     return 0
@@ -166,7 +169,7 @@ def cost(
     # The file's own setting is always among those measured, so that it can be compared.
     rtol = file.tolerance
     tolerances = sorted({*TOLERANCES, rtol}, reverse=True)
-    with waiting("timing each method at each tolerance"):
+    with waiting("timing every method at every tolerance"):
         table = accuracy_cost(
             file.system,
             file.y0,
@@ -175,12 +178,12 @@ def cost(
             gradient=gradient,
             max_steps=file.accuracy.max_steps,
         )
-    print(f"{file.title}: what accuracy costs")
+    print(f"{file.title}: cost of accuracy")
     print(table)
     if not table.reference:
         # Nothing to recommend, and nothing to draw.
         return 1
-    print(f"\nthe price of each error\n{price_table(table.prices())}")
+    print(f"\ncost of each error\n{price_table(table.prices())}")
     print(f"\n{_recommendation(table, rtol if error is None else error)}")
     _draw_table(table, path_of(file, folder, "_cost.png"))
     return 0
@@ -191,7 +194,7 @@ def _recommendation(table: AccuracyCost, error: float) -> str:
     try:
         row = table.cheapest_row(error)
     except InputError as problem:
-        return f"no setting is good enough: {problem}"
+        return f"no setting is accurate enough: {problem}"
     how = (
         "the closed form"
         if row.tolerance is None
@@ -216,7 +219,7 @@ def budget(
     file = load(path, modules=modules)
     if file.kind == "system":
         name = type(file.system).__name__
-        raise InputError(f"{name} has no effects: the file must be of a scene or a mission.")
+        raise InputError(f"{name} has no effects: the file must define a scene or a mission.")
     make_folder(folder)
     parts = file.y0.present
     chosen = parts[0] if output is None else output
@@ -245,7 +248,7 @@ def budget(
             accuracy=min(file.tolerance, 1e-9),
         )
     table = table.renamed(_effects_by_class(file))
-    print(f"{file.title}: which effects matter")
+    print(f"{file.title}: influence of each effect")
     print(table)
     _draw_table(table, path_of(file, folder, "_budget.png"))
     return 0

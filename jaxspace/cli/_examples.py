@@ -8,13 +8,13 @@ from pathlib import Path
 from ..core import InputError
 
 GOALS: dict[str, tuple[str, ...]] = {
-    "scatter a mission and see what comes of it": (
+    "Monte Carlo dispersion": (
         "kick_stage",
         "transfer_payload",
         "landing",
         "intercept",
     ),
-    "fly a rocket to orbit": (
+    "Launch to orbit": (
         "launch",
         "gimballed_ascent",
         "dispersed_ascent",
@@ -22,7 +22,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "booster_return",
         "gravity_turn",
     ),
-    "follow an orbit": (
+    "Orbit propagation": (
         "two_body",
         "explorer_7",
         "molniya",
@@ -30,7 +30,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "low_thrust_spiral",
         "low_orbit_to_geostationary",
     ),
-    "control a vehicle": (
+    "Guidance and control": (
         "powered_landing",
         "windy_landing",
         "upright_landing",
@@ -40,7 +40,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "sampled_slew",
         "wheel_slew",
     ),
-    "watch a body turn": (
+    "Rigid-body rotation": (
         "top",
         "top_loops",
         "top_waves",
@@ -51,7 +51,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "settling_coin",
         "dual_spin",
     ),
-    "study an instrument or a mechanism": (
+    "Instruments and mechanisms": (
         "gyrocompass",
         "two_gimbal_gyro",
         "stable_platform",
@@ -85,7 +85,7 @@ def show_examples() -> int:
             title = tomllib.loads(path.read_text(encoding="utf-8"))["title"]
             print(f"  {name:<{width}}  {title} ({', '.join(['run', *_made_for(path)])})")
         print()
-    print("`jaxspace new NAME` copies one into this folder.")
+    print("`jaxspace new NAME` copies one into the current folder.")
     return 0
 
 
@@ -97,7 +97,8 @@ def new(name: str, path: str | None) -> int:
     names = [name for group in GOALS.values() for name in group]
     if name not in names:
         raise InputError(
-            f"{name} is no example: `jaxspace examples` lists them.{InputError.hint(name, names)}"
+            f"{name} is not a bundled example: `jaxspace examples` lists "
+            f"them.{InputError.hint(name, names)}"
         )
     target = Path(f"{name}.toml" if path is None else path)
     text = (scenes() / f"{name}.toml").read_text(encoding="utf-8")
@@ -105,9 +106,7 @@ def new(name: str, path: str | None) -> int:
     beside = {named: target.parent / Path(named).name for named in _named_files(text)}
     for path_there in (target, *beside.values()):
         if path_there.exists():
-            raise InputError(
-                f"{path_there} is there already: give another path, which must be new."
-            )
+            raise InputError(f"{path_there} exists already: give a path that does not exist.")
     for named, copy in beside.items():
         text = text.replace(f'"{named}"', f'"{copy.name}"')
         shutil.copyfile(scenes() / named, copy)

@@ -24,7 +24,7 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
         optimum = file.optimize_design(show, store=store, resume=resume)
     with waiting("the nominal optimum, for comparison"):
         nominal = file.optimize_design(nominal=True)
-    with waiting("assessing the optimum by fresh runs"):
+    with waiting("assessing the optimum with independent runs"):
         assessment = assess_designs(optimum, {"file": optimum.start, "nominal": nominal.x})
     print(file.title)
     print(assessment)

@@ -36,10 +36,10 @@ def make_folder(name: str) -> None:
         os.makedirs(name, exist_ok=True)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else error
-        raise InputError(f"--out is {name}: it cannot be made a folder: {reason}.") from error
+        raise InputError(f"--out is {name}: the folder cannot be created: {reason}.") from error
     # Checked before the run, so that hours of computing do not end in a refused write.
     if not os.access(name, os.W_OK | os.X_OK):
-        raise InputError(f"--out is {name}: it must be a folder in which files may be written.")
+        raise InputError(f"--out is {name}: it must be a writable folder.")
 
 
 @contextlib.contextmanager

@@ -10,22 +10,26 @@ from . import _actions as actions
 
 # In this order `--help` lists them.
 COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
-    ("examples", actions.show_examples, "list the example scenes by goal"),
-    ("new", actions.new, "copy an example scene into this folder, to begin with"),
+    ("examples", actions.show_examples, "list the bundled example scenes by topic"),
+    ("new", actions.new, "copy an example scene into the current folder as a starting point"),
     ("run", actions.run, "simulate the nominal run of a scene file"),
-    ("disperse", actions.disperse, "simulate a scene file many times with its dispersions"),
-    ("resume", actions.resume, "compute the runs that a store lacks, or has damaged"),
-    ("replay", actions.replay, "simulate one run of a store again, in full detail"),
-    ("failures", actions.failures, "list the failed runs of a store, each with why"),
-    ("report", actions.report, "write the page and the tables of a stored campaign"),
+    ("disperse", actions.disperse, "run a Monte Carlo campaign for a scene file"),
+    ("resume", actions.resume, "compute missing or corrupted runs of a store"),
+    ("replay", actions.replay, "simulate a single run of a store again in full detail"),
+    ("failures", actions.failures, "list the failed runs of a store with their causes"),
+    ("report", actions.report, "write the report page and tables of a stored campaign"),
     ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
-    ("explain", actions.explain, "show what the effects of a scene file read, add and cost"),
-    ("cost", actions.cost, "measure what accuracy costs in the run of a scene file"),
-    ("budget", actions.budget, "show which effects of a scene file matter"),
-    ("optimize", actions.optimize, "find the best values of the free numbers"),
-    ("list", actions.show_list, "list what scene files may name, with fields and units"),
-    ("schema", actions.show_schema, "print the JSON schema of scene files, for editors"),
-    ("verify", actions.verify, "evaluate the hard cases, in value and gradient, on this machine"),
+    (
+        "explain",
+        actions.explain,
+        "show the inputs, contributions and costs of the effects of a scene file",
+    ),
+    ("cost", actions.cost, "measure the cost of accuracy for the run of a scene file"),
+    ("budget", actions.budget, "measure the influence of each effect of a scene file"),
+    ("optimize", actions.optimize, "optimise the design variables of a scene file"),
+    ("list", actions.show_list, "list the effects, bodies and outputs available in scene files"),
+    ("schema", actions.show_schema, "print the JSON schema of scene files (for editors)"),
+    ("verify", actions.verify, "run the singularity and edge-case checks on this machine"),
 )
 WITH_MODULES = (
     *("run", "disperse", "resume", "replay", "failures", "report", "map"),
@@ -65,22 +69,30 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _new_options(new: argparse.ArgumentParser) -> None:
-    new.add_argument("name", metavar="NAME", help="of the scene, as `jaxspace examples` lists it")
-    new.add_argument("path", metavar="FILE", nargs="?", help="the copy (default: NAME.toml)")
+    new.add_argument(
+        "name", metavar="NAME", help="name of the example scene, as listed by `jaxspace examples`"
+    )
+    new.add_argument(
+        "path", metavar="FILE", nargs="?", help="path of the copy (default: NAME.toml)"
+    )
 
 
 def _list_options(show: argparse.ArgumentParser) -> None:
     show.add_argument(
-        "word", metavar="WORD", nargs="?", default="", help="show only the entries with this word"
+        "word",
+        metavar="WORD",
+        nargs="?",
+        default="",
+        help="show only the entries that contain this word",
     )
 
 
 def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
     """Arguments of each command: the files that it reads and writes."""
     for name in ("run", "disperse", "explain", "cost", "budget", "optimize"):
-        commands[name].add_argument("file", metavar="FILE", help="a scene file, in TOML")
+        commands[name].add_argument("file", metavar="FILE", help="scene file (TOML)")
     for name in ("resume", "replay", "failures"):
-        commands[name].add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
+        commands[name].add_argument("file", metavar="STORE", help="Zarr store of a campaign")
     for name in WITH_MODULES:
         # Only by options, and not by a file, because modules are run.
         commands[name].add_argument(
@@ -89,77 +101,79 @@ def _file_arguments(commands: dict[str, argparse.ArgumentParser]) -> None:
             action="append",
             default=[],
             metavar="FILE.py",
-            help="run a Python file of own effects, systems, outputs or controllers, which the "
-            "scene may then name",
+            help="run a Python file with user-defined effects, systems, outputs or controllers, "
+            "which the scene file can then use",
         )
     for name in ("run", "disperse", "replay", "cost", "budget", "optimize"):
         commands[name].add_argument(
-            "--out", default="out", metavar="DIR", help="where the files go (default: out)"
+            "--out", default="out", metavar="DIR", help="output directory (default: out)"
         )
 
 
 def _run_options(run: argparse.ArgumentParser) -> None:
     run.add_argument(
-        "--show", action="store_true", help="open the run in the browser as a page that moves"
+        "--show", action="store_true", help="open an animated 3-D view of the run in the browser"
     )
 
 
 def _failures_options(failures: argparse.ArgumentParser) -> None:
     failures.add_argument(
-        "--all", action="store_true", help="list all of them, and not 20 of a kind at most"
+        "--all", action="store_true", help="list all failed runs instead of at most 20 of each kind"
     )
 
 
 def _report_options(report: argparse.ArgumentParser) -> None:
-    report.add_argument("file", metavar="STORE", help="the store of a dispersion")
-    report.add_argument("--out", metavar="DIR", help="where the files go (default: beside STORE)")
+    report.add_argument("file", metavar="STORE", help="Zarr store of a campaign")
+    report.add_argument(
+        "--out", metavar="DIR", help="output directory (default: the folder of STORE)"
+    )
 
 
 def _map_options(command: argparse.ArgumentParser) -> None:
-    command.add_argument("file", metavar="STORE", help="the Zarr store of a campaign")
-    command.add_argument("--out", metavar="DIR", help="output directory (default: that of STORE)")
+    command.add_argument("file", metavar="STORE", help="Zarr store of a campaign")
+    command.add_argument(
+        "--out", metavar="DIR", help="output directory (default: the folder of STORE)"
+    )
 
 
 def _optimize_options(optimize: argparse.ArgumentParser) -> None:
     optimize.add_argument(
         "--sensitivities",
         action="store_true",
-        help="show which other numbers of the file move the optimum",
+        help="show the sensitivity of the optimum to the other parameters of the file",
     )
     optimize.add_argument(
         "--resume",
         action="store_true",
-        help="go on with a search over a dispersion that was interrupted",
+        help="continue an interrupted search over a dispersion",
     )
 
 
 def _disperse_options(disperse: argparse.ArgumentParser) -> None:
-    disperse.add_argument("--runs", type=_count, help="how many runs (default: what the file says)")
+    disperse.add_argument("--runs", type=_count, help="number of runs (default: from the file)")
     disperse.add_argument(
-        "--seed", type=_whole, help="what the runs are drawn from (default: what the file says)"
+        "--seed", type=_whole, help="seed of the random inputs (default: from the file)"
     )
     # Larger chunks write less often, and lose more when a campaign is interrupted.
     disperse.add_argument(
         "--chunk",
         type=_count,
         default=8192,
-        help="after how many runs results are stored; it bounds the memory (default: 8192)",
+        help="number of runs per stored chunk, which bounds the memory (default: 8192)",
     )
     disperse.add_argument(
         "--samples",
         type=_whole,
         default=0,
-        help="how many states of every phase are stored of every run (default: none)",
+        help="number of states to store for every phase of every run (default: none)",
     )
     disperse.add_argument(
         "--times",
         metavar="TIME[,TIME...]",
-        help='at which times, such as "0, 90 s, 10 min", states of every run are stored instead; '
-        "NaN in the phases in which a run is not at a time",
+        help="times at which to store the state of every run instead, such as "
+        '"0, 90 s, 10 min"; NaN for the phases that do not cover a time',
     )
-    disperse.add_argument(
-        "--overwrite", action="store_true", help="replace the store that is there"
-    )
+    disperse.add_argument("--overwrite", action="store_true", help="replace an existing store")
 
 
 def _method_options(disperse: argparse.ArgumentParser) -> None:
@@ -167,18 +181,20 @@ def _method_options(disperse: argparse.ArgumentParser) -> None:
         "--until",
         type=_rule,
         metavar="OUTPUT[:SHARE[:PRECISION]]",
-        help="end when the limit below which this share of the runs lies (default: 0.99) is known "
-        "to this precision (default: 0.01), or after --runs",
+        help="stop when the quantile SHARE of OUTPUT (default: 0.99) is known to PRECISION "
+        "(default: 0.01), or after --runs",
     )
     disperse.add_argument(
         "--method",
         choices=METHODS,
         default=METHODS[0],
-        help="how mean and deviation are found; all but the first make no store (default: "
+        help="method for mean and standard deviation; only monte_carlo writes a store (default: "
         "monte_carlo)",
     )
     disperse.add_argument(
-        "--compare", action="store_true", help="put the cheaper methods beside the runs"
+        "--compare",
+        action="store_true",
+        help="compare the Monte Carlo result with the cheaper methods",
     )
 
 
@@ -192,8 +208,8 @@ def _rule(text: str) -> tuple[str, float, float]:
         share = precision = math.nan
     if not (output and 0.0 < share < 1.0 and 0.0 < precision < 1.0):
         raise argparse.ArgumentTypeError(
-            f"it is {text}: it must be the name of an output, with a share and a precision between "
-            f"0 and 1 if they are given, such as apoapsis_altitude:0.99:0.01."
+            f"it is {text}: it must be the name of an output, optionally with a share and a "
+            "precision between 0 and 1, such as apoapsis_altitude:0.99:0.01."
         )
     return output, share, precision
 
@@ -202,7 +218,7 @@ def _engine_option(command: argparse.ArgumentParser) -> None:
     command.add_argument(
         "--engine",
         default="local",
-        help="where the runs are computed: local, processes, dask, or the address of a Dask "
+        help="engine that computes the runs: local, processes, dask, or the address of a Dask "
         "scheduler (default: local)",
     )
 
@@ -225,7 +241,7 @@ def _which_run(text: str) -> int | tuple[str, str]:
     if space and which in EXTREMES:
         return which, output
     if which in EXTREMES:
-        raise argparse.ArgumentTypeError(f"{which!r} needs the name of an output behind it")
+        raise argparse.ArgumentTypeError(f"{which!r} must be followed by the name of an output")
     return _whole(text)
 
 
@@ -235,14 +251,17 @@ def _replay_options(replay: argparse.ArgumentParser) -> None:
         type=_which_run,
         required=True,
         metavar="NUMBER | worst OUTPUT",
-        help="the number of the run; or `worst OUTPUT`, the run farthest outside of the "
-        "requirement on an output, or nearest to its limit; `least OUTPUT`, `greatest OUTPUT`",
+        help="number of the run; or `worst OUTPUT`, the run that violates the requirement on an "
+        "output the most or comes closest to its limit; or `least OUTPUT`, `greatest OUTPUT`",
     )
     replay.add_argument(
-        "--samples", type=_count, default=200, help="states of each phase (default: 200)"
+        "--samples",
+        type=_count,
+        default=200,
+        help="number of saved states per phase (default: 200)",
     )
     replay.add_argument(
-        "--show", action="store_true", help="open the run in the browser as a page that moves"
+        "--show", action="store_true", help="open an animated 3-D view of the run in the browser"
     )
 
 
@@ -250,21 +269,25 @@ def _cost_options(cost: argparse.ArgumentParser) -> None:
     cost.add_argument(
         "--error",
         type=_positive,
-        help="the relative error to recommend for (default: the file's accuracy)",
+        help="relative error for which to recommend a setting (default: the accuracy of the file)",
     )
     cost.add_argument(
-        "--gradient", action="store_true", help="measure the gradient in the initial state as well"
+        "--gradient",
+        action="store_true",
+        help="also measure the gradient with respect to the initial state",
     )
 
 
 def _budget_options(budget: argparse.ArgumentParser) -> None:
     budget.add_argument(
         "--output",
-        help="what their influence is measured on: a part of the final state (default: the first "
-        "one), or any output that a file may name",
+        help="quantity on which the influence is measured: a part of the final state (default: "
+        "the first one), or any output available in scene files",
     )
     budget.add_argument(
-        "--tolerance", metavar="SIZE", help='how far the output may move, such as "10 m"'
+        "--tolerance",
+        metavar="SIZE",
+        help='largest acceptable change of the output, such as "10 m"',
     )
 
 
@@ -273,12 +296,12 @@ def _verify_options(verify: argparse.ArgumentParser) -> None:
         "--precision",
         choices=("float64", "float32"),
         default="float64",
-        help="of the inputs (default: float64)",
+        help="floating-point precision of the inputs (default: float64)",
     )
     verify.add_argument(
-        "--device", metavar="NAME", help="such as cpu or gpu (default: what JAX chooses)"
+        "--device", metavar="NAME", help="JAX device, such as cpu or gpu (default: chosen by JAX)"
     )
-    verify.add_argument("--json", metavar="PATH", help="a file for the results")
+    verify.add_argument("--json", metavar="PATH", help="file to which the results are written")
 
 
 def _positive(text: str) -> float:

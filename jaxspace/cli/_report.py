@@ -109,11 +109,13 @@ def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
         planned = int(result.attributes.get("planned_runs", result.runs))
         campaign = file.campaign(run, warn=False, runs=planned)
         if campaign.text() == result.attributes.get("inputs"):
-            with waiting("simulating the runs whose paths are drawn"):
+            with waiting("simulating the runs whose trajectories are drawn"):
                 accuracy = accuracy_of(file, result)
                 paths = run_paths(campaign, some, seed=result.seed, accuracy=accuracy)
         else:
-            print("No trajectories: inputs of these runs were given in Python.", file=sys.stderr)
+            print(
+                "No trajectories: the inputs of these runs were defined in Python.", file=sys.stderr
+            )
     with waiting("computing the statistics"):
         tables = dispersion_report(result, nominal)
     print(tables)

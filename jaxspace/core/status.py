@@ -47,62 +47,63 @@ class Status(enum.IntEnum):
 
 _SENTENCES = {
     Status.BELOW_GROUND: (
-        "The run reached its end within the tolerance, but on its way it passed below the ground "
-        "of the planet: end it there by an event, such as AtAltitude, or raise the orbit."
+        "The run reached its end within the tolerance but passed below the surface of the planet: "
+        "add a terminal event such as AtAltitude, or raise the orbit."
     ),
     Status.COMPLETED: "The run reached its end within the tolerance.",
-    Status.EVENT: "The run stopped at its event, located to the tolerance.",
+    Status.EVENT: "The run stopped at a terminal event, located within the tolerance.",
     Status.TOLERANCE_MISSED: (
-        "Some steps missed the tolerance: look for a collision or a singularity, or take more "
+        "Some steps did not meet the tolerance: look for a collision or a singularity, or use more "
         "fixed steps."
     ),
     Status.MAX_STEPS: (
-        "The steps ran out: raise max_steps (in Python Accuracy.max_steps, in a scene file the key "
-        "max_steps) or max_step, loosen the tolerance, or look for a singularity."
+        "The maximum number of steps was reached: increase max_steps (in Python "
+        "Accuracy.max_steps, in a scene file the key max_steps) or max_step, loosen the tolerance, "
+        "or look for a singularity."
     ),
     Status.EVENT_MISSED: (
-        "The event of the phase did not happen within its limit: raise Event.within (in a scene "
-        "file the key within of the phase), or check the condition."
+        "The event of the phase did not occur within its time limit: increase Event.within (in a "
+        "scene file the key within of the phase), or check the condition."
     ),
     Status.NOT_FINITE: (
-        "The state left the finite numbers: check the initial state and the parameters of this run."
+        "The state became NaN or infinite: check the initial state and the parameters of this run."
     ),
-    Status.REFUSED: "A parameter of this run lies outside its allowed range: it was not run.",
+    Status.REFUSED: (
+        "A parameter of this run is outside its allowed range: the run was not started."
+    ),
     Status.EVENT_UNRESOLVED: (
-        "The search for the time of an event did not converge: look at the condition around its "
-        "zero, where it must be smooth."
+        "The search for the time of an event did not converge: check that the condition is smooth "
+        "around its zero."
     ),
     Status.CONDITION_NOT_FINITE: (
-        "The condition of an event was NaN or infinite on the way: it must be finite wherever the "
-        "run goes."
+        "The condition of an event became NaN or infinite: it must be finite along the whole run."
     ),
     Status.EVENTS_PILE_UP: (
-        "Events follow each other faster than the time resolves, as the last bounces of a ball: "
-        "end the run before, or go on with a system that is at rest."
+        "Events follow each other faster than the time resolution, like the last bounces of a "
+        "ball: end the run earlier, or continue with a system at rest."
     ),
     Status.OUTSIDE_MODEL: (
-        "The run left what the model describes, as by a collision or by a mass below the dry mass: "
-        "end it before by an event."
+        "The state left the model's range of validity, such as by a collision or a mass below the "
+        "dry mass: add a terminal event that stops the run earlier."
     ),
     Status.SAMPLES_TOO_FEW: (
-        "The condition of an event changes faster than it is sampled, so that zeros may be "
-        "missing: raise Event.samples, or give more save times."
+        "The condition of an event changes faster than it is sampled, so that zeros may be missed: "
+        "increase Event.samples, or add save times."
     ),
     Status.RAISED: (
-        "A function that the run calls raised an error: replay this run to see which error it was."
+        "A function called by the run raised an error: replay this run to see the error."
     ),
     Status.COMMAND_NOT_FINITE: (
-        "The controller gave a command that is NaN or infinite: check its parameters, its memory "
-        "and what its sensors read in this run."
+        "The controller returned a command that is NaN or infinite: check its parameters, its "
+        "memory and its sensor readings in this run."
     ),
     Status.TIME_UNRESOLVED: (
-        "The run is too short for the precision of its time: count the seconds from an epoch that "
-        "is close to it."
+        "The run is too short for the precision of its time: use a time origin close to the run."
     ),
     Status.FINAL_ERROR_MISSED: (
-        "The run reached its end, but not with the error that is asked for there: ask for a larger "
-        "one, take float64, or declare the times at which forces jump, for the steps of no method "
-        "resolve an edge that they do not know."
+        "The run reached its end but not with the requested error: request a larger one, use "
+        "float64, or declare the times at which forces jump, because no method resolves a "
+        "discontinuity that it does not know."
     ),
 }
 

@@ -142,7 +142,7 @@ class Accuracy(AbstractParameters):
             if solver_traits(self.method).fixed_step:
                 name = type(self.method).__name__
                 raise InputError(
-                    f"Accuracy.max_step is given with {name}: number its steps by "
+                    f"Accuracy.max_step is not available for {name}: set the number of steps with "
                     f"{name}(steps=...)."
                 )
 
@@ -181,9 +181,9 @@ def as_accuracy(accuracy: Any) -> Accuracy:
         _check_kind("adjoint", accuracy.adjoint, kinds, "None or an adjoint of diffrax")
         if isinstance(accuracy.adjoint, diffrax.BacksolveAdjoint | diffrax.ImplicitAdjoint):
             raise InputError(
-                f"Accuracy.adjoint is {type(accuracy.adjoint).__name__}, which does not follow the "
-                f"steps of the run: leave it out, Accuracy(), or take RecursiveCheckpointAdjoint, "
-                f"DirectAdjoint or ForwardMode."
+                f"Accuracy.adjoint is {type(accuracy.adjoint).__name__}, which does not "
+                "differentiate the steps of the run: omit it, Accuracy(), or use "
+                "RecursiveCheckpointAdjoint, DirectAdjoint or ForwardMode."
             )
         _check_kind("decoupled", accuracy.decoupled, bool | None, "True, False or None")
         _check_kind("derivative_control", accuracy.derivative_control, bool, "True or False")
@@ -194,8 +194,8 @@ def as_accuracy(accuracy: Any) -> Accuracy:
     if isinstance(accuracy, eqx.Module):
         raise InputError(
             f"accuracy is of type {type(accuracy).__name__}: it must be a relative tolerance or an "
-            f"Accuracy. An error at the end is asked of simulate, simulate_batch, simulate_mission "
-            f"and simulate_mission_batch."
+            "Accuracy. A FinalError is accepted by simulate, simulate_batch, simulate_mission and "
+            "simulate_mission_batch."
         )
     check_number("accuracy", accuracy)
     return Accuracy(rtol=accuracy)
@@ -214,13 +214,13 @@ def state_dtype(y: PyTree) -> jnp.dtype:
     for leaf in leaves:
         if not isinstance(leaf, Array | np.ndarray | jax.ShapeDtypeStruct):
             raise InputError(
-                f"y0 holds {leaf!r} of type {type(leaf).__name__}: it must hold arrays."
+                f"y0 contains {leaf!r} of type {type(leaf).__name__}: its leaves must be arrays."
             )
     dtypes = {leaf.dtype for leaf in leaves}
     if len(dtypes) != 1 or not jnp.issubdtype(next(iter(dtypes)), jnp.floating):
         raise InputError(
-            f"y0 holds arrays of the types {sorted(map(str, dtypes))}: it must hold one "
-            f"floating-point type."
+            f"y0 contains arrays of the types {sorted(map(str, dtypes))}: they must share one "
+            "floating-point type."
         )
     return next(iter(dtypes))
 

@@ -53,7 +53,7 @@ class IntegrationConfig(eqx.Module):
     @property
     def solver(self) -> diffrax.AbstractSolver:
         """The method of a run that is integrated."""
-        assert not isinstance(self.method, str), "a closed form takes no steps"
+        assert not isinstance(self.method, str), "a closed form needs no steps"
         return self.method
 
     @property
@@ -146,8 +146,8 @@ def resolve(
         if accuracy.adjoint is not None and solver_traits_of(method).individual_steps:
             name = type(method).__name__
             raise InputError(
-                f"Accuracy.adjoint is given with {name}, whose steps diffrax cannot take: leave it "
-                f"out, or take another method."
+                f"Accuracy.adjoint is given with {name}, whose steps diffrax cannot perform: omit "
+                "it, or use another method."
             )
     atol = 1e-3 * rtol if accuracy.atol is None else accuracy.atol
     return IntegrationConfig(
@@ -239,5 +239,5 @@ def _check_needs(system: AbstractSystem, method: diffrax.AbstractSolver | str) -
     reason = system.missing(needs)
     raise InputError(
         f"{type(system).__name__} offers no {CAPABILITIES[needs]}{': ' if reason else ''}{reason}. "
-        f"Take another method than {name}."
+        f"Use a method other than {name}."
     )

@@ -16,7 +16,7 @@ PATTERN = re.compile(
     r"(?P<year>[0-9]{4})-(?:(?P<month>[0-9]{2})-(?P<date>[0-9]{2})|(?P<day>[0-9]{3}))"
     r"T(?P<hour>[0-9]{2}):(?P<minute>[0-9]{2}):(?P<second>[0-9]{2})(?P<fraction>\.[0-9]+)?Z?"
 )
-ALLOWED = "a time like 2026-03-01T12:00:00.5 or 2026-060T12:00:00Z, and no leap second"
+ALLOWED = "a time such as 2026-03-01T12:00:00.5 or 2026-060T12:00:00Z, other than a leap second"
 
 
 class Instant(NamedTuple):

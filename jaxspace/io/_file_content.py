@@ -66,7 +66,7 @@ class FileContent:
         """The table [dispersion]. Raises `InputError` without it."""
         if self.values["dispersion"] is None:
             raise InputError(
-                "dispersion is missing: it must be a table with outputs and inputs for this."
+                "dispersion is missing: a table with outputs and inputs is required here."
             )
         return self.values["dispersion"]
 

@@ -51,8 +51,8 @@ def format_error(data: Mapping[str, object]) -> str:
     if not isinstance(written, int) or written <= FORMAT:
         return ""
     return (
-        f"format is {written}: jaxspace {jaxspace.__version__} reads up to {FORMAT}, so that it "
-        f"must be read by a later version (pip install --upgrade jaxspace)."
+        f"format is {written}: jaxspace {jaxspace.__version__} reads formats up to {FORMAT}: use a "
+        "later version (pip install --upgrade jaxspace)."
     )
 
 
@@ -88,18 +88,22 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
         return Table({**common, **system_entries(catalog, system), **campaign})
     if kind == "mission":
         return Table({**common, **mission_entries(catalog), **campaign})
-    refused = {"branch": "leaves at the end of a phase: there must be a [[phase]]."}
+    refused = {"branch": "leaves at the end of a phase: at least one [[phase]] is required."}
     return Table({**common, **scene_entries(catalog), **campaign}, refused)
 
 
 def _common_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
     """What every file may give, for states of this class."""
     return {
-        "format": Entry(Whole(1, FORMAT), FORMAT, doc="of scene files, for which it is written"),
+        "format": Entry(Whole(1, FORMAT), FORMAT, doc="version of the scene-file format"),
         "modules": Entry(
-            ListOf(Text()), (), doc="Python files that it needs; each runs only by --with"
+            ListOf(Text()),
+            (),
+            doc="Python files that it requires; each runs only if allowed by --with",
         ),
-        "title": Entry(Text(), "", doc="for tables and figures; by default the name of the file"),
+        "title": Entry(
+            Text(), "", doc="used in tables and figures; by default the name of the file"
+        ),
         **accuracy_entries(catalog, state),
     }
 
@@ -108,6 +112,6 @@ def _campaign_entries() -> dict[str, Entry]:
     """The tables of a campaign and of a search."""
     search = optimize_table(OutputList(), TOLERANCE)
     return {
-        "dispersion": Entry(dispersion_table(), None, doc="what scatters, and what is kept"),
-        "optimize": Entry(search, None, doc="what is best, and what is free"),
+        "dispersion": Entry(dispersion_table(), None, doc="dispersed inputs and recorded outputs"),
+        "optimize": Entry(search, None, doc="objective, constraints and design variables"),
     }

@@ -92,7 +92,7 @@ def _with_word(groups: list[Group], word: str) -> list[Group]:
             return list(result.items())
     names = [*(name for name, _ in groups), *(_name(entry[0]) for _, entry in entries)]
     raise InputError(
-        f"{word} is in no entry: it must be a part of a name or of a description."
+        f"{word} matches no entry: it must be part of a name or of a description."
         f"{InputError.hint(word, names)}"
     )
 
@@ -194,7 +194,7 @@ def _branch(known: Catalog) -> list[str]:
     keys = [
         f"    {key}{_unit(entry)}: {entry.doc}{_default(entry)}" for key, entry in entries.items()
     ]
-    return ["  branch.NAME: A part that leaves the mission, and goes on by itself", *keys]
+    return ["  branch.NAME: A part that leaves the mission and continues separately", *keys]
 
 
 def _functions(group: Mapping[str, object], mark: str) -> list[str]:

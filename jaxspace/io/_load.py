@@ -136,7 +136,7 @@ def stored_scene(
     `SceneError` for a text that this version no longer understands."""
     text = str(dispersion.attributes.get("description", ""))
     if "[dispersion" not in text:
-        raise InputError("the record holds no scene file: the campaign was made in Python.")
+        raise InputError("the record contains no scene file: the campaign was defined in Python.")
     user_modules = read_modules(modules)
     check_stored(dispersion.attributes, user_modules)
     path = str(dispersion.attributes.get("scene_file", "scene.toml"))

@@ -90,7 +90,7 @@ class Satellite(NamedTuple):
         if key not in KEYS:
             return
         if key in self.entries:
-            raise InputError(f"{path}, line {line} has {key} again: it must stand once.")
+            raise InputError(f"{path}, line {line} repeats {key}: it must occur once.")
         self.entries[key] = Entry(text.strip(), line)
 
 
@@ -129,7 +129,7 @@ def _of_csv(path: str, text: str) -> Iterator[Satellite]:
         heads = [head.strip() for head in next(reader, [])]
         if not {"EPOCH", "MEAN_MOTION"} <= set(heads):
             raise InputError(
-                f"{path} is no message of mean elements: it must begin with < (XML), with "
+                f"{path} is not a mean-elements message: it must begin with < (XML), with "
                 "CCSDS_OMM_VERS or with a heading of keywords such as EPOCH,MEAN_MOTION (CSV)."
             )
         for fields in reader:
@@ -177,8 +177,8 @@ def _of_xml(path: str, text: str) -> list[Satellite]:
     def entity(name: str, *rest: object) -> None:
         del rest
         raise InputError(
-            f"{path}, line {parser.CurrentLineNumber} declares the entity {name!r}: a message has "
-            "none."
+            f"{path}, line {parser.CurrentLineNumber} declares the entity {name!r}, which is not "
+            "allowed in a message."
         )
 
     parser.StartElementHandler = start
@@ -191,7 +191,8 @@ def _of_xml(path: str, text: str) -> list[Satellite]:
     except expat.ExpatError as error:
         reason = expat.ErrorString(error.code)
         raise InputError(
-            f"{path}, line {error.lineno} is no message of mean elements: it is no XML ({reason})."
+            f"{path}, line {error.lineno} is not a mean-elements message: it is not valid XML "
+            f"({reason})."
         ) from None
     return result
 
@@ -249,7 +250,7 @@ def _count(path: str, key: str, entry: Entry) -> int:
         raise _wrong(path, key, entry, "a whole number, zero or positive")
     count = int(entry.text or "0")
     if key == "EPHEMERIS_TYPE" and count > 3:
-        raise _wrong(path, key, entry, "at most 3: others belong to another theory")
+        raise _wrong(path, key, entry, "at most 3, because higher types belong to another theory")
     return count
 
 

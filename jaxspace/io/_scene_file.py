@@ -185,9 +185,11 @@ class SceneFile(FileContent):
             accuracy = self.accuracy if self.final_error is None else self.final_error
         if self.loop is not None:
             if num_saved is not None:
-                raise InputError(f"num_saved is {num_saved}: a loop saves its states at ts.")
+                raise InputError(
+                    f"num_saved is {num_saved}: a closed loop saves its states at ts instead."
+                )
             if isinstance(accuracy, FinalError):
-                raise InputError("accuracy is a FinalError: a loop takes a tolerance.")
+                raise InputError("accuracy is a FinalError: a closed loop requires a tolerance.")
             # The loop runs without its phase, and so without the event that ends it.
             until = self.mission.phases[0].until
             if events is None:
@@ -287,9 +289,11 @@ class SceneFile(FileContent):
 
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
-            raise InputError("optimize is missing: it must be a table with free numbers for this.")
+            raise InputError("optimize is missing: a table with design variables is required here.")
         if self.task.dispersed:
-            raise InputError('optimize.over is "dispersion": call SceneFile.optimize_design.')
+            raise InputError(
+                'optimize.over is "dispersion": call SceneFile.optimize_design instead.'
+            )
         result = optimise(self, self.task, progress, start, steps)
         if int(result.minimum.reason) != StopReason.NOT_FINITE:
             return result
@@ -318,7 +322,7 @@ class SceneFile(FileContent):
 
         **Raises** `InputError` without [optimize] over dispersion, and as `optimise_design`."""
         if self.task is None or not self.task.dispersed:
-            raise InputError('optimize.over must be "dispersion" for this.')
+            raise InputError('optimize.over must be "dispersion" here.')
         base = self.campaign(warn=False)
         return optimise_over_runs(self, self.task, base, progress, store, resume, nominal)
 
@@ -326,7 +330,7 @@ class SceneFile(FileContent):
         """The text of the file with the numbers of an optimum of `optimize_design` in place of its
         free ones, comments and units kept. Raises `InputError` without [optimize]."""
         if self.task is None:
-            raise InputError("optimize is missing: there are no free numbers.")
+            raise InputError("optimize is missing: there are no design variables.")
         values = {path: float(x) for path, x in optimum.x.items()}
         return with_numbers(self, self.task, values)
 

@@ -35,8 +35,8 @@ def read_toml(path: str | os.PathLike[str], text: str | None) -> tuple[Values, s
     if len(text) > LONGEST:
         raise SceneError(
             path,
-            f"is longer than {LONGEST:,} characters: a scene file must be shorter, and long tables "
-            f"stand in files that it names.",
+            f"is longer than {LONGEST:,} characters: move long tables into separate files that "
+            "the scene file names.",
         )
     # The byte order mark that some editors write.
     text = text.removeprefix("\ufeff")
@@ -66,7 +66,7 @@ def _text_of(path: str | os.PathLike[str]) -> str:
     with open(handle, encoding="utf-8") as file:
         if stat.S_ISFIFO(os.fstat(handle).st_mode):
             if not select.select([handle], [], [], PATIENCE)[0]:
-                raise OSError(errno.EPIPE, "it is a pipe into which nobody writes")
+                raise OSError(errno.EPIPE, "it is a pipe without a writer")
             os.set_blocking(handle, True)
         return file.read(LONGEST + 1)
 

@@ -102,7 +102,7 @@ def element_lines(text: str, source: str) -> Iterator[ElementLines]:
                 raise InputError(f"{where}: it must be the second line of {first!r}.")
             check_line(line, where)
             if catalogue_number(line) != catalogue_number(first):
-                raise InputError(f"{where}: it must be of the satellite of {first!r}.")
+                raise InputError(f"{where}: it must belong to the satellite of {first!r}.")
             yield ElementLines(name, first, line)
             name, first = "", ""
         elif not BEGINNING.match(line):

@@ -82,7 +82,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):
         raise InputError(
-            f"{path} is no orbit ephemeris message: it must begin with CCSDS_OEM_VERS."
+            f"{path} is not an orbit ephemeris message: it must begin with CCSDS_OEM_VERS."
         )
     segments: list[_Segment] = []
     part = "header"
@@ -107,7 +107,7 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
                 raise InputError(f"{where} is {line!r}: META_START must precede it.")
             segments[-1].add_state(where, line)
     if not segments:
-        raise InputError(f"{path} has no states: it must have a line for each of them.")
+        raise InputError(f"{path} has no states: it must have one line per state.")
     return [segment.ephemeris() for segment in segments]
 
 
@@ -126,7 +126,7 @@ class _Segment(NamedTuple):
     def add_entry(self, where: str, key: str, value: str) -> None:
         """Add a line of the metadata."""
         if key in self.meta:
-            raise InputError(f"{where} has {key} again: it must stand once in a segment.")
+            raise InputError(f"{where} repeats {key}: it must occur once per segment.")
         if key in _TIMES:
             _time(f"{where}: {key}", value)
         self.meta[key] = value
@@ -137,13 +137,13 @@ class _Segment(NamedTuple):
         # Nine numbers with accelerations, which are skipped.
         if len(columns) not in (6, 9):
             raise InputError(
-                f"{where}: {line!r} has {1 + len(columns)} columns: it must be a time and six "
-                f"numbers, or nine."
+                f"{where}: {line!r} has {1 + len(columns)} columns: it must have a time followed "
+                "by six or nine numbers."
             )
         time = _time(f"{where}: the epoch", epoch)
         if self.epochs and not time.since(self.epochs[-1][1]) > 0.0:
             raise InputError(
-                f"{where}: the epoch is {epoch} after {self.epochs[-1][0]}: it must ascend."
+                f"{where}: the epoch is {epoch} after {self.epochs[-1][0]}: epochs must ascend."
             )
         state = []
         for name, column in zip(_STATE, columns, strict=False):
@@ -158,10 +158,10 @@ class _Segment(NamedTuple):
     def ephemeris(self) -> Ephemeris:
         missing = [key for key in (*_KEYS, *_TIMES) if key not in self.meta]
         if missing:
-            raise InputError(f"{self.where} begins a segment that lacks {missing[0]}.")
+            raise InputError(f"{self.where} begins a segment without {missing[0]}.")
         if not self.epochs:
             raise InputError(
-                f"{self.where} begins a segment that has no states: it must have a line for each."
+                f"{self.where} begins a segment without states: it must have one line per state."
             )
         text, start = self.epochs[0]
         times = np.array([time.since(start) for _, time in self.epochs])

@@ -58,7 +58,7 @@ class CataloguedOrbit(NamedTuple):
         satellite that decayed stays so, whatever SGP4 computes of a later time alone."""
         times = np.atleast_1d(np.asarray(ts, float))
         if times.ndim != 1 or not np.all(np.isfinite(times)):
-            raise InputError(f"ts is {times.tolist()}: it must be finite numbers, (times,).")
+            raise InputError(f"ts is {times.tolist()}: it must contain finite numbers, (times,).")
         self._check_reached(times)
         _, r, v = states_by_sgp4(self.record, times)
         # The library works in km.
@@ -151,5 +151,7 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
         record.revnum = one.counts["REV_AT_EPOCH"]
         result.append(CataloguedOrbit(one.texts["OBJECT_NAME"], identifier, record))
     if not result:
-        raise InputError(f"{path} has no elements: it must have those of one satellite or more.")
+        raise InputError(
+            f"{path} has no elements: it must contain those of at least one satellite."
+        )
     return result

@@ -108,7 +108,7 @@ def read_number(value: object, quantity: Quantity) -> tuple[float, str]:
         if quantity.unit == "rad" and WHOLE_TURN < abs(number) < math.inf:
             # More than a turn in radians is most likely an angle in degrees without its unit.
             raise ValueError(
-                f"an angle with its unit, for {number:g} rad is more than a turn: "
+                f"an angle with its unit, because {number:g} rad is more than a turn: "
                 f'"{number:g} deg" or "{number:g} rad"'
             )
     else:
@@ -166,7 +166,7 @@ def parse_unit(text: str, what: str) -> "pint.Unit":
         AssertionError,
         SyntaxError,
     ) as error:
-        raise ValueError(f"{what}; {text} is no unit") from error
+        raise ValueError(f"{what}; {text} is not a unit") from error
 
 
 def read_option(name: str, text: str, quantity: Quantity) -> float:

@@ -121,7 +121,7 @@ def _card(dispersion: "Dispersion") -> str:
     good = int(np.count_nonzero(dispersion.good))
     versions = record.get("versions", {})
     rows = {
-        "runs": f"{good} of {dispersion.runs} ended well",
+        "runs": f"{good} of {dispersion.runs} succeeded",
         "unfinished": dispersion.missing_runs,
         "ended": dispersion.ending,
         "seed": str(dispersion.seed),
@@ -290,7 +290,7 @@ def _time(dispersion: "Dispersion", data: Record) -> list[str]:
 def _failures(dispersion: "Dispersion") -> str:
     """The bad ends: how many, why, and some of their numbers."""
     if not dispersion.failed:
-        return "<p>All runs ended well.</p>"
+        return "<p>All runs succeeded.</p>"
     lines = [_cells(["status", "what happened", "runs", "numbers"], "th")]
     lines += [_cells(_failure(dispersion, f)) for f in dispersion.failed]
     table = "\n".join(lines)

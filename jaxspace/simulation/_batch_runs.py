@@ -88,8 +88,8 @@ def _check_runs(system: AbstractSystem, y0: State, t: Array, runs: int) -> None:
         return
     name = type(system).__name__
     raise InputError(
-        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the runs must be on the "
-        f'last axis, and a parameter that carries runs must say so (Float[Array, "*#runs"]).'
+        f"{name}.vector_field returns {shapes[0].shape} for {runs} runs: the batch axis must "
+        f'be last, and a batched parameter must be annotated as such (Float[Array, "*#runs"]).'
     )
 
 
@@ -113,8 +113,8 @@ def _shared_arrays_named(systems: PyTree, runs: int) -> Iterator[None]:
             raise
         raise InputError(
             f"systems cannot be evaluated for {runs} runs at once: {error} All runs share "
-            f"{', '.join(shared)}, for its field declares no axis of runs: annotate one that "
-            f'carries runs by it, such as Float[Array, "*#runs"].'
+            f"{', '.join(shared)}, because their annotations have no batch axis: annotate a "
+            f'batched field as Float[Array, "*#runs"].'
         ) from error
 
 

@@ -164,11 +164,11 @@ def _event_of(phase: Phase) -> Event | None:
     event = phase.until if isinstance(phase.until, Event) else None
     if event is not None and event.touch is not None:
         raise InputError(
-            f"Phase {phase.name!r} ends at a touch: simulate_compact needs a crossing."
+            f"Phase {phase.name!r} ends at a touch: simulate_compact supports crossings only."
         )
     if phase.system is not phase.moving:
         raise InputError(
-            f"Phase {phase.name!r} is a closed loop: simulate_compact takes systems alone."
+            f"Phase {phase.name!r} is a closed loop: simulate_compact supports systems only."
         )
     return event
 

@@ -87,17 +87,18 @@ class FinalError(HashedModule):
         ways = [relative is not None, bool(blocks), output is not None]
         if sum(ways) != 1:
             raise InputError(
-                "FinalError takes one way of asking: a relative error, FinalError(1e-9); errors of "
-                "blocks in their units, FinalError(position=1.0); or an output and the error "
-                f"within which it is asked for. Here {sum(ways)} are given."
+                "FinalError accepts exactly one kind of request: a relative error, "
+                "FinalError(1e-9); errors of state blocks in their units, "
+                f"FinalError(position=1.0); or an output with its error bound. {sum(ways)} are "
+                "given."
             )
         # Not one of them by default: an output has no unit from which an error could follow.
         if (output is None) != (within is None):
-            raise InputError("FinalError.output and FinalError.within are given together.")
+            raise InputError("FinalError.output and FinalError.within must be given together.")
         if accuracy.rtol is not None or accuracy.atol is not None:
             raise InputError(
-                "FinalError.accuracy has a tolerance, which follows from the error that is asked "
-                "for: give its method and limits alone."
+                "FinalError.accuracy sets a tolerance, which is derived from the requested error: "
+                "specify only its method and limits."
             )
         self.relative = None if relative is None else _error("relative", relative)
         self.blocks = {name: _error(name, x) for name, x in blocks.items()}
@@ -122,8 +123,8 @@ class FinalError(HashedModule):
                 within = within * len(values)
             elif jax.tree.structure(self.within) != form:
                 raise InputError(
-                    f"FinalError.within is {self.within}: it must be one number, or a tree like "
-                    f"the output, {form}."
+                    f"FinalError.within is {self.within}: it must be one number, or a pytree with "
+                    f"the structure of the output, {form}."
                 )
             return _of_one_precision(values, within, *counts)
         finals = _named(result.final)
@@ -206,7 +207,8 @@ def _error(name: str, value: object) -> Array | np.ndarray:
         number = as_float(value)
     if number.ndim > 0:
         raise InputError(
-            f"FinalError.{name} has the shape {number.shape}: it must be one number, for all runs."
+            f"FinalError.{name} has the shape {number.shape}: it must be a scalar, common to all "
+            "runs."
         )
     check_positive(f"FinalError.{name}", number)
     return np.asarray(number) if is_concrete(number) else number

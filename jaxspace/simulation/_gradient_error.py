@@ -89,13 +89,13 @@ def _checked(x: PyTree, accuracy: Accuracy) -> tuple[PyTree, np.dtype]:
     inside of a transformation."""
     if is_traced((x, accuracy)):
         raise InputError(
-            "The error of a derivative is found from known numbers: it must be asked for outside "
-            "of jit, vmap and grad."
+            "The error of a derivative is estimated from concrete values: request it outside of "
+            "jit, vmap and grad."
         )
     if not isinstance(accuracy.method, str) and solver_traits(accuracy.method).fixed_step:
         raise InputError(
-            f"accuracy.method is {type(accuracy.method).__name__}, whose steps follow no "
-            f"tolerance: take a method with an error estimate."
+            f"accuracy.method is {type(accuracy.method).__name__}, which does not adapt its steps "
+            "to a tolerance: use a method with an error estimate."
         )
     x = as_state(x)
     return x, state_dtype(x)

@@ -46,7 +46,10 @@ def _as_branches(x: Any) -> tuple["Mission", ...]:
     for branch in branches:
         if isinstance(branch, Phase | AbstractSystem):
             name = type(branch).__name__
-            raise InputError(f"Phase.branches holds a {name}: it must hold missions, Mission(...).")
+            raise InputError(
+                f"Phase.branches contains an object of type {name}: it must contain missions, "
+                "Mission(...)."
+            )
     return tuple(branches)
 
 
@@ -55,7 +58,10 @@ def _as_phases(x: Any) -> tuple["Phase", ...]:
     for phase in phases:
         if isinstance(phase, AbstractSystem):
             name = type(phase).__name__
-            raise InputError(f"Mission.phases holds a {name}: it must hold phases, Phase(...).")
+            raise InputError(
+                f"Mission.phases contains an object of type {name}: it must contain phases, "
+                "Phase(...)."
+            )
     return tuple(_with_known_end(phase) for phase in phases)
 
 
@@ -99,18 +105,18 @@ class Phase(HashedModule):
         if isinstance(self.until, Event):
             if self.until.within is None:
                 raise InputError(
-                    f"Phase {self.name!r} ends at an event without a limit: Event.within must be a "
-                    f"time in s."
+                    f"Phase {self.name!r} ends at an event without a time limit: Event.within must "
+                    "be a time in s."
                 )
             if not self.until.terminal:
                 raise InputError(
-                    f"Phase {self.name!r} ends at an event with terminal=False: it must be an "
-                    f"event that ends a run."
+                    f"Phase {self.name!r} ends at an event with terminal=False: it must be a "
+                    "terminal event."
                 )
             if self.until.passed is not None and isinstance(self.system, AbstractRunnable):
                 raise InputError(
-                    f"Phase {self.name!r} is a closed loop and ends at an event with passed=True: "
-                    f"it must be that of a system, Phase(system, ...)."
+                    f"Phase {self.name!r} is a closed loop and ends at an event with passed=True, "
+                    "which is available for a system only, Phase(system, ...)."
                 )
         else:
             check_finite(f"Phase {self.name!r}: until", self.until)
@@ -149,8 +155,8 @@ class Mission(HashedModule):
         names = [phase.name for phase in self.phases]
         if not names or len(set(names)) < len(names):
             raise InputError(
-                f"Mission.phases are {names}: there must be at least one, each with a name of its "
-                f"own."
+                f"Mission.phases are {names}: there must be at least one phase, and the names must "
+                "be unique."
             )
         branches = [branch.name for phase in self.phases for branch in phase.branches]
         for number, name in enumerate(branches):
@@ -158,8 +164,8 @@ class Mission(HashedModule):
             taken = {other.split(".")[0] for other in names} | set(branches[:number])
             if not name or "." in name or name in taken:
                 raise InputError(
-                    f"Mission.name of a branch is {name!r}: it must be text without a dot, and "
-                    f"another name than those of the phases and branches beside it, "
+                    f"Mission.name of a branch is {name!r}: it must be text without a dot and "
+                    "differ from the names of its sibling phases and branches, "
                     f"{', '.join(sorted(taken))}."
                 )
 
@@ -169,7 +175,7 @@ def check_system(name: str, system: object, other: str) -> None:
 
     `name` is that of the argument."""
     if isinstance(system, Mission):
-        raise InputError(f"{name} is of type Mission: {other} runs it.")
+        raise InputError(f"{name} is of type Mission: use {other} instead.")
     if not isinstance(system, AbstractSystem):
         raise InputError(
             f"{name} is of type {type(system).__name__}: it must be a system or a scene."
@@ -184,5 +190,5 @@ def check_mission(name: str, mission: object, other: str) -> None:
         return
     kind = type(mission).__name__
     if isinstance(mission, AbstractSystem):
-        raise InputError(f"{name} is of type {kind}, a system: {other} runs it.")
+        raise InputError(f"{name} is of type {kind}, a system: use {other} instead.")
     raise InputError(f"{name} is of type {kind}: it must be a Mission.")

@@ -58,7 +58,10 @@ def simulate_mission_batch(
     t0 = as_times("t0", t0, y0s, "one time, or one for each run, s")
     check_finite("t0", t0)
     if t0.ndim > 1:
-        raise InputError(f"t0 has the shape {t0.shape}: each run starts at one time, in s.")
+        raise InputError(
+            f"t0 has the shape {t0.shape}: it must be a scalar or one start time for each run, in "
+            "s."
+        )
     batched, shared, runs = split_batch(missions, y0s, t0, in_axes, times_axes=0)
     if isinstance(accuracy, FinalError):
         given = (missions, y0s, t0)

@@ -73,7 +73,9 @@ def simulate_mission(
     t0 = as_times("t0", t0, y0, "one time, s")
     check_finite("t0", t0)
     if t0.ndim != 0:
-        raise InputError(f"t0 has the shape {t0.shape}: a mission starts at one time, in s.")
+        raise InputError(
+            f"t0 has the shape {t0.shape}: it must be a scalar, the start time of the mission in s."
+        )
     check_num_saved(num_saved)
     given = as_accuracy(accuracy)
     check_tolerances(given, None)

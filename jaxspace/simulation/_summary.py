@@ -245,7 +245,7 @@ def _ended(status: Int[Array, "*runs"]) -> list[Row]:
     if np.ndim(status) == 0:
         return [("status", Status(int(statuses[0])).sentence)]
     failed = np.flatnonzero(statuses > Status.EVENT)
-    well = f"{statuses.size - failed.size} of {statuses.size} runs ended well"
+    well = f"{statuses.size - failed.size} of {statuses.size} runs succeeded"
     rows: list[Row] = [("status", f"{well}: {_statuses(status)}")]
     if failed.size:
         rows.append(("", f"Run {failed[0]}: {Status(int(statuses[failed[0]])).sentence}"))

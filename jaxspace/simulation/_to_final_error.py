@@ -310,8 +310,9 @@ def _is_exact(result: Simulated) -> bool:
     for config in configs:
         if config.fixed_step:
             raise InputError(
-                f"FinalError is asked of {type(config.method).__name__}, whose steps follow no "
-                f"tolerance: take a method with an error estimate, or number its steps."
+                "FinalError requires a method with an error estimate, and "
+                f"{type(config.method).__name__} does not adapt its steps to a tolerance: use "
+                "another method, or set its number of steps."
             )
     return all(config.method == "closed_form" for config in configs)
 
@@ -336,6 +337,6 @@ def _best(search: Search) -> str:
     if estimate.ndim > 0 or not np.isfinite(estimate):
         return ""
     return (
-        f"With a tolerance of {float(search.rtol):.2g} the estimate is "
-        f"{float(estimate):.3g} times what is asked."
+        f"With a tolerance of {float(search.rtol):.2g} the error estimate is "
+        f"{float(estimate):.3g} times the requested one."
     )

@@ -49,9 +49,10 @@ def warn_of_kinks(jaxpr: Jaxpr, system: AbstractSystem, y0: PyTree, stacklevel: 
     given += [Follows(True, False)] + [Follows(False, True)] * states
     if _searches(jaxpr, given):
         warnings.warn(
-            f"{type(system).__name__}.vector_field interpolates in time between nodes that are not "
-            f"breaks: steps pass over its kinks, and gradients by its values are wrong; take a "
-            f"jaxspace.core.Table or Spline, or declare breaks().",
+            f"{type(system).__name__}.vector_field interpolates in time between nodes that are "
+            "not declared as breaks: integration steps cross the kinks, and gradients with "
+            "respect to the nodal values are wrong. Use a jaxspace.core.Table or Spline, or "
+            "declare breaks().",
             stacklevel=stacklevel + 1,
         )
 
@@ -100,10 +101,11 @@ def warn_of_switches(
     for name, part in switches.items():
         if not any(_reads(event, t, y, part) for event in events):
             warnings.warn(
-                f"{name} makes the vector field jump where {part} reaches a value, and no event "
-                f"of the run looks at {part}: derivatives leave out how the time of that jump "
-                f"moves. End the run or the phase there by an event such as PropellantDepletion, "
-                f"or let it go on with Event(..., terminal=False, then=lambda t, y: y).",
+                f"{name} makes the vector field discontinuous where {part} reaches a threshold, "
+                "and no event of the run detects it: derivatives omit the shift of the time of "
+                "that jump. End the run or the phase there with an event such as "
+                "PropellantDepletion, or continue through it with Event(..., terminal=False, "
+                "then=lambda t, y: y).",
                 stacklevel=stacklevel + 1,
             )
 

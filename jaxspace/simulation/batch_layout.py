@@ -53,7 +53,9 @@ def _marked(tree: PyTree, in_axes: PyTree) -> PyTree[bool]:
 
     def part(axis: object, leaves: PyTree) -> PyTree:
         if axis not in (-1, None):
-            raise InputError(f"in_axes holds {axis!r}: it must hold -1 (runs last) or None.")
+            raise InputError(
+                f"in_axes contains {axis!r}: every entry must be -1 (batch axis last) or None."
+            )
         return jax.tree.map(lambda x: axis == -1 and eqx.is_array(x) and x.ndim > 0, leaves)
 
     return jax.tree.map(part, in_axes, tree, is_leaf=lambda a: a is None or a == -1)
@@ -71,15 +73,15 @@ def _count(tree: PyTree, flags: PyTree[bool]) -> NumRuns:
             sizes[name] = leaf.shape[-1]
     if not sizes:
         raise InputError(
-            "systems and y0s hold no array with runs on its last axis: one run is for simulate or "
-            "simulate_mission."
+            "systems and y0s contain no array with a batch axis: use simulate or simulate_mission "
+            "for a single run."
         )
     runs = next(iter(sizes.values()))
     for name, size in sizes.items():
         if size != runs:
             raise InputError(
-                f"{name} has {size} runs on its last axis, {next(iter(sizes))} has {runs}: they "
-                f"must agree, or be shared by in_axes."
+                f"{name} has {size} runs on its last axis, {next(iter(sizes))} has {runs}: the "
+                "batch sizes must agree; mark shared arrays with in_axes."
             )
     return runs
 

@@ -69,7 +69,9 @@ def check_times(ts: object, y0: PyTree, axes: int = 1) -> Array:
         times = np.asarray(ts, dtype=float)
         ascends, descends = times[1:] >= times[:-1], times[1:] <= times[:-1]
         if not np.all(ascends.all(axis=0) | descends.all(axis=0)):
-            raise InputError("ts turns around: its times must ascend or descend.")
+            raise InputError(
+                "ts changes direction: its times must be strictly ascending or descending."
+            )
     return ts
 
 
@@ -127,7 +129,7 @@ def shapes_after(
     # A jump may raise anything for a state of another kind; its words are quoted.
     except Exception as error:
         raise InputError(
-            f"{name} cannot take the time and a state that holds {_held(y)}: "
+            f"{name} fails for the time and a state with {_held(y)}: "
             f"{type(error).__name__}: {first_line(error)}"
         ) from error
     leaves = jax.tree.leaves(after)
@@ -172,16 +174,16 @@ def check_structure(
             ""
             if one_run
             else (
-                " A batch has its runs on the last axis: map a function of one run over it, by "
-                "jax.vmap(f, in_axes=-1, out_axes=-1)."
+                " In a batch the runs are on the last axis: vectorise a function of a single run "
+                "with jax.vmap(f, in_axes=-1, out_axes=-1)."
             )
         )
         raise InputError(
-            f"{type(system).__name__}.vector_field cannot take y0, which holds {_held(y0)}: "
+            f"{type(system).__name__}.vector_field fails for y0, which contains {_held(y0)}: "
             f"{type(error).__name__}: {first_line(error)}{cure}"
         ) from error
     raise InputError(
-        f"y0 holds {_held(y0)}, and {type(system).__name__}.vector_field returns "
+        f"y0 contains {_held(y0)}, and {type(system).__name__}.vector_field returns "
         f"{_held(derivative)}: the derivative must have the structure of the state."
     )
 
@@ -212,10 +214,10 @@ def _check_one_run(system: AbstractSystem, y0: PyTree) -> None:
         if runs:
             name = ("system", "y0")[path[0].idx] + jax.tree_util.keystr(path[1:])
             raise InputError(
-                f"{name} has the shape {leaf.shape}, with runs on its last axis: simulate and "
-                f"simulate_mission take one run, simulate_batch and simulate_mission_batch take "
-                f"many (studies.sensitivity with batch=True). Several bodies are a dictionary of "
-                f"position and velocity, (3, bodies) each."
+                f"{name} has the shape {leaf.shape}, with a batch axis: simulate and "
+                "simulate_mission integrate a single run, simulate_batch and "
+                "simulate_mission_batch a batch (studies.sensitivity with batch=True). For several "
+                "bodies, pass a dictionary of position and velocity, each (3, bodies)."
             )
 
 
@@ -240,14 +242,15 @@ def as_events(given: object) -> tuple[Event, ...]:
         raise InputError(f"events is of type {name}: it must be a tuple of `Event`.")
     if any(event.passed is not None for event in events):
         raise InputError(
-            "events holds one with passed=True: it must be Phase.until, for a run of its own would "
-            "end before it begins."
+            "events contains an event with passed=True: it is allowed as Phase.until only, because "
+            "a separate run would end at its start."
         )
     collected = any(not event.terminal and event.then is None for event in events)
     if collected and has_restarts(events):
         raise InputError(
-            "events holds one with a jump (then) and one that is only collected: beside a jump, "
-            "events must end the run or jump. Give that one a jump that changes nothing."
+            "events contains both an event with a jump (then) and one that is only recorded: "
+            "together with a jump, every event must be terminal or have a jump. Give the recorded "
+            "event an identity jump."
         )
     return events
 
@@ -261,8 +264,8 @@ def check_dense(dense: bool, events: tuple[Event, ...]) -> None:
     """Raise `InputError` for `dense=True` with events that jump in place."""
     if dense and has_restarts(events):
         raise InputError(
-            "dense=True is given with an event that jumps (then): such a run stores no steps, so "
-            "that the requested times must be among ts."
+            "dense=True is not available with an event that jumps (then): such a run stores no "
+            "steps, so the requested times must be among ts."
         )
 
 
@@ -273,8 +276,8 @@ def check_jump(event: Event, t: Time, y: PyTree, name: str) -> None:
     after = shapes_after(event.then, t, y, f"{name}.then")
     if _held(after) != _held(y):
         raise InputError(
-            f"{name}.then takes a state that holds {_held(y)}, and returns {_held(after)}: it must "
-            f"be the same, because the run goes on."
+            f"{name}.then receives a state with {_held(y)} and returns {_held(after)}: the "
+            "structure must be unchanged, because the run continues."
         )
 
 
@@ -315,12 +318,12 @@ def _check_events(
         # A condition may raise anything for a state of another kind; its words are quoted.
         except Exception as error:
             raise InputError(
-                f"{what} cannot take the time and the state of {type(system).__name__}: "
+                f"{what} fails for the time and the state of {type(system).__name__}: "
                 f"{type(error).__name__}: {first_line(error)}"
             ) from error
         shape = getattr(value, "shape", type(value).__name__)
         if shape != runs:
-            of_each = f", {runs}: it may not add up over the runs" if runs else ""
+            of_each = f", {runs}: it must not reduce over the batch axis" if runs else ""
             raise InputError(f"{what} returns {shape}: it must return one number{of_each}.")
         if not jnp.issubdtype(value.dtype, jnp.floating):
             raise InputError(

@@ -51,12 +51,14 @@ def simulate_any(
     if isinstance(system, Mission):
         if events or dense:
             raise InputError(
-                f"{'events' if events else 'dense'} is given with a mission: its phases bring "
-                f"their events, and keep no steps."
+                f"{'events' if events else 'dense'} is not available for a mission: its phases "
+                "define their own events and store no steps."
             )
         run = simulate_mission_batch if batch else simulate_mission
         return run(system, y0, ts, num_saved=2 if num_saved is None else num_saved, **given)
     if num_saved is not None:
-        raise InputError(f"num_saved is {num_saved}: of a system the states at ts are saved.")
+        raise InputError(
+            f"num_saved is {num_saved}: for a system the states are saved at ts; leave it out."
+        )
     run = simulate_batch if batch else simulate
     return run(system, y0, ts, events=events, dense=dense, **given)

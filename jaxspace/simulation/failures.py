@@ -118,7 +118,7 @@ def enough_steps(dense: DenseOutput, t0: float, t1: float, max_steps: int) -> st
     # Two digits, and twice the number, because the estimate may be too low.
     steps = int(float(f"{max_steps * (abs(t1 - t0) / reached) ** power:.2g}"))
     return (
-        f"Its end at t = {t1:.6g} s takes about {steps} steps if they go on so: "
+        f"Its end at t = {t1:.6g} s requires about {steps} steps at this rate: "
         f"Accuracy(max_steps={2 * steps})."
     )
 

@@ -55,10 +55,10 @@ def check_one_line(mission: Mission, what: str) -> None:
     _, names = legs_of(mission)
     if names:
         raise InputError(
-            f"{what} takes one sequence of phases, and the mission has the branches "
-            f"{', '.join(names)}: it must be given without them, Phase(branches=())."
+            f"{what} requires a single sequence of phases, and the mission has the branches "
+            f"{', '.join(names)}: pass it without branches, Phase(branches=())."
         )
     if mission.start is not None:
         raise InputError(
-            f"{what} starts from y0 itself, and Mission.start is a function: it must be None."
+            f"{what} starts from y0 itself: Mission.start must be None, and it is a function."
         )

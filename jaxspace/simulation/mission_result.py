@@ -75,7 +75,9 @@ class MissionTrajectory(HashedModule):
             phase = self.names.index(phase)
         count = len(self.phases)
         if not isinstance(phase, int) or not -count <= phase < count:
-            raise IndexError(f"The mission has {count} phases: there is no number {phase!r}.")
+            raise IndexError(
+                f"Phase number {phase!r} is out of range: the mission has {count} phases."
+            )
         return self.phases[phase]
 
     def __len__(self) -> int:

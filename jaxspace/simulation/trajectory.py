@@ -96,8 +96,8 @@ class Trajectory(HashedModule):
     def _known_call(self) -> RunCall:
         if self.call is None:
             raise InputError(
-                "A phase within Campaign.outputs has times, states and status, and no system: it "
-                "must be replayed for that, campaign.replay(number, seed)."
+                "Inside Campaign.outputs a phase has times, states and status only, without its "
+                "system: replay the run instead, campaign.replay(number, seed)."
             )
         return self.call
 
@@ -148,7 +148,7 @@ class Trajectory(HashedModule):
         """The state at the k-th time."""
         times = self.ts.shape[0]
         if not -times <= k < times:
-            raise IndexError(f"The run has {times} times: there is no number {k}.")
+            raise IndexError(f"Index {k} is out of range: the run has {times} saved times.")
         return state_at(self.states, k, self.run_axes)
 
     def __len__(self) -> int:
@@ -159,10 +159,10 @@ class Trajectory(HashedModule):
 
         Raises `InputError` if this is one run already."""
         if self.run_axes == 0:
-            raise InputError("This trajectory is one run: it has no number to take one by.")
+            raise InputError("This trajectory is a single run and cannot be indexed by run number.")
         runs = self.status.shape[-1]
         if not -runs <= i < runs:
-            raise InputError(f"The batch has {runs} runs: there is no number {i}.")
+            raise InputError(f"Run number {i} is out of range: the batch has {runs} runs.")
         # All runs may share one count.
         stats = {name: x[..., i] if x.ndim else x for name, x in self.stats.items()}
         names = ("ts", "states", "status", "event", "happened", "dense", "crossings", "control")
@@ -183,11 +183,13 @@ class Trajectory(HashedModule):
         for a run that jumps in place (`Event.then`)."""
         if self._jumps:
             raise InputError(
-                "The run jumps on its way (Event.then) and stores no states between its times: the "
-                "requested times must be among ts."
+                "The run contains jumps (Event.then) and stores no states between its saved times: "
+                "the requested times must be among ts."
             )
         if not self.has_steps:
-            raise InputError("The run holds no states between its times: run it with dense=True.")
+            raise InputError(
+                "The run stores no states between its saved times: simulate it with dense=True."
+            )
         return self._at(jnp.asarray(t, self.ts.dtype))
 
     @property
@@ -212,11 +214,11 @@ class Trajectory(HashedModule):
         **Raises** `InputError` for a batch (take `run.of(i)`) and for a closed loop."""
         if self.control is not None:
             raise InputError(
-                "The run is a closed loop, which is not repeated without its controller: simulate "
-                "it with more save times (ts, or num_saved of a mission)."
+                "The run is a closed loop, which cannot be repeated without its controller: "
+                "simulate it with more save times (ts, or num_saved for a mission)."
             )
         if self.run_axes:
-            raise InputError("with_steps is of one run: take run.of(0) of a batch.")
+            raise InputError("with_steps applies to a single run: use run.of(0) of a batch.")
         if self.has_steps:
             return (self,)
         starts = restarts_of(float(self.ts[0]), self.initial, self.crossings)
@@ -327,13 +329,13 @@ class Trajectory(HashedModule):
         in place (`Event.then`), or of a closed loop."""
         if self.control is not None:
             raise InputError(
-                f"{what} repeats a run without its controller, and this one is a closed loop: it "
-                f"must be a run of a system alone."
+                f"{what} repeats a run without its controller and is not available for a closed "
+                "loop: it requires the run of a system alone."
             )
         if self._jumps:
             raise InputError(
-                f"{what} repeats a run, and this one jumps on its way (Event.then): simulate it "
-                f"again, with its events."
+                f"{what} repeats a run and is not available for one with jumps (Event.then): "
+                "simulate it again with its events."
             )
 
     def to_xarray(self) -> "xarray.Dataset":

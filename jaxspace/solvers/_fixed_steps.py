@@ -56,7 +56,7 @@ class FixedSteps(AbstractFixedStep):
             if traits.fixed_step or traits.individual_steps:
                 name = type(self.solver).__name__
                 raise InputError(
-                    f"FixedSteps.solver is {name}: it must take one step at a time, as Tsit5."
+                    f"FixedSteps.solver is {name}: it must be a one-step method, such as Tsit5."
                 )
 
     @property

@@ -114,7 +114,7 @@ class Stormer(AbstractFieldSolver, AbstractFixedStep):
 
     def __check_init__(self):
         if not 5 <= self.k <= 12:
-            raise InputError(f"Stormer.order is {self.k}: it must lie between 5 and 12.")
+            raise InputError(f"Stormer.order is {self.k}: it must be from 5 to 12.")
         least = 2 * self.k
         check_steps("Stormer.steps", self.steps, least, f"at least twice the order, {least}")
 

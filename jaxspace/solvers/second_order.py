@@ -142,8 +142,8 @@ def second_order(
     parts = parts_of(y0)
     if parts is None:
         raise InputError(
-            f"{solver} integrates a position and a velocity, and nothing else: "
-            "take DOP853() for this state."
+            f"{solver} requires a state that consists of a position and a velocity: use DOP853() "
+            "for this state."
         )
     r, v = parts
     end = just_before(t0, t1)

@@ -120,7 +120,7 @@ class AccuracyCost:
             others = sorted({row.precision for row in self.rows if not row.failure})
             allowed = " or ".join(others) or "none of this table, whose runs have all failed"
             raise InputError(
-                f"precision is {precision!r}, in which no run of the table ended well: it must be "
+                f"precision is {precision!r}, in which no run of the table succeeded: it must be "
                 f"{allowed}."
             )
         # Below the error of the reference an error is not known.

@@ -97,7 +97,7 @@ def test_a_file_alone_runs_nothing(scene, capsys):
     assert main(["run", str(scene), "--out", str(scene.parent)]) == 2
     told = capsys.readouterr().err
     assert 'modules.0 is "push.py", which is code' in told and "--with push.py" in told
-    with pytest.raises(SceneError, match="a file alone runs none"):
+    with pytest.raises(SceneError, match="a scene file alone never runs code"):
         load(scene)
     assert not mark.exists()
     load(scene, modules=[scene.with_name("push.py")])
@@ -159,7 +159,10 @@ BAD = [
     ("x = 1\ny = x / 0\n", "bad.py cannot be run: line 2 raises ZeroDivisionError: division by"),
     ("x = (\n", "bad.py cannot be run: line 1 raises SyntaxError"),
     ("import sys\nsys.exit()\n", "bad.py cannot be run: line 2 raises SystemExit"),
-    ("x = 1\n", "bad.py defines nothing that a file can name: it must have final classes"),
+    (
+        "x = 1\n",
+        "bad.py defines nothing that a scene file can use: it must contain declared functions",
+    ),
     (MODULE, "bad.py holds push: it must be another name"),
 ]
 

@@ -75,6 +75,6 @@ def test_report_of_a_campaign_made_in_python(tmp_path, capsys):
     disperse(Campaign(drifts, inputs, last), 64, store=tmp_path / "drift.zarr")
     assert main(["report", str(tmp_path / "drift.zarr")]) == 0
     printed = capsys.readouterr()
-    assert "made in Python" in printed.err and "drift.html" in printed.out
+    assert "defined in Python" in printed.err and "drift.html" in printed.out
     assert main(["report", str(tmp_path / "nothing.zarr")]) == 2
     assert "store" in capsys.readouterr().err

@@ -119,7 +119,7 @@ def test_nine_interruptions_end_in_one_sentence(tmp_path, engine, first, pause):
         time.sleep(pause)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
-    (line,) = [line for line in errors.splitlines() if "will be refused" not in line]
+    (line,) = [line for line in errors.splitlines() if "will be rejected" not in line]
     assert "stopped" in line
     # What it says is so.
     assert ("resume" in line) == (tmp_path / "coast.zarr").exists()
@@ -273,7 +273,9 @@ BAD = ["a/b", "../x", "a\\b", ".hidden", "C:x", "NUL", "x" * 101, "a ", ""]
 def test_names_of_phases_are_refused_before_anything_is_computed(name, tmp_path, capsys):
     path = tmp_path / "coast.toml"
     path.write_text(COAST.replace('name = "coast"', f"name = '{name}'"))
-    with pytest.raises(SceneError, match="phase.0.name is .*: it must be text that can be a part"):
+    with pytest.raises(
+        SceneError, match="phase.0.name is .*: it must be text that can be part of a file name"
+    ):
         load(path)
     assert main(["run", str(path), "--out", str(tmp_path)]) == 2
     assert "phase.0.name" in capsys.readouterr().err

@@ -166,7 +166,7 @@ def test_the_text_of_a_motor_file_outside_is_not_shown(tmp_path):
 def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
     monkeypatch.setattr(_text, "PATIENCE", 0.1)
     os.mkfifo("pipe.toml")
-    assert "it is a pipe into which nobody writes" in refusal(capsys, "explain", "pipe.toml")
+    assert "it is a pipe without a writer" in refusal(capsys, "explain", "pipe.toml")
     # One into which somebody writes is read to its end.
     writer = "import pathlib; pathlib.Path('pipe.toml').write_text('titel')"
     with subprocess.Popen([sys.executable, "-c", writer]):
@@ -177,9 +177,9 @@ def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
 @pytest.mark.parametrize(
     ("old", "new", "head", "words"),
     [
-        ("", "", f'title = "{"x" * 10**6}"\n', "must be text of one line, at most 200"),
+        ("", "", f'title = "{"x" * 10**6}"\n', "must be a single line of at most 200"),
         ("", "", 'title = "a\\u001b[31mred"\n', r'title is "a\u001b[31mred": it must be text'),
-        ("", "", '"a\\u009b31m" = 1\n', r"a\x9b31m is not a key that is known"),
+        ("", "", '"a\\u009b31m" = 1\n', r"a\x9b31m is not a known key"),
         (
             "OUTPUT",
             '{ output = "speed", name = "=1+1" }',

@@ -150,7 +150,7 @@ def test_scene_file_of_a_landing(tmp_path):
     late.write_text(text.replace('end = "60 s"', 'end = "30 s"'))
     file = jaxspace.load(late)
     assert file.simulate(throw=False).status == Status.EVENT_MISSED
-    with pytest.raises(SimulationError, match="did not happen"):
+    with pytest.raises(SimulationError, match="did not occur"):
         file.simulate()
 
 

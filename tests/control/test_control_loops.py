@@ -152,14 +152,14 @@ def test_runs_trail_and_each_is_its_own():
     assert np.isnan(run.final.position[:, 2]).all() and run.states.position.shape == (3, 3, 6)
     alone = loop(gains[4]).simulate(jax.tree.map(lambda x: x[:, 4], starts), [0.0, 2.0, 4.0])
     np.testing.assert_allclose(run.states.position[..., 4], alone.states.position, atol=ROUNDING)
-    with pytest.raises(SimulationError, match="controller gave a command that is NaN"):
+    with pytest.raises(SimulationError, match="controller returned a command that is NaN"):
         loop(gains[2]).simulate(START, [0.0, 4.0])
     # One of them taken out reads as it was, and is flown again as it was: each with its own gain.
     one = run.of(4)
     np.testing.assert_array_equal(one.commands, run.commands[..., 4])
     for x, y in zip(*map(jax.tree.leaves, (one.error(), alone.error())), strict=True):
         np.testing.assert_allclose(x, y, atol=ROUNDING)
-    with pytest.raises(InputError, match="has 6 runs: there is no number 6"):
+    with pytest.raises(InputError, match="Run number 6 is out of range"):
         run.of(6)
     lines = repr(run).splitlines()
     assert lines[0] == "Closed loop of Scene, 6 runs"

@@ -313,7 +313,7 @@ outputs = ["final.mass"]
 """
     )
     for text, words in (
-        (scattered, "must not scatter"),
+        (scattered, "cannot be dispersed"),
         (MISSION.replace("period", 'until = "touchdown"\nperiod'), "phase.1.control.until"),
     ):
         path.write_text(text)

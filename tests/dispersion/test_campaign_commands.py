@@ -142,7 +142,7 @@ def test_resume_computes_what_is_missing_or_damaged(flown, store, capsys):
     assert main(["resume", str(store)]) == 0
     printed = capsys.readouterr()
     assert "apoapsis_altitude/c/0 differs from its checksum. It is computed again." in printed.err
-    assert "of 1200 runs ended well" in printed.out and "% of" in printed.out
+    assert "of 1200 runs succeeded" in printed.out and "% of" in printed.out
     assert chunk.read_bytes() == (flown / "apoapsis_altitude" / "c" / "0").read_bytes()
     assert store.with_suffix(".png").exists()
 
@@ -225,7 +225,7 @@ def test_a_campaign_from_python_is_not_the_command_line_s(tmp_path, capsys):
     campaign = load(file).campaign(warn=False)
     disperse(campaign, 20, store=tmp_path / "s.zarr", accuracy=1e-6)
     assert main(["resume", str(tmp_path / "s.zarr")]) == 2
-    assert "campaign from Python" in capsys.readouterr().err
+    assert "campaign defined in Python" in capsys.readouterr().err
     assert main(["failures", str(tmp_path / "s.zarr")]) == 0
 
 
@@ -253,7 +253,7 @@ def test_a_store_that_is_not_whole_says_so_everywhere(tmp_path, capsys):
     for command in ("report", "failures"):
         assert main([command, str(store)]) == 0
         printed = capsys.readouterr()
-        assert "of 512 runs ended well" in printed.out
+        assert "of 512 runs succeeded" in printed.out
         assert (
             f"512 of 1536 planned runs are in the store: `jaxspace resume {store}` computes the "
             f"rest." in printed.out
@@ -311,7 +311,7 @@ def test_a_file_gives_the_share_and_the_confidence_of_a_requirement(tmp_path):
     wrong = {
         ', at_most = "3000 km", allowed = 5': "allowed is 5: it must be between 0 and 1, both excl",
         ', at_most = "3000 km", confidence = "x"': 'outputs.1.confidence is "x": it must be a numb',
-        ', allowed = "5 %"': "outputs.1.allowed is that of a requirement: give at_least or at_most",
+        ', allowed = "5 %"': "outputs.1.allowed belongs to a requirement: give at_least or at_most",
     }
     for entries, sentence in wrong.items():
         path.write_text(COAST.replace('"apoapsis_altitude"]', given.format(entries) + "]"))
@@ -326,7 +326,7 @@ def test_extremes_name_their_runs():
     # The last run has failed; the least of the others is that before it.
     assert [kept.run_of(which, "x") for which in ("worst", "least", "greatest")] == [40, 44, 40]
     report = dispersion_report(kept, {}).splitlines()
-    row = report[report.index("extremes, each with its run") + 2].split()
+    row = report[report.index("extremes and their runs") + 2].split()
     assert row[0] == "x" and row[3] == "44" and row[-1] == "40"
     with pytest.raises(InputError, match="a has no requirement, by which a run is the worst"):
         kept.run_of("worst", "a")
@@ -362,7 +362,7 @@ def test_tables_tell_what_is_not_finite_and_what_is_violated():
         f"4 of 8 50 % {100 * low:.3g} % to {100 * high:.3g} % 95 %".split()
     )
     printed = failures_report(None, kept, 2)
-    assert "3 runs ended well with an output that is not a number:" in printed
+    assert "3 runs succeeded with an output that is not finite:" in printed
     assert "  run 0: y is not a number." in printed and "  and 1 more (--all" in printed
     assert "  run 5: x, y are not a number." in failures_report(None, kept)
     whole = small(z=np.ones(8))
@@ -378,7 +378,7 @@ def test_options_about_runs_are_refused_where_there_are_none(tmp_path, capsys, o
     given = ["disperse", str(tmp_path / "coast.toml"), "--method", "lincov", *option]
     assert main(given) == 2
     told = capsys.readouterr().err
-    assert f"{option[0]} says something about the runs of a campaign: --method lincov" in told
+    assert f"{option[0]} applies to the runs of a campaign, and --method lincov" in told
 
 
 def test_a_method_without_runs_has_the_rows_of_the_file(tmp_path, capsys):
@@ -401,7 +401,7 @@ def test_report_of_a_campaign_from_python_prints_its_table(tmp_path, capsys):
     printed = capsys.readouterr().out
     row = next(line.split() for line in printed.splitlines() if line.startswith("b "))
     # Twice 0 to 24, whose mean is 24; no nominal run.
-    assert row[:3] == ["b", "-", "24.0"] and "25 of 25 runs ended well." in printed
+    assert row[:3] == ["b", "-", "24.0"] and "25 of 25 runs succeeded." in printed
 
 
 @pytest.mark.parametrize("command", [["resume"], ["failures"], ["replay", "--run", "1"]])
@@ -498,7 +498,7 @@ def stopped(folder: Path, number: signal.Signals, chunk: int | None, delay: floa
     if number != signal.SIGKILL and process.returncode != 0:
         assert process.returncode == 130, errors
         if chunk is not None:
-            assert "runs are kept in" in errors and "`jaxspace resume" in errors
+            assert "runs are stored in" in errors and "`jaxspace resume" in errors
     return store
 
 

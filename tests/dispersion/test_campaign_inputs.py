@@ -116,7 +116,9 @@ def test_a_direction_given_in_python(tmp_path, key):
     for name in velocity:
         # An angle in degrees is converted by a factor that rounds.
         np.testing.assert_allclose(here[name], there[name], rtol=1e-14, atol=1e-10)
-    with pytest.raises(InputError, match="scatters together with others: initial.velocity.0, init"):
+    with pytest.raises(
+        InputError, match="is correlated with other inputs: initial.velocity.0, init"
+    ):
         file.campaign(inputs={"initial.velocity.1": Normal(7500.0, 1.0)})
 
 
@@ -140,5 +142,7 @@ def test_a_wrong_input_is_named(given, words, tmp_path):
 
 
 def test_an_input_that_is_refused_too_often_is_a_warning(tmp_path):
-    with pytest.warns(UserWarning, match="50 % of the runs will be refused, for planet.radius"):
+    with pytest.warns(
+        UserWarning, match="50 % of the runs will be rejected, because planet.radius"
+    ):
         loaded(tmp_path, "system").campaign(inputs={"planet.radius": Uniform(-1.0, 1.0)})

@@ -210,9 +210,12 @@ def test_a_scene_campaign_takes_more_outputs(coast, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        (lambda r, s: {"periapsis_altitude": r.end}, "'periapsis_altitude', which is an output of"),
+        (
+            lambda r, s: {"periapsis_altitude": r.end},
+            "'periapsis_altitude', which is already an output of",
+        ),
         (lambda r, s: {"mean": jnp.mean(r.final.position)}, "The output 'mean' mixes runs"),
-        (lambda r, s: None, "outputs gives an object of the class NoneType: it must give a dict"),
+        (lambda r, s: None, "outputs returns an object of type NoneType: it must return a dict"),
     ],
 )
 def test_more_outputs_of_a_scene_campaign_are_checked(given, words, coast):

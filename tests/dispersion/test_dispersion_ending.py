@@ -183,7 +183,7 @@ def test_the_command_line_goes_before_the_file(tmp_path, capsys):
     assert "until the 90 % limit of periapsis_altitude is known to 30 %" in capsys.readouterr().out
     kept = open_store(tmp_path / "coast.zarr")
     assert main(["resume", str(tmp_path / "coast.zarr")]) == 0
-    assert f"of {kept.enough} runs ended well" in capsys.readouterr().out
+    assert f"of {kept.enough} runs succeeded" in capsys.readouterr().out
     assert main([*given, "--method", "unscented"]) == 0
     printed = capsys.readouterr().out
     assert "A coast: unscented" in printed and "5 runs" in printed
@@ -218,9 +218,9 @@ def test_the_report_says_when_a_hypercube_is_not_complete():
         kept = Dispersion(x, x, np.zeros(runs, int), np.ones(runs, int), {}, 0, 1.0, attributes)
         return status_lines(kept)
 
-    assert told(20) == "20 of 20 runs ended well."
+    assert told(20) == "20 of 20 runs succeeded."
     assert told(8).endswith(
-        "8 of 20 runs of a Latin hypercube: only all of them together lie evenly."
+        "8 of 20 runs of a Latin hypercube: only the complete set is evenly distributed."
     )
 
 

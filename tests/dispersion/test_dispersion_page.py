@@ -95,7 +95,7 @@ def test_page_holds_card_limits_and_failures(tmp_path):
     page = dispersion_page(
         dispersion(1000), tmp_path / "d.html", title="Kick & <coast>", nominal=NOMINAL
     ).read_text(encoding="utf-8")
-    assert "Kick &amp; &lt;coast&gt;" in page and "989 of 1000 ended well" in page
+    assert "Kick &amp; &lt;coast&gt;" in page and "989 of 1000 succeeded" in page
     assert "3, 100, 197, 294, 391 …" in page and Status.NOT_FINITE.sentence in page
     data = data_of(page)
     shown = data["histograms"]["apoapsis"]
@@ -133,7 +133,7 @@ def test_page_without_a_good_run(tmp_path):
     d = dispersion(50)
     lost = Dispersion(d.inputs, d.outputs, np.full(50, 5), d.evaluations, {}, 0)
     page = dispersion_page(lost, tmp_path / "d.html").read_text(encoding="utf-8")
-    assert "0 of 50 ended well" in page and data_of(page)["ellipses"] is None
+    assert "0 of 50 succeeded" in page and data_of(page)["ellipses"] is None
 
 
 def test_ellipses_of_the_page_are_those_of_the_statistics(tmp_path):

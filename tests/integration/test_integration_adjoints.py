@@ -178,7 +178,7 @@ def test_an_adjoint_keeps_status_and_statistics_of_the_run():
 
 @pytest.mark.parametrize("adjoint", [diffrax.BacksolveAdjoint(), diffrax.ImplicitAdjoint()])
 def test_an_adjoint_that_does_not_follow_the_steps_is_refused(adjoint):
-    with pytest.raises(InputError, match="leave it out, Accuracy"):
+    with pytest.raises(InputError, match="omit it, Accuracy"):
         derivative((DOP853(), 1e-10, 64), adjoint, "grad")
 
 

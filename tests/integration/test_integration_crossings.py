@@ -265,7 +265,7 @@ def test_both_zeros_of_a_dip_are_found_wherever_the_samples_fall(p, depth):
 def test_a_condition_that_adds_up_the_runs_is_refused():
     start = jax.tree.map(lambda x: jnp.broadcast_to(x[:, None], (3, 4)), SIDE)
     mixed = Event(lambda t, y: jnp.sum(y.position))
-    with pytest.raises(InputError, match="may not add up over the runs"):
+    with pytest.raises(InputError, match="must not reduce over the batch axis"):
         simulate_batch(Wheel(1.0), start, jnp.array([0.0, 1.0]), events=(mixed,))
 
 

@@ -186,7 +186,7 @@ def test_bounces_until_the_time_resolves_them_no_more():
     # A velocity of 10 m/s is rounded to 1e-15, which the last bounces halve with it; their flights
     # are rounded, too.
     np.testing.assert_allclose(speeds[:40], -G * first * 0.5 ** k[:40], rtol=1e-4)
-    with pytest.raises(SimulationError, match="faster than the time resolves"):
+    with pytest.raises(SimulationError, match="faster than the time resolution"):
         simulate_mission(Mission(phases), ball(), accuracy=1e-12)
 
 
@@ -199,7 +199,7 @@ def test_a_condition_that_is_not_finite_has_a_status():
         assert run.status == status
         assert np.all(np.isnan(run.states.position[:, 1:])) == (status != Status.EVENT)
     np.testing.assert_allclose(run.ts[-1], 5.0)
-    with pytest.raises(SimulationError, match="condition of an event was NaN"):
+    with pytest.raises(SimulationError, match="condition of an event became NaN"):
         simulate(FALL, ball(), jnp.array([0.0, 5.0]), events=(event,))
 
 

@@ -312,7 +312,7 @@ BAD = {
     ),
     ('after = "ascent"', 'after = "coast"'): (
         'branch.booster.after is "coast": it must be a phase that another one follows, which takes '
-        "what is left."
+        "one, which continues with the remaining body."
     ),
     ('after = "booster.up"', 'after = "cap.fall"'): (
         'branch.cap.after = "cap.fall" is not a phase that is known: it must be one of ascent, '
@@ -324,11 +324,11 @@ BAD = {
     ('body.mass = "60 kg"\n', ""): "branch.booster.body is missing",
     ('body.mass = "60 kg"', "body = {}"): (
         "branch.booster.body.mass is missing: it must be a positive number in kg or text with a "
-        'unit of mass, such as "60 kg"; branch.booster takes its share of it.'
+        'unit of mass, such as "60 kg"; branch.booster separates with a part of it.'
     ),
     ('[body]\nmass = "100 kg"', "[body]"): "body.mass is missing",
     ('body.mass = "60 kg"', 'body.mass = "60 kg"\nkik = 1'): (
-        "branch.booster.kik is not a key that is known: it must be one of after, body, offset, "
+        "branch.booster.kik is not a known key: it must be one of after, body, offset, "
         "kick, phase. Did you mean kick?"
     ),
     ('kick = ["0 m/s", "0 m/s", "-5 m/s"]', 'kick = "5 m/s"'): (
@@ -340,7 +340,7 @@ BAD = {
     ),
     ('"touchdown"', '"tuchdown"'): "branch.booster.phase.1.until is",
     ('name = "fall"', 'name = "up"'): (
-        'branch.booster.phase.1.name is "up": it must be another name than that of an earlier phase'
+        'branch.booster.phase.1.name is "up": it must be a name not used by an earlier phase'
     ),
     ('"booster.final.position.0"', '"boster.final.position.0"'): "Did you mean booster.final",
     ('at = "booster.fall"', 'at = "booster.fal"'): (
@@ -361,11 +361,11 @@ def test_wrong_branches_are_refused_in_a_sentence(change, sentence):
 
 def test_a_scene_without_phases_has_no_branches():
     text = FILE.split("[[phase]]")[0] + '[times]\nend = "1 s"\n[branch.a]\nafter = "b"\n'
-    with pytest.raises(SceneError, match=r"branch leaves at the end of a phase: there must be a"):
+    with pytest.raises(SceneError, match=r"branch leaves at the end of a phase: at least one"):
         loaded(text)
     text = FILE.split("[branch.booster]")[0] + "[[branch]]\n"
     with pytest.raises(
-        SceneError, match=r"branch is .*: it must be tables by names of your choice"
+        SceneError, match=r"branch is .*: it must be tables with names of your choice"
     ):
         loaded(text)
 

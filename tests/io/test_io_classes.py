@@ -73,11 +73,13 @@ def test_what_is_public_and_not_for_files_is_refused_with_the_reason(tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text("[effects.moving_masses]\nmass = [2.0]\n[times]\nend = 1.0\n")
     with pytest.raises(
-        SceneError, match=r"effects.moving_masses can stand in no file: Moving.*path"
+        SceneError, match=r"effects.moving_masses cannot be used in a scene file: Moving.*path"
     ):
         jaxspace.load(path)
     path.write_text('[system]\nname = "lagrangian"\n')
-    with pytest.raises(SceneError, match=r'system.name = "lagrangian" can stand in no file'):
+    with pytest.raises(
+        SceneError, match=r'system.name = "lagrangian" cannot be used in a scene file'
+    ):
         jaxspace.load(path)
 
 

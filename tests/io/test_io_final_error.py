@@ -63,7 +63,7 @@ def test_the_nominal_run_has_the_error_and_the_report_says_what_it_took(tmp_path
     report = run_report(file, run)
     assert "position 1 m, velocity 1 mm/s" in report
     assert f"position {estimate:.3g} m, velocity {estimate:.3g} mm/s" in report
-    assert f"{int(run.stats['final_error_evaluations'])} evaluations together" in report
+    assert f"{int(run.stats['final_error_evaluations'])} evaluations in total" in report
     # The errors of a method of order eight fall with the eighth power of the steps.
     price = float(run.stats["final_error_price"])
     assert f"{price:.2g} times the evaluations" in report

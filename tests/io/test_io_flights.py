@@ -127,7 +127,7 @@ def changed(tmp_path, *changes):
         (
             'lag = "1.5 s"\nheight = "800 m"',
             'time = "50 s"\n[[vehicle.parachutes]]\ndrag_area = 1\ntime = "40 s"',
-            r"vehicle.parachutes.2.time is 40.0: it must be above 50 s, when the one before it",
+            r"vehicle.parachutes.2.time is 40.0: it must be above 50 s, when the previous one",
         ),
         (
             'drag_area = "10 m^2"',
@@ -136,8 +136,8 @@ def changed(tmp_path, *changes):
         ),
         ("m1670.eng", "m1.eng", "vehicle.motor: .*m1.eng cannot be read: No such file"),
         ('"33 mm", "15 mm"', '"13 mm", "15 mm"', "vehicle.grain is .* an outer radius above"),
-        ("[site.wind]", "[site.wnd]", "site.wnd is not a key that is known: .* Did you mean wind?"),
-        ("[waiting]", "[planet]", "planet is not a key that is known"),
+        ("[site.wind]", "[site.wnd]", "site.wnd is not a known key: .* Did you mean wind?"),
+        ("[waiting]", "[planet]", "planet is not a known key"),
     ],
 )
 def test_what_cannot_fly_is_a_sentence(old, new, sentence, tmp_path):

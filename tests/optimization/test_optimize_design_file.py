@@ -275,7 +275,11 @@ def test_progress_says_that_its_end_is_the_latest(monkeypatch):
 
 def test_what_is_wrong_is_said(path):
     for old, new, sentence in (
-        ('over = "dispersion"\n', "", 'constraint.0.share is "99 %", over the runs: it needs'),
+        (
+            'over = "dispersion"\n',
+            "",
+            'constraint.0.share is "99 %", over the runs, which requires',
+        ),
         ('at_least = "8000 km"', 'equal = "8000 km"', "must be at_least or at_most"),
         ('share = "99 %"', 'share = "199 %"', "between 0 and 1, both excluded"),
         ('share = "99 %"', 'take = "199 %"', "constraint.0.take is .*between 0 and 1"),
@@ -284,16 +288,16 @@ def test_what_is_wrong_is_said(path):
         ('share = "99 %"', 'take = "above 3 kg"', "it must be above a limit, a number in m"),
         ('share = "99 %"', 'take = "above 8000 km"', 'at_least is "8000 km": it must be a number'),
         ('share = "99 %"', 'share = "99 %"\ntake = "worst"', "it must have one of them"),
-        ('share = "99 %"', 'share = "99 %"\nallowed = "1 %"', "allowed is not a key"),
+        ('share = "99 %"', 'share = "99 %"\nallowed = "1 %"', "allowed is not a known key"),
         (
             'minimise = "specific_energy"',
             'minimise = { output = "specific_energy", share = "99 %" }',
-            "optimize.minimise.share is not a key that is known: it must be one of output, at, ta",
+            "optimize.minimise.share is not a known key: it must be one of output, at, ta",
         ),
         (
             'over = "dispersion"\nminimise = "specific_energy"',
             'minimise = { output = "specific_energy", take = "worst" }',
-            'optimize.minimise.take is "worst", over the runs: it needs optimize.over',
+            'optimize.minimise.take is "worst", over the runs, which requires optimize.over',
         ),
         (
             'over = "dispersion"\n',
@@ -303,7 +307,8 @@ def test_what_is_wrong_is_said(path):
         (
             '"initial.velocity.1" = { low',
             '"initial.velocity.0" = { low = 0.0, high = "2 km/s" }\n"initial.velocity.1" = { low',
-            "initial.velocity.0 is an input of dispersion: a number cannot be free and random",
+            "initial.velocity.0 is also an input of dispersion: a number cannot be both a design "
+            "variable and random",
         ),
         (
             TRANSFER[TRANSFER.index("[dispersion]") : TRANSFER.index("[optimize]")],

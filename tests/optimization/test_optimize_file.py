@@ -152,7 +152,7 @@ def test_the_file_of_the_optimum(searched, tmp_path):
         ('minimise = "specific_energy"', "", "must have one of minimise and maximise"),
         ('"initial.velocity.1" =', '"initial.velocty.1" =', "Did you mean initial.velocity.1?"),
         ('high = "8.5 km/s"', 'high = "7 km/s"', "low must be below high"),
-        ('low = "7.6 km/s"', 'low = "8.2 km/s"', "where the search would start"),
+        ('low = "7.6 km/s"', 'low = "8.2 km/s"', "which is the start of the search"),
         ('at_least = "8000 km"', 'at_least = "8000 kg"', "optimize.constraint.0.at_least"),
         ("[optimize]\n", '[optimize]\noptimiser = "adan"\n', "Did you mean adam?"),
         ("[optimize]\n", "[optimize]\nrate = -1.0\n", "optimize.rate is -1.0: it must be a pos"),
@@ -259,7 +259,10 @@ def test_a_target_out_of_reach_is_said(tmp_path):
     assert np.all(np.isnan(best.target_derivatives)) and best.bound_derivatives == {}
     report = optimum_report(best)
     assert said in report and "slope:" not in report
-    with pytest.raises(InputError, match="An optimum alone has sensitivities. The constraints"):
+    with pytest.raises(
+        InputError,
+        match="Sensitivities are available for a converged optimum only. The constraints",
+    ):
         best.sensitivities()
 
 
@@ -304,7 +307,7 @@ def test_a_start_that_misses_its_event_is_told(settings_stay, tmp_path, capsys):
     path.write_text(CLIMB.replace('"10 km/s"', '"12 km/s"'))
     assert main(["optimize", str(path), "--out", str(tmp_path)]) == 1
     printed = capsys.readouterr().out
-    assert "climb ended badly. The event of the phase did not happen" in printed
+    assert "climb failed. The event of the phase did not occur" in printed
 
 
 def test_a_search_that_its_run_refutes_goes_on(settings_stay, tmp_path, capsys, bars):
@@ -335,7 +338,7 @@ def test_an_event_that_only_a_run_meets_is_no_optimum(tmp_path):
     path.write_text(CLIMB)
     begun = load(path).optimize(start=AT_BOUND, steps=40)
     assert not begun.converged
-    assert "climb misses its event with 40 steps, and meets it at the" in begun.sentence()
+    assert "climb misses its event with 40 steps but reaches it at the" in begun.sentence()
 
 
 # That a run confirms an optimum, the test of the command above shows as well.
@@ -354,7 +357,7 @@ def test_what_a_run_refutes_is_no_optimum(tmp_path, steps, good):
     run = file.nominal_mission()
     judged = best.checked(run, best.confirmed(run, file))
     assert judged.converged == good
-    assert ("The 80 steps of a phase are too coarse" in judged.sentence()) != good
+    assert ("The 80 steps per phase are too coarse" in judged.sentence()) != good
 
 
 def test_the_altitude_of_an_event_is_free(tmp_path):

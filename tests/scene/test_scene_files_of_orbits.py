@@ -103,10 +103,10 @@ def test_two_effects_of_one_kind(tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ("third_body_2", "third_body_sun", "third_body_sun is not a key that is known: a second"),
+        ("third_body_2", "third_body_sun", "third_body_sun is not a known key: a second"),
         ("[effects.third_body]", "[[effects.third_body]]", "third_body is a list of tables: it"),
         ("third_body_2", "drag_2", "effects.drag_2.ballistic_coefficient is missing"),
-        ("third_body_2", "moon_2", "effects.moon_2 is not a key that is known: it must be one of"),
+        ("third_body_2", "moon_2", "effects.moon_2 is not a known key: it must be one of"),
     ],
 )
 def test_a_second_effect_that_is_refused(tmp_path, old, new, sentence):

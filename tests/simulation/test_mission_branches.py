@@ -344,7 +344,9 @@ def test_springs_without_energy_have_an_infinite_slope():
 
 def test_studies_of_one_sequence_refuse_branches():
     mission, start = three_parts(400.0), thrown(jnp.array(120.0))
-    with pytest.raises(InputError, match="propagate_covariance takes one sequence of phases"):
+    with pytest.raises(
+        InputError, match="propagate_covariance requires a single sequence of phases"
+    ):
         propagate_covariance(mission, start, 0.0)
     begins = Mission([Phase(FALLING, 1.0)], start=Detached(1.0, jnp.zeros(3)))
     with pytest.raises(InputError, match=r"propagate_covariance starts from y0 itself"):

@@ -87,9 +87,9 @@ def test_steps_that_run_out_say_how_many_would_do():
     # By the square of the time: in proportion to it they would be far too few.
     assert abs(int(taken["steps"] + taken["rejected_steps"]) - estimate) < 0.1 * estimate
     # Steps that become ever shorter lead to no number.
-    with pytest.raises(SimulationError, match="steps ran out") as failed:
+    with pytest.raises(SimulationError, match="maximum number of steps was reached") as failed:
         turned(Turning(True), 1.0, 1000)
-    assert "takes about" not in str(failed.value)
+    assert "requires about" not in str(failed.value)
 
 
 @pytest.mark.parametrize(

@@ -190,7 +190,9 @@ def test_a_mission_has_the_error_after_all_its_phases():
 def test_what_cannot_be_met_is_said():
     """Less than the roundings of five revolutions."""
     asked = FinalError(position=1e-17, accuracy=METHOD)
-    with pytest.raises(SimulationError, match="not with the error .* times what is asked"):
+    with pytest.raises(
+        SimulationError, match="not with the requested error .* times the requested one"
+    ):
         simulate(ORBIT, start(0.8), TS, accuracy=asked)
     batch = simulate_batch(ORBIT, start(jnp.array([0.8, 1.0])), TS, accuracy=asked)
     np.testing.assert_array_equal(batch.status, Status.FINAL_ERROR_MISSED)
@@ -238,20 +240,22 @@ def test_an_edge_without_a_break_is_met_or_said_not_to_be(precision, some):
         assert error <= x if ok else int(run.status) == Status.FINAL_ERROR_MISSED
         assert (float(run.stats["final_error"]) <= 1.0) == ok
     assert errors[-1] <= (1e-6 if precision == "float64" else 1e-4)
-    with pytest.raises(SimulationError, match="not with the error .* times what is asked"):
+    with pytest.raises(
+        SimulationError, match="not with the requested error .* times the requested one"
+    ):
         simulate(Edge(), y0, ts, accuracy=FinalError(x=some[-1]))
 
 
 @pytest.mark.parametrize(
     ("made", "said"),
     [
-        (lambda: FinalError(), "one way of asking"),
-        (lambda: FinalError(1e-9, position=1.0), "one way of asking"),
+        (lambda: FinalError(), "one kind of request"),
+        (lambda: FinalError(1e-9, position=1.0), "one kind of request"),
         (lambda: FinalError(0.0), "FinalError.relative is 0"),
         (lambda: FinalError(position=-1.0), "FinalError.position is -1"),
         (lambda: FinalError(position="1 m"), "FinalError.position is '1 m': it must be a number"),
         (lambda: FinalError(position=jnp.ones(3)), r"has the shape \(3,\)"),
-        (lambda: FinalError(output=len), "are given together"),
+        (lambda: FinalError(output=len), "must be given together"),
         (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "has a tolerance"),
         (
             lambda: simulate(ORBIT, start(1.0), TS, accuracy=Accuracy(jnp.full(2, 1e-9))),
@@ -263,11 +267,11 @@ def test_an_edge_without_a_break_is_met_or_said_not_to_be(precision, some):
             ),
             r"Accuracy.rtol has the shape \(2,\): .* one for each run, \(3,\)",
         ),
-        (lambda: as_accuracy(FinalError(1e-9)), "An error at the end is asked of simulate"),
+        (lambda: as_accuracy(FinalError(1e-9)), "A FinalError is accepted by simulate"),
         (lambda: run_with(FinalError(positon=1.0)), "no such block.*Did you mean position"),
         (
             lambda: run_with(FinalError(1e-9, accuracy=Accuracy(method=Stormer(8, steps=64)))),
-            "Stormer, whose steps follow no tolerance",
+            "Stormer does not adapt its steps",
         ),
     ],
 )

@@ -117,7 +117,7 @@ def test_single_precision_is_compared_with_a_looser_tolerance():
         ),
         (
             lambda: gradient_error(place, SPEED, Accuracy(method=Stormer(8, steps=64))),
-            "Stormer, whose steps follow no tolerance",
+            "Stormer, which does not adapt its steps",
         ),
     ],
 )

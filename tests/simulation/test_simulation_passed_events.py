@@ -140,6 +140,6 @@ def test_passed_needs_a_side_and_a_phase():
         Event(Above(jnp.asarray(1.0)), passed=True)
     event = Event(Above(jnp.asarray(1.0)), -1, 5.0, passed=True)
     scene = Scene([UniformGravity([0.0, 0.0, -G])])
-    with pytest.raises(InputError, match="passed=True: it must be Phase.until"):
+    with pytest.raises(InputError, match="passed=True: it is allowed as Phase.until only"):
         simulate(scene, thrown(SPEEDS[0]), jnp.array([0.0, 1.0]), events=(event,))
     assert Event(Above(jnp.asarray(1.0)), passed=False).passed is None

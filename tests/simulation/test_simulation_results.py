@@ -302,7 +302,9 @@ def test_a_failed_run_is_loud_under_jit(returned):
     function = jax.jit(jax.grad(run) if returned == "gradient" else run)
     # 1024 steps last for a hundred revolutions at most.
     for y0, duration in ((start(), 1e4), (FALLING, 5.0)):
-        with pytest.raises(Exception, match="steps ran out|missed the tolerance|finite numbers"):
+        with pytest.raises(
+            Exception, match="maximum number of steps|not meet the tolerance|NaN or infinite"
+        ):
             jax.block_until_ready(function(y0, duration))
 
 
@@ -357,7 +359,7 @@ def test_a_failed_phase_leaves_no_final_state():
     mission = Mission([Phase(KEPLER, never, name="a"), Phase(KEPLER, 0.5, name="b")])
     run = simulate_mission(mission, start(), accuracy=QUICK, throw=False)
     assert run.status == Status.EVENT_MISSED and np.all(np.isnan(run.final.position))
-    with pytest.raises(SimulationError, match="within its limit"):
+    with pytest.raises(SimulationError, match="within its time limit"):
         simulate_mission(mission, start(), accuracy=QUICK)
 
 
@@ -546,7 +548,7 @@ def test_a_scene_of_one_point_takes_the_closed_form():
         ),
         (
             lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), start(), SPAN),
-            "starts at one time",
+            "it must be a scalar, the start time",
         ),
         (
             lambda: simulate_mission(Mission([Phase(KEPLER, 1.0)]), start(), num_saved=10**12),

@@ -277,8 +277,8 @@ def edited(tmp_path, old, new):
     "new, words",
     [
         ('{ output = "altitude", take = "most" }', "one of greatest, least, time_of_greatest"),
-        ('"run.position.1"', "along the whole run there must be take"),
-        ('{ output = "final.position.1", take = "least" }', "an extreme is taken along run"),
+        ('"run.position.1"', "along the whole run, take is required"),
+        ('{ output = "final.position.1", take = "least" }', "an extreme must be taken along run"),
         ('{ output = "drag.dynamic_presure", take = "greatest" }', "drag.dynamic_pressure"),
         (
             '{ output = "drag.dynamic_pressure", at = "past", take = "least" }',

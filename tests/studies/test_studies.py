@@ -295,7 +295,7 @@ def test_cheapest_says_what_was_reached():
         table([1e-3, 1e-9], [1.0, 2.0]).cheapest(1e-12)
     with pytest.raises(InputError, match="error is -1: it must be positive"):
         table([1e-3], [1.0]).cheapest(-1.0)
-    with pytest.raises(InputError, match="in which no run of the table ended well"):
+    with pytest.raises(InputError, match="in which no run of the table succeeded"):
         table([1e-3], [1.0], failure="It fell.").cheapest()
     # No error is known better than that of the reference.
     with pytest.raises(InputError, match="at least 1e-13"):
@@ -339,7 +339,7 @@ def test_accuracy_cost_refuses(wrong, words):
 
 
 def test_studies_refuse_what_is_no_run():
-    with pytest.raises(InputError, match="ts turns around"):
+    with pytest.raises(InputError, match="ts changes direction"):
         accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0, 30.0]))
     with pytest.raises(InputError, match="y0.position is"):
         effect_budget(
@@ -498,7 +498,7 @@ def test_a_run_that_fails_without_an_effect_says_so():
     y0 = BodyState(jnp.zeros(3), jnp.array([0.0, 1.0, 0.0]))
     budget = effect_budget(mission, y0, tolerance=1.0, accuracy=QUICK, repeats=1)
     row = budget["Custom"]
-    assert row.left_out is None and "did not happen within its limit" in row.failure
+    assert row.left_out is None and "did not occur within its time limit" in row.failure
     # x = t^2/2 = 5 stays; y = t moves by sqrt(10)/2 for each unit of relative strength.
     assert row.influence == pytest.approx(math.sqrt(10.0) / 2.0, rel=1e-5)
     assert budget.dropped == ("Custom 2",) and "without Custom the run fails" in str(budget)
@@ -607,10 +607,13 @@ def test_a_table_without_a_reference_says_so():
         max_steps=32,
     )
     loose, tight = cost.rows
-    assert (loose.failure, cost.reference) == ("", "") and "steps ran out" in tight.failure
+    assert (loose.failure, cost.reference) == (
+        "",
+        "",
+    ) and "maximum number of steps was reached" in tight.failure
     assert loose.seconds > 0.0 and math.isnan(loose.error) and loose.gradient_error is None
     assert cost.notes[0].startswith("The errors are not known, because no run ends well")
-    assert "DOP853 at 1e-11: The steps ran out" in cost.notes[0]
+    assert "DOP853 at 1e-11: The maximum number of steps was reached" in cost.notes[0]
     assert "nan" not in str(cost) and cost.notes[0] in str(cost)
     with pytest.raises(InputError, match="none was measured. The errors are not known"):
         cost.cheapest(1e-3)
@@ -647,7 +650,7 @@ def test_the_price_list_of_a_table():
         row(1e-5, 5e-4, 1.5),
         row(1e-6, 3e-5, 9.0),
         row(1e-7, 2e-6, 2.0),
-        row(1e-9, 2e-8, 0.1, "The steps ran out."),
+        row(1e-9, 2e-8, 0.1, "The maximum number of steps was reached."),
         row(1e-10, 2e-9, 3.0),
     )
     cost = AccuracyCost(rows, "the closed form", 1e-15, "float64", (), {"DOP853": DOP853()})

@@ -201,9 +201,9 @@ def _catalog(
         _add(named, kinds, refused, thing, new="also")
         if sum(map(len, named.values())) == before and not _is_part(thing):
             raise InputError(
-                f"also holds {thing!r}: it must hold final classes of systems, effects, jumps, "
-                f"conditions, distributions or parts such as steering laws, whose fields are "
-                f"quantities, or declared functions."
+                f"also contains {thing!r}: it must contain declared functions, or final classes of "
+                "systems, effects, jumps, conditions, distributions or parts such as steering "
+                "laws, whose fields are quantities."
             )
     for module, things in modules:
         before = sum(map(len, (*named.values(), refused)))
@@ -211,8 +211,8 @@ def _catalog(
             _add(named, kinds, refused, thing, new=module)
         if sum(map(len, (*named.values(), refused))) == before and not any(map(_is_part, things)):
             raise InputError(
-                f"{module} defines nothing that a file can name: it must have final classes, such "
-                f"as effects, whose fields are quantities, or declared functions."
+                f"{module} defines nothing that a scene file can use: it must contain declared "
+                "functions, or final classes, such as effects, whose fields are quantities."
             )
     return Catalog(**named, kinds=kinds, refused=refused)  # pyright: ignore[reportArgumentType]
 
@@ -261,8 +261,9 @@ def _refusal(cls: type) -> str:
     fields = [f"{cls.__name__}.{name}" for name in foreign_fields(cls)]
     one = len(fields) == 1
     return (
-        f"can stand in no file: {' and '.join(fields)} {'is' if one else 'are'} of Python alone, "
-        f"{'a function or an object' if one else 'functions or objects'} without declared numbers."
+        f"cannot be used in a scene file: {' and '.join(fields)} {'is' if one else 'are'} "
+        f"available in Python only, {'a function or an object' if one else 'functions or objects'} "
+        "without declared numbers."
     )
 
 
@@ -279,7 +280,7 @@ def _is_part(thing: object) -> bool:
 def _name(group: Group, name: str, thing: object, new: str) -> None:
     # The same thing twice is harmless, because packages give on names of one another.
     if new and group.get(name, thing) is not thing:
-        raise InputError(f"{new} holds {name}: it must be another name, for this one is taken.")
+        raise InputError(f"{new} defines {name}: this name is already in use, choose another one.")
     group[name] = thing
 
 

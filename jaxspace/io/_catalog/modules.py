@@ -25,7 +25,7 @@ def read_modules(paths: Iterable[str | os.PathLike[str]]) -> tuple[NamedFile, ..
             raise InputError(f"{path} cannot be read: {error.strerror}.") from None
         # A store has them by name, so that the names must differ.
         if result.setdefault(module.path.name, module) != module:
-            raise InputError(f"{path} has the name of another module: it must be another name.")
+            raise InputError(f"{path} has the name of another module: rename it.")
     return tuple(result.values())
 
 
@@ -50,8 +50,9 @@ def missing_module(data: Mapping[str, object], given: Iterable[NamedFile]) -> st
     for k, name in enumerate(needed if isinstance(needed, list) else []):
         if isinstance(name, str) and Path(name).name not in names:
             return (
-                f'modules.{k} is "{name}", which is code: it must be allowed by the command, as '
-                f'--with {name} (in Python modules=["{name}"]), for a file alone runs none.'
+                f'modules.{k} is "{name}", which is code: it must be allowed explicitly by '
+                f'--with {name} (in Python modules=["{name}"]), because a scene file alone never '
+                "runs code."
             )
     return ""
 
@@ -71,5 +72,5 @@ def check_stored(record: Record, given: Iterable[NamedFile]) -> None:
             f"The module {name} is {now}: it must be the one of the store, {was} (--with {name}; "
             f"the store has its text)."
             if name in there
-            else f"The module {name} is not in the store: it must be left out."
+            else f"The module {name} is not in the store: omit it."
         )

@@ -51,7 +51,7 @@ def unknown(key: str, name: object, names: Iterable[str], what: str = "key") -> 
     """The sentence for a name that is not among `names`."""
     names = list(names)
     listed = f"it must be one of {', '.join(names)}" if names else "there is none"
-    return f"{key} is not a {what} that is known: {listed}.{hint(name, names)}"
+    return f"{key} is not a known {what}: {listed}.{hint(name, names)}"
 
 
 def missing(key: str, expected: str) -> str:

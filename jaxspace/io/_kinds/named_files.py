@@ -12,7 +12,7 @@ from ...core.files import read_text
 
 # A text in quotation marks, as Python or JSON write it.
 QUOTED = re.compile(r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*\"""")
-NOT_SHOWN = "not shown (the file lies outside of the folder of the scene)"
+NOT_SHOWN = "not shown (the file is outside the folder of the scene)"
 
 
 @dataclass(frozen=True)

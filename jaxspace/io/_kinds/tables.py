@@ -37,7 +37,7 @@ class Table(Kind):
         if len(strange) > MOST_UNKNOWN:
             where = f"{path} has" if path else "there are"
             more = len(strange) - MOST_UNKNOWN
-            reading.errors.append(f"{where} {more} more keys that are not known.")
+            reading.errors.append(f"{where} {more} more unknown keys.")
         # In the order of the file, which is that of the effects of a scene, and of the units.
         keys = dict.fromkeys([*(key for key in value if key in self.entries), *self.entries])
         return {
@@ -123,7 +123,7 @@ class Object(Kind):
         others = [_required(w.entries) for k, w in enumerate(self.ways) if k != best]
         # A way with fewer keys than this one is no alternative.
         others = [" with ".join(keys) for keys in others if keys and not set(keys) <= required]
-        text = f"; another way is to give {', or '.join(dict.fromkeys(others))}" if others else ""
+        text = f"; alternatively give {', or '.join(dict.fromkeys(others))}" if others else ""
         return line.removesuffix(".") + text + "."
 
     def expected(self) -> str:
@@ -181,14 +181,14 @@ class NamedTables(Kind):
             # The name is a step of the paths of its numbers.
             if not name or "." in name:
                 reading.errors.append(
-                    wrong(path, name, "a name, of one letter or more, without a dot")
+                    wrong(path, name, "a name of at least one letter, without a dot")
                 )
             else:
                 result[name] = self.kind.read(table, _joined(path, name), reading)
         return result
 
     def expected(self, path: str = "table") -> str:
-        return f"tables by names of your choice, each [{path}.NAME]"
+        return f"tables with names of your choice, each [{path}.NAME]"
 
     def schema(self) -> Schema:
         return {"type": "object", "additionalProperties": self.kind.schema()}

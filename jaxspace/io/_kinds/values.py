@@ -89,7 +89,7 @@ class ListOf(Kind):
         entries = [self.kind.read(v, f"{path}.{k}", reading) for k, v in enumerate(value)]
         rows = {len(entry) for entry in entries if isinstance(entry, list)}
         if isinstance(self.kind, ListOf) and len(rows) > 1:
-            reading.errors.append(wrong(path, value, "lists of as many entries each"))
+            reading.errors.append(wrong(path, value, "lists of equal length"))
             return None
         return entries
 
@@ -135,7 +135,7 @@ class Text(Kind):
         return None
 
     def expected(self) -> str:
-        return f"text of one line, at most {LONGEST_TEXT} characters that can be printed"
+        return f"a single line of at most {LONGEST_TEXT} printable characters"
 
     def schema(self) -> Schema:
         return {"type": "string", "maxLength": LONGEST_TEXT}
@@ -153,9 +153,9 @@ class PartOfFileName(Kind):
 
     def expected(self) -> str:
         return (
-            f"text that can be a part of the name of a file: at most {LONGEST_PART} bytes that can "
-            f"be printed, without {' '.join(SEPARATORS)}, that begins with no dot, ends with "
-            f"neither a dot nor a space, and names no device of Windows"
+            f"text that can be part of a file name: at most {LONGEST_PART} printable bytes without "
+            f"{' '.join(SEPARATORS)}, not starting with a dot, not ending with a dot or a space, "
+            "and not a Windows device name"
         )
 
     def schema(self) -> Schema:

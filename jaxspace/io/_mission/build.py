@@ -179,7 +179,7 @@ def system_errors(file: Parsed) -> list[str]:
         needed = [f.name for f in dataclasses.fields(state) if f.default is dataclasses.MISSING]
         absent = [name for name in needed if name not in file.parts()]
         if absent:
-            return [f"initial has no {name}: {state.__name__} needs it." for name in absent]
+            return [f"initial has no {name}, which {state.__name__} requires." for name in absent]
     # Shapes are enough, because the parts that a vector field needs do not depend on numbers.
     system, y0 = eqx.filter_eval_shape(
         lambda values: build_system(file, values, Runs()), replaced(file.values, {})
@@ -192,11 +192,11 @@ def system_errors(file: Parsed) -> list[str]:
     except (AssertionError, AttributeError, TypeError):
         # A user's vector field may raise anything where a part is absent.
         parts = ", ".join(n for n, part in vars(y0).items() if part is not None)
-        return [f"initial has {parts}: the vector field of {name} needs other parts."]
+        return [f"initial has {parts}: the vector field of {name} requires other parts."]
     for part, value in vars(y0).items():
         # A part without a rate would stay constant, most likely by mistake.
         if value is not None and getattr(rate, part, None) is None:
-            return [f"initial has {part}, which {name} does not change: leave it out."]
+            return [f"initial has {part}, which {name} does not change: remove it."]
     return []
 
 

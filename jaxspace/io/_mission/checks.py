@@ -39,7 +39,7 @@ def _errors_together(file: Parsed) -> list[str]:
     times = file.values.get("times")
     # A run backwards is allowed, a run of no length is not.
     if times is not None and times["end"] == times["start"]:
-        errors.append(wrong("times.end", times["end"], "another time than times.start"))
+        errors.append(wrong("times.end", times["end"], "a time other than times.start"))
     if file.kind == "system" or errors:
         return errors
     if file.kind == "mission":
@@ -75,7 +75,7 @@ def shared_errors(file: Parsed) -> list[str]:
             absent = entry.shared and not maker.bare and value.get(key) is None
             if absent and entry.default is REQUIRED and at(file.values, entry.shared) is None:
                 line = missing(entry.shared, entry.kind.expected()).removesuffix(".")
-                result.append(f"{line}; {who(path)} needs it.")
+                result.append(f"{line}; {who(path)} requires it.")
     return result
 
 
@@ -125,17 +125,17 @@ def initial_errors(file: Parsed) -> list[str]:
             if file.values["initial"].get(part) is not None and f"initial.{part}" != key
         ]
         if twice:
-            result.append(f"{key} and initial.{twice[0]} are both there: give one of them.")
+            result.append(f"{key} and initial.{twice[0]} are both given: give one of them.")
         for need in needed_parts(maker):
             if need not in parts:
-                result.append(f"initial has no {need}: {key} needs it.")
+                result.append(f"initial has no {need}, which {key} requires.")
     for pair in (TRANSLATION, ROTATION):
         if len(parts & pair) == 1:
             one, other = sorted(pair & parts)[0], sorted(pair - parts)[0]
-            result.append(f"initial has {one} and no {other}: it must have both, or neither.")
+            result.append(f"initial has {one} but not {other}: give both or neither.")
     if not parts:
         result.append(
-            f"initial is empty: it must have some of {', '.join(file.values['initial'])}."
+            f"initial is empty: it must contain some of {', '.join(file.values['initial'])}."
         )
     if file.kind != "system" and not result and parts & ROTATION:
         result += _turning_errors("body", file)
@@ -165,7 +165,7 @@ def _turning_errors(path: str, file: Parsed) -> list[str]:
     """The error for a body without inertia, at this path, in a state with an attitude."""
     if file.building().make(path).has_inertia():
         return []
-    return [f"{_no_inertia(path, file)}; initial.attitude makes the body turn."]
+    return [f"{_no_inertia(path, file)}; initial.attitude makes the body rotate."]
 
 
 def _no_inertia(path: str, file: Parsed) -> str:
@@ -186,7 +186,7 @@ def effect_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
     active = leg.phase["effects"]
     for name in active:
         others = {n: c for n, c in file.catalog.effects.items() if n != name}
-        needs = f"the effect {name} needs another effect"
+        needs = f"the effect {name} requires another effect"
         errors = reference_errors(file.makers[f"effects.{name}"], needs, others, active)
         result += errors
         # Without its references an effect cannot be made, and the parts that it reads stay unknown.
@@ -211,11 +211,11 @@ def _unmet(name: str, reading: Reading, path: str, parts: set[str], file: Parsed
     body: AbstractBody = file.building().make(path)
     turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
     if turns and not body.has_inertia():
-        result.append(f"{_no_inertia(path, file)}; the effect {name} turns the body.")
+        result.append(f"{_no_inertia(path, file)}; the effect {name} rotates the body.")
     # Gravity alone needs no mass, so that the mass is required only where it enters.
     massless = body.constant_mass() is None and body.loaded_mass() is None
     if ("force" in reading.adds or "mass" in reading.needs) and massless:
-        result.append(f"{_no_mass(path, file)}; the effect {name} needs the mass of the body.")
+        result.append(f"{_no_mass(path, file)}; the effect {name} requires the mass of the body.")
     # What an effect adds has to be integrated, even where the effect does not read it.
     needed = reading.needs & (TRANSLATION | ROTATION)
     for added in reading.adds & set(CALLS_FOR):
@@ -233,14 +233,14 @@ def reference_errors(
         offers = [name for name, cls in effects.items() if hasattr(cls, attribute)]
         if not set(offers) & set(active):
             result.append(
-                f"{needs} with a {attribute.replace('_', ' ')} that acts beside it: one of "
+                f"{needs} with a {attribute.replace('_', ' ')} that acts together with it: one of "
                 f"{', '.join(offers)}."
             )
     return result
 
 
 def _absent_part(part: str, whose: str) -> str:
-    return f"initial has no {part}: {whose} needs it."
+    return f"initial has no {part}, which {whose} requires."
 
 
 def name_errors(file: Parsed) -> list[str]:
@@ -250,7 +250,7 @@ def name_errors(file: Parsed) -> list[str]:
     for path, phase in phase_tables(file.values).items():
         name = (path.rpartition(".")[0], phase["name"])
         if name in seen:
-            what = "another name than that of an earlier phase"
+            what = "a name not used by an earlier phase"
             result.append(wrong(f"{path}.name", phase["name"], what))
         seen.add(name)
     return result
@@ -279,14 +279,16 @@ def branch_errors(file: Parsed) -> list[str]:
         names = {other.phase["name"] for other in whole.legs}
         taken = {name.partition(".")[0] for name in names} | {"final", "run"}
         if line.key in taken:
-            what = f"another name than {', '.join(sorted(taken))}"
+            what = f"a name other than {', '.join(sorted(taken))}"
             result.append(wrong("branch", line.key, what))
         if leg == whole.legs[-1]:
-            what = "a phase that another one follows, which takes what is left"
+            what = (
+                "a phase that is followed by another one, which continues with the remaining body"
+            )
             result.append(wrong(f"{line.path}.after", leg.name, what))
         for path in ("body", f"{line.path}.body"):
             if file.building().make(path).loaded_mass() is None:
-                result.append(f"{_no_mass(path, file)}; {line.path} takes its share of it.")
+                result.append(f"{_no_mass(path, file)}; {line.path} separates with a part of it.")
     return result or [error for leg in file.legs for error in _mass_errors(leg, file)]
 
 
@@ -314,10 +316,12 @@ def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
         result += _turning_errors(leg.body, file)
     if (phase["duration"] is None) == (until is None):
         ends = end_kind(file.catalog).expected()
-        result.append(f"{key} must have either duration, a time, or until, {ends}.")
+        result.append(f"{key} must have either duration (a time) or until ({ends}).")
     elif is_event(until, file.catalog):
         if phase["within"] is None:
-            what = "the longest time to wait for the event, in s or text with a unit of time"
+            what = (
+                "the longest time to wait for the event, a number in s or text with a unit of time"
+            )
             result.append(missing(f"{key}.within", what))
         name = condition_of(until) or until
         # The mass is never given in `initial`: it is that of the body.
@@ -325,26 +329,26 @@ def phase_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
             result.append(_absent_part(part, f"the event {name}"))
         maker = file.makers.get(f"{key}.until.{name}")
         if maker is not None:
-            needs = f"the event {name} needs an effect"
+            needs = f"the event {name} requires an effect"
             effects = file.catalog.effects
             result += reference_errors(maker, needs, effects, phase["effects"])
     elif until is not None:
         named = [name for name in phase["effects"] if until in file.catalog.known_times(name)]
         if not named:
-            what = "another end: no effect of this phase has that time"
+            what = "a different end, because no effect of this phase defines that time"
             result.append(wrong(f"{key}.until", until, what))
         elif any(is_event(x.phase["until"], file.catalog) for x in file.before(line, leg)):
             effect = file.building().make(f"effects.{named[0]}")
             # A time that counts from the start of the phase is known whenever it starts.
             if effect.started_at(0.0) is effect:
-                what = "a duration: after a phase that ends at an event the time is not known"
+                what = "a duration, because the time is unknown after a phase that ends at an event"
                 hint = (
                     f" Give effects.{named[0]} a delay, which counts from the start of the phase."
                 )
                 result.append(wrong(f"{key}.until", until, what) + hint)
     jumps = [name for name, table in phase["jump"].items() if table is not None]
     if len(jumps) > 1:
-        result.append(f"{key}.jump has {' and '.join(jumps)}: it must have one of them.")
+        result.append(f"{key}.jump has {' and '.join(jumps)}: it must have only one of them.")
     for name in jumps:
         needs = file.catalog.jumps[name].needs - {"mass"}
         result += [_absent_part(part, f"the jump {name}") for part in sorted(needs - parts)]

@@ -38,7 +38,7 @@ ENDS = ("duration", "within")
 
 PERIOD = Number(argument("s", positive=True, fixed=True, doc="time between samples"))
 DELAY = Number(argument("s", non_negative=True, fixed=True, doc="delay"))
-SIZE = Number(argument("", positive=True, doc="size of a command, in its unit of SI"))
+SIZE = Number(argument("", positive=True, doc="magnitude of a command, in its SI unit"))
 
 
 def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
@@ -56,9 +56,9 @@ def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
             # A phase says in its own table what ends it.
             **({} if of_phase else until),
             "steps": Entry(Whole(1, 10**4), 1, doc="steps between two samples"),
-            "seed": Entry(Whole(0), 0, doc="what the noise of the sensors is drawn from"),
-            "law": Entry(Table(laws), doc="the controllers, by name"),
-            "sensors": Entry(Table(sensors), {}, doc="by what they read"),
+            "seed": Entry(Whole(0), 0, doc="seed of the sensor noise"),
+            "law": Entry(Table(laws), doc="controllers by name"),
+            "sensors": Entry(Table(sensors), {}, doc="sensors by the quantity they measure"),
         }
     )
 
@@ -85,7 +85,7 @@ def control_errors(file: Parsed) -> list[str]:
         phase = _phase_of(file.values, path)
         until = None if phase is None else phase["until"]
         if until is not None and not is_event(until, file.catalog):
-            what = "an event; or give the phase a duration: its samples must be known"
+            what = "an event; or give the phase a duration, because its samples must be known"
             result.append(wrong(f"{path.removesuffix('.control')}.until", until, what))
     return result
 
@@ -96,8 +96,8 @@ def scatter_errors(file: Parsed, inputs: Iterable[str]) -> list[str]:
         f"{path.removesuffix('.control')}.{key}" for path in controls(file.values) for key in ENDS
     }
     return [
-        f"dispersion.inputs.{path}: the longest time of a controlled phase must be known, so that "
-        f"it must not scatter."
+        f"dispersion.inputs.{path}: it determines the longest time of a controlled phase, which "
+        "must be known, so it cannot be dispersed."
         for path in inputs
         if path in ends
     ]

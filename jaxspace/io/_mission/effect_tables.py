@@ -36,7 +36,7 @@ class EffectTables(Table):
         if key in self.entries or key in self.refused or not bases:
             return ""
         base = max(bases, key=len)
-        return f"{path}.{key} is not a key that is known: a second {base} is [{path}.{base}_2]."
+        return f"{path}.{key} is not a known key: a second {base} is [{path}.{base}_2]."
 
     def schema(self) -> Schema:
         # Without the entries, which would double the schema.

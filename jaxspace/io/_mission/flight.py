@@ -38,7 +38,7 @@ def flight_entries() -> dict[str, Entry]:
         return Entry(Number(argument("s", positive=True, fixed=True, doc=doc)), default, doc=doc)
 
     longest = {
-        "rail": waiting(None, "for the end of the rail; by default as long as it can last"),
+        "rail": waiting(None, "for the end of the rail; by default the longest possible time"),
         "ascent": waiting(300.0, "for the apogee"),
         "descent": waiting(2000.0, "for the next parachute, or the ground"),
     }
@@ -101,24 +101,24 @@ def flight_errors(file: Parsed) -> list[str]:
             time = float(chute.time)
             # Each opening ends a phase of the flight, and the phases follow each other.
             if time <= earlier:
-                what = f"above {earlier:g} s, when the one before it opens"
+                what = f"above {earlier:g} s, when the previous one opens"
                 result.append(wrong(f"vehicle.parachutes.{number}.time", time, what))
             earlier = max(earlier, time)
             continue
         if chute.height is None:
             if number:
                 what = (
-                    "the height of its opening, in m, or its time, for the apogee opens the first "
-                    "one alone"
+                    "the height of its opening, in m, or its time, because the apogee opens only "
+                    "the first one"
                 )
                 result.append(missing(key, what))
             continue
         height = float(chute.height)
         if height >= top:
-            what = f"below {top:.0f} m, which no flight without air would exceed: it never opens"
+            what = f"below {top:.0f} m, the apogee of a flight without air, or it never opens"
             result.append(wrong(key, height, what))
         elif height >= before:
-            what = f"below {before:g} m, where the one before it opens: it never opens"
+            what = f"below {before:g} m, where the previous one opens, or it never opens"
             result.append(wrong(key, height, what))
         before = min(before, height)
     return result

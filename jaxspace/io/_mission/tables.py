@@ -22,7 +22,7 @@ TIMES = Table(
     {
         "start": Entry(TIME, 0.0, doc="time of the initial state"),
         "end": Entry(TIME, doc="time of the last state"),
-        "samples": Entry(Whole(2, 10**7), 200, doc="how many states are kept from start to end"),
+        "samples": Entry(Whole(2, 10**7), 200, doc="number of saved states from start to end"),
     }
 )
 
@@ -47,8 +47,8 @@ def mission_entries(catalog: Catalog) -> dict[str, Entry]:
     """The tables of a mission."""
     return {
         **_body_entries(catalog),
-        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases, one after the other"),
-        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="parts that leave, by name"),
+        "phase": Entry(ListOf(_phase(catalog), least=1), doc="the phases in sequence"),
+        "branch": Entry(NamedTables(branch_table(catalog)), {}, doc="separated parts by name"),
     }
 
 
@@ -58,7 +58,9 @@ def _body_entries(catalog: Catalog) -> dict[str, Entry]:
     return {
         "body": Entry(bodies_kind(catalog), {}, doc="mass properties"),
         # A body without any effect moves freely, which is a scene as well.
-        "effects": Entry(EffectTables(effects, catalog.refused), {}, doc="what acts on the body"),
+        "effects": Entry(
+            EffectTables(effects, catalog.refused), {}, doc="the effects that act on the body"
+        ),
         "initial": Entry(initial_kind(catalog, None), doc="the initial state"),
     }
 
@@ -66,8 +68,8 @@ def _body_entries(catalog: Catalog) -> dict[str, Entry]:
 def _one_run(catalog: Catalog) -> dict[str, Entry]:
     """The tables of a run that has no phases."""
     return {
-        "times": Entry(TIMES, doc="from when to when"),
-        "control": Entry(control_kind(catalog), None, doc="what acts at samples"),
+        "times": Entry(TIMES, doc="time span of the run"),
+        "control": Entry(control_kind(catalog), None, doc="sampled control"),
     }
 
 
@@ -120,13 +122,13 @@ def _phase(catalog: Catalog) -> Table:
         {
             "name": Entry(PartOfFileName(), doc="of the phase, for tables and figures"),
             "effects": Entry(active, (), doc="the effects that act in this phase"),
-            "duration": Entry(DURATION, None, doc="how long it lasts"),
+            "duration": Entry(DURATION, None, doc="duration of the phase"),
             "until": Entry(end_kind(catalog), None, doc="the time or event at which it ends"),
-            "within": Entry(DURATION, None, doc="how long to wait for the event"),
-            "jump": Entry(Table(jumps), {}, doc="what changes the state at the end"),
-            "control": Entry(control_kind(catalog, True), None, doc="what acts at samples"),
+            "within": Entry(DURATION, None, doc="longest time to wait for the event"),
+            "jump": Entry(Table(jumps), {}, doc="jumps of the state at the end"),
+            "control": Entry(control_kind(catalog, True), None, doc="sampled control"),
             "body": Entry(
-                bodies_kind(catalog), None, doc="mass properties from this phase on, if others"
+                bodies_kind(catalog), None, doc="mass properties from this phase on, if they change"
             ),
         }
     )
@@ -140,12 +142,14 @@ def branch_table(catalog: Catalog) -> Table:
 
     return Table(
         {
-            "after": Entry(Text(), doc="the phase at whose end it leaves, by its name"),
+            "after": Entry(Text(), doc="name of the phase at whose end it separates"),
             "body": Entry(
-                bodies_kind(catalog), doc="its mass properties; without inertia it is a point"
+                bodies_kind(catalog), doc="its mass properties; a point mass without inertia"
             ),
-            "offset": vector("m", "of its centre of mass from that of what is left, in body axes"),
-            "kick": vector("m/s", "its velocity relative to what is left, in body axes"),
+            "offset": vector(
+                "m", "of its centre of mass from that of the remaining body, in body axes"
+            ),
+            "kick": vector("m/s", "its velocity relative to the remaining body, in body axes"),
             "phase": Entry(ListOf(_phase(catalog), least=1), doc="its phases, as [[phase]]"),
         }
     )

@@ -106,8 +106,8 @@ def accuracy_errors(file: Parsed, with_accuracy: bool) -> list[str]:
     errors = final_error_errors(file, parts_of_state(file), with_accuracy)
     if file.values["accuracy"] == BY_PURPOSE and file.values["dispersion"] is None:
         errors.append(
-            f'accuracy is "{BY_PURPOSE}": it must be a number in a file without [dispersion], for '
-            f"the purpose is that of a campaign."
+            f'accuracy is "{BY_PURPOSE}": in a file without [dispersion] it must be a number, '
+            "because the purpose is that of a campaign."
         )
     return errors
 

@@ -21,10 +21,12 @@ DESIGNS = ("random", "latin_hypercube", "sobol")
 SHARE = Number(argument("", low=0.0, high=1.0, strict=True, fixed=True, doc="from 0 to 1"))
 UNTIL = Table(
     {
-        "output": Entry(Text(), doc="whose limit is to be known"),
-        "share": Entry(SHARE, 0.99, doc="of the runs that lie below the limit"),
-        "precision": Entry(SHARE, 0.01, doc="in distances of the limit from the mean"),
-        "confidence": Entry(SHARE, 0.95, doc="with which it is known"),
+        "output": Entry(Text(), doc="whose quantile is estimated"),
+        "share": Entry(SHARE, 0.99, doc="of the runs below the quantile"),
+        "precision": Entry(
+            SHARE, 0.01, doc="relative to the distance of the quantile from the mean"
+        ),
+        "confidence": Entry(SHARE, 0.95, doc="confidence level"),
     }
 )
 
@@ -34,25 +36,23 @@ def dispersion_table() -> Table:
     return Table(
         {
             # Enough for a mean and a deviation to a few percent.
-            "runs": Entry(Whole(), 1000, doc="how many runs"),
-            "seed": Entry(Whole(0), 1, doc="what the inputs are drawn from"),
-            "outputs": Entry(OutputList(), doc="what is kept of each run"),
+            "runs": Entry(Whole(), 1000, doc="number of runs"),
+            "seed": Entry(Whole(0), 1, doc="seed of the random inputs"),
+            "outputs": Entry(OutputList(), doc="outputs recorded for each run"),
             # The paths that exist are known only after the rest of the file has been read.
-            "inputs": Entry(AnyTable(), {}, doc="what scatters, by path"),
-            "correlated": Entry(
-                ListOf(AnyTable()), (), doc="inputs that are correlated, by a matrix"
-            ),
-            "direction": Entry(ListOf(AnyTable()), (), doc="vectors whose direction scatters"),
-            "until": Entry(UNTIL, None, doc="when there are enough runs"),
+            "inputs": Entry(AnyTable(), {}, doc="dispersed inputs by path"),
+            "correlated": Entry(ListOf(AnyTable()), (), doc="correlated inputs, with a matrix"),
+            "direction": Entry(ListOf(AnyTable()), (), doc="vectors with a dispersed direction"),
+            "until": Entry(UNTIL, None, doc="rule that stops the campaign early"),
             "compare": Entry(
-                ListOf(OneName(METHODS)), (), doc="cheaper methods, put beside these runs"
+                ListOf(OneName(METHODS)), (), doc="cheaper methods to compare with these runs"
             ),
             "extreme_samples": Entry(
-                Whole(5, 10**5), 65, doc="states of each phase among which extremes are sought"
+                Whole(5, 10**5),
+                65,
+                doc="number of states per phase among which extremes are searched",
             ),
-            "sampling": Entry(
-                OneName(DESIGNS), "random", doc="where the runs lie among the inputs"
-            ),
+            "sampling": Entry(OneName(DESIGNS), "random", doc="sampling design of the inputs"),
         }
     )
 

@@ -83,13 +83,13 @@ def final_error_errors(file: Parsed, parts: Set[str], with_accuracy: bool) -> li
     # Two tolerances would contradict each other.
     if with_accuracy:
         return [
-            "final_error is given together with accuracy: leave out one of them, for the tolerance "
-            "of the steps follows from the error at the end."
+            "final_error is given together with accuracy: omit one of them, because the tolerance "
+            "is derived from the final error."
         ]
     if file.values.get("control") is not None:
         return [
-            "final_error is given with [control]: a loop takes a tolerance, accuracy, and "
-            "jaxspace run prints the error that comes of it."
+            "final_error is not available with [control]: a closed loop uses a tolerance, "
+            "accuracy, and jaxspace run prints the resulting error."
         ]
     if not isinstance(asked, Mapping):
         return []

@@ -58,8 +58,8 @@ class Input(NamedTuple):
         share = made.outside(quantity.low, quantity.high)
         if share > RARE:
             result.append(
-                f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be refused, for "
-                f"{path} must be {quantity.allowed()}."
+                f"dispersion.inputs.{path}: {100.0 * share:.2g} % of the runs will be rejected, "
+                f"because {path} must be {quantity.allowed()}."
             )
         return result
 
@@ -138,7 +138,9 @@ def _torn(
     left = [p for p in others if p not in given]
     # A direction would lose its length, and a correlation would quietly be another one.
     if left:
-        yield f"inputs.{path} scatters together with others: {', '.join(left)} must be given, too."
+        yield (
+            f"inputs.{path} is correlated with other inputs: {', '.join(left)} must also be given."
+        )
 
 
 def _numbers(file: Parsed) -> dict[str, Measure]:
@@ -252,7 +254,7 @@ def _with_file(key: str, entry: Values, files: NamedFiles) -> Values:
     except ValueError as error:
         raise ValueError(f"{key}.file: {error}") from None
     if not values:
-        raise ValueError(f"{key}.file: {path} holds no numbers{f' in {column}' * bool(column)}.")
+        raise ValueError(f"{key}.file: {path} contains no numbers{f' in {column}' * bool(column)}.")
     parameters = {name: value for name, value in entry.items() if name not in FILE_KEYS}
     return {**parameters, "values": values}
 
@@ -320,7 +322,7 @@ def _number(key: str, value: object, nominal: Measure, declared: Quantity) -> fl
         if share and isinstance(value, str) and value.rstrip().endswith("%"):
             percent = split(value, expected(quantity))[0] / 100.0
             if nominal == 0.0 or not percent > 0.0:
-                what = "a positive percentage of a nominal value that is not zero, or "
+                what = "a positive percentage of a non-zero nominal value, or "
                 raise ValueError(what + expected(quantity))
             return percent * abs(float(nominal))
         return read_number(value, quantity)[0]

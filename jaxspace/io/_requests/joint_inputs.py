@@ -55,8 +55,8 @@ class MadeInput(NamedTuple):
         if share <= RARE:
             return []
         return [
-            f"dispersion: {100.0 * share:.2g} % of the runs will be refused, for {path} must be "
-            f"{quantity.allowed()}."
+            f"dispersion: {100.0 * share:.2g} % of the runs will be rejected, because {path} must "
+            f"be {quantity.allowed()}."
         ]
 
 
@@ -93,7 +93,9 @@ def read_correlated(
             return Correlated.of(marginals, matrix)
         for path in paths:
             if path in known:
-                raise InputError(f"{path} scatters in dispersion.inputs as well: once is allowed.")
+                raise InputError(
+                    f"{path} is also dispersed in dispersion.inputs: give it only once."
+                )
         mean = np.array([float(numbers[path]) for path in paths])
         if name == "covariance":
             return MultivariateNormal.from_covariance(mean, matrix)
@@ -114,7 +116,9 @@ def read_direction(key: str, entry: Values, numbers: Numbers, known: Known) -> d
         raise ValueError(unknown(f"{key}.of", of, vectors, "vector of this file"))
     paths = [f"{of}.{k}" for k in range(3)]
     if any(path in known for path in paths):
-        raise ValueError(f"{key}.of: {of} scatters in dispersion.inputs as well: once is allowed.")
+        raise ValueError(
+            f"{key}.of: {of} is also dispersed in dispersion.inputs: give it only once."
+        )
     # A cone of this half-angle is the whole sphere.
     angle = math.pi
     if "within" in entry:
@@ -139,7 +143,7 @@ def _together(
 
 def _check_path(key: str, path: str, numbers: Numbers) -> None:
     if path not in numbers:
-        raise ValueError(f"{key}: {path} is no number of this file.{hint(path, numbers)}")
+        raise ValueError(f"{key}: {path} is not a number of this file.{hint(path, numbers)}")
 
 
 def _check_keys(key: str, entry: object, keys: tuple[str, ...]) -> None:

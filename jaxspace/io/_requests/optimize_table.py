@@ -140,33 +140,45 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
     goal = OneOutput(outputs)
     return Table(
         {
-            "minimise": Entry(goal, None, doc="the output that is to be least; take: of the runs"),
-            "maximise": Entry(goal, None, doc="the output that is to be greatest; take likewise"),
+            "minimise": Entry(
+                goal, None, doc="the output to minimise; take: statistic over the runs"
+            ),
+            "maximise": Entry(goal, None, doc="the output to maximise; take: likewise"),
             "over": Entry(
-                OneName(OVER), NOMINAL_RUN, doc="the nominal run, or the runs of [dispersion]"
+                OneName(OVER), NOMINAL_RUN, doc="scope: the nominal run or the runs of [dispersion]"
             ),
             # As many as the shares need.
-            "runs": Entry(Whole(), None, doc="how many runs of [dispersion] the search has"),
+            "runs": Entry(Whole(), None, doc="number of runs of [dispersion] used by the search"),
             "may_fail": Entry(
-                MAY_FAIL, 0.0, doc="share of these runs that may fail, and are left out"
+                MAY_FAIL, 0.0, doc="share of these runs that may fail and are left out"
             ),
-            "free": Entry(AnyTable(), doc="free numbers, by path, each with low, high and scale"),
+            "free": Entry(
+                AnyTable(), doc="design variables by path, each with low, high and scale"
+            ),
             "constraint": Entry(
-                ListOf(OneOutput(outputs, LIMITS)), (), doc="outputs that are equal, at_least, ..."
+                ListOf(OneOutput(outputs, LIMITS)),
+                (),
+                doc="constraints on outputs: equal, at_least, ...",
             ),
             "circular_orbit": Entry(
                 ALTITUDE, None, doc="altitude of a circular orbit in which the mission ends"
             ),
             # The intervals between the breaks of a phase share its steps.
-            "steps": Entry(Whole(), 40, doc="integration steps of each phase"),
-            "tolerance": Entry(tolerance, 1e-6, doc="of gradient and violation, scaled"),
-            "max_steps": Entry(Whole(), 200, doc="how many steps the search may take"),
+            "steps": Entry(Whole(), 40, doc="number of integration steps of each phase"),
+            "tolerance": Entry(
+                tolerance, 1e-6, doc="of the scaled gradient and constraint violation"
+            ),
+            "max_steps": Entry(Whole(), 200, doc="maximum number of search steps"),
             "optimiser": Entry(
-                OneName(NAMES), NAMES[0], doc="quadratic programmes, or one of optax"
+                OneName(NAMES),
+                NAMES[0],
+                doc="sequential quadratic programming, or an optimiser of optax",
             ),
             # It falls to a thousandth over max_steps.
             "rate": Entry(
-                RATE, None, doc="first length of its steps, in sizes of the free numbers"
+                RATE,
+                None,
+                doc="initial step length, in units of the scales of the design variables",
             ),
         }
     )
@@ -178,7 +190,7 @@ def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]
     errors = []
     goals = [goal for goal in GOALS if table[goal] is not None]
     if len(goals) != 1:
-        return None, ["optimize must have one of minimise and maximise."]
+        return None, ["optimize must have exactly one of minimise and maximise."]
     try:
         named_optimiser(table["optimiser"], table["rate"], table["max_steps"])
     except ValueError as error:
@@ -222,7 +234,7 @@ def _over_errors(task: Task, goal: str, file: Parsed) -> list[str]:
         entries = {f"optimize.{goal}": table[goal]}
         entries |= {f"optimize.constraint.{k}": x for k, x in enumerate(table["constraint"])}
         return [
-            f"{key}.{name} is {shown(entry[own])}, over the runs: it needs optimize.over = "
+            f"{key}.{name} is {shown(entry[own])}, over the runs, which requires optimize.over = "
             f'"{DISPERSION}".'
             for key, entry in entries.items()
             for name, own in ((SHARE, SHARE), (TAKE, OF_RUNS))
@@ -241,7 +253,8 @@ def _over_errors(task: Task, goal: str, file: Parsed) -> list[str]:
 def dispersed_and_free(task: Task, inputs: Mapping[str, object]) -> list[str]:
     """Free numbers of a task over [dispersion] that are among its `inputs`, a sentence each."""
     return [
-        f"optimize.free.{free.path} is an input of dispersion: a number cannot be free and random."
+        f"optimize.free.{free.path} is also an input of dispersion: a number cannot be both a "
+        "design variable and random."
         for free in task.free
         if task.dispersed and free.path in inputs
     ]
@@ -252,9 +265,11 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
     values = {k: x for k, x in entry.items() if k not in (*LIMITS, SHARE, OF_RUNS)}
     spec = read_output(key, values, file, units)
     if needs((spec,), NOMINAL) or needs((spec,), INITIAL):
-        raise ValueError(f"{key} compares with the nominal run, which the search changes.")
+        raise ValueError(f"{key} depends on the nominal run, which the search changes.")
     if needs((spec,), BEGAN):
-        raise ValueError(f"{key} compares with the start of its phase, which no search sees.")
+        raise ValueError(
+            f"{key} depends on the start of its phase, which is not available to a search."
+        )
     return spec
 
 
@@ -266,7 +281,7 @@ def _of_runs(key: str, entry: Value, spec: OutputSpec, file: Parsed) -> RunStati
     if share is not None:
         raise ValueError(
             f"{key}.{SHARE} is {shown(entry[SHARE])} and {key}.{TAKE} is {shown(entry[OF_RUNS])}: "
-            f"it must have one of them over the runs."
+            f"over the runs it must have only one of them."
         )
     return read_statistic(f"{key}.{TAKE}", entry[OF_RUNS], spec, file)
 
@@ -304,7 +319,7 @@ def _circle(file: Parsed, units: WrittenUnits) -> list[Demand]:
     key = "optimize.circular_orbit"
     radius = at(file.values, "planet.radius")
     if radius is None:
-        raise ValueError(missing("planet.radius", f"a length, from which {key} counts"))
+        raise ValueError(missing("planet.radius", f"a length, to which {key} refers"))
     targets = {"altitude": height, "radial_speed": 0.0, "semi_major_axis": radius + height}
     entries = [{"output": name, "equal": float(x)} for name, x in targets.items()]
     return [demand for entry in entries for demand in _demands(key, entry, file, units)]
@@ -367,7 +382,7 @@ def _one_free(
         raise ValueError(f"{key}.low is {low:g} and high is {high:g}: low must be below high.")
     if not low <= start <= high:
         raise ValueError(
-            f"{key}: {path} is {float(start):g} {quantity.unit}, where the search would start: "
+            f"{key}: {path} is {float(start):g} {quantity.unit}, which is the start of the search: "
             f"it must be between {low:g} and {high:g}."
         )
     # For the report: the unit of this number in the file, or of others of its kind.

@@ -82,7 +82,9 @@ def read_outputs(file: Parsed, units: WrittenUnits) -> tuple[tuple[OutputSpec, .
             continue
         # Two outputs of one name would overwrite each other in the store.
         if spec.name in {other.name for other in specs}:
-            errors.append(wrong(f"{key}.name", spec.name, "another name: this one is taken"))
+            errors.append(
+                wrong(f"{key}.name", spec.name, "a name that is not used by another output")
+            )
         specs.append(spec)
     return tuple(specs), errors
 
@@ -123,12 +125,12 @@ def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> O
     allowed, confidence = (read_share(f"{key}.{k}", entry.get(k)) for k in shares)
     given = [k for k in shares if entry.get(k) is not None]
     if given and low is None and high is None:
-        raise ValueError(f"{key}.{given[0]} is that of a requirement: give at_least or at_most.")
+        raise ValueError(f"{key}.{given[0]} belongs to a requirement: give at_least or at_most.")
     required = Requirement(low, high, allowed, 0.95 if confidence is None else confidence)
     if low is not None and high is not None and low > high:
         raise ValueError(
             f"{key}.at_least is {shown(entry['at_least'])} and {key}.at_most is "
-            f"{shown(entry['at_most'])}: the least must not be above the most."
+            f"{shown(entry['at_most'])}: the lower limit must not exceed the upper one."
         )
     return OutputSpec(
         *(shown_name, what.at, unit, factor, what.function, what.path, shared, required),
@@ -149,9 +151,9 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
             return _What(places[place], unit, None, path)
     head, dot, rest = name.partition(".")
     if dot and head == FINAL:
-        raise ValueError(f"{key} = {name}: an extreme is taken along {RUN}, or along a phase.")
+        raise ValueError(f"{key} = {name}: an extreme must be taken along {RUN} or along a phase.")
     if dot and head == RUN:
-        raise ValueError(f"{key} = {name}: along the whole run there must be take, {_one_of()}.")
+        raise ValueError(f"{key} = {name}: along the whole run, take is required, {_one_of()}.")
     methods = _methods_of(head, file)
     if name not in catalog and rest not in methods:
         expected = f"one of {', '.join(catalog)}, or a path such as final.position.0"
@@ -164,7 +166,7 @@ def _what(key: str, entry: Values, file: Parsed, take: str) -> _What:
     for error in _lacking(name, function, file, places[where]):
         raise ValueError(error)
     if take and NOMINAL in arguments_of(function):
-        raise ValueError(f"{key}: {name} compares with the nominal run, which has no extreme.")
+        raise ValueError(f"{key}: {name} compares with the nominal run and has no extreme.")
     return _What(places[where], function.output.unit, function, (), head if rest in methods else "")
 
 
@@ -269,7 +271,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> 
     )
     if not good:
         counts = " and ".join(f"0 to {n - 1}" for n in shape if n is not None)
-        what = f"followed by {counts}" if shape else "without a number behind it"
+        what = f"followed by {counts}" if shape else "without a trailing number"
         raise ValueError(f"{key}: {path[0]} must be {what}.")
     return quantity.unit
 
@@ -282,13 +284,13 @@ def _lacking(name: str, function: OutputFunction, file: Parsed, place: int = -1)
     for argument in arguments_of(function):
         if argument in shared:
             if at(file.values, shared[argument]) is None:
-                result.append(f"{shared[argument]} is missing: the output {name} needs it.")
+                result.append(f"{shared[argument]} is missing: the output {name} requires it.")
         elif argument == "initial" and file.kind == "flight":
-            result.append(f"A flight has no [initial]: the output {name} needs one.")
+            result.append(f"A flight has no [initial], which the output {name} requires.")
         elif argument in ("body", "scene") and file.kind == "system":
-            result.append(f"A system has no {argument}: the output {name} needs one.")
+            result.append(f"A system has no {argument}, which the output {name} requires.")
         elif argument not in SPECIAL and argument != "mass" and argument not in parts:
-            result.append(f"initial has no {argument}: the output {name} needs it.")
+            result.append(f"initial has no {argument}, which the output {name} requires.")
     return result
 
 

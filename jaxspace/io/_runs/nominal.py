@@ -77,7 +77,7 @@ def spec_of_end(name: str, file: Parsed, units: WrittenUnits) -> OutputSpec:
     except ValueError as error:
         raise InputError(str(error)) from None
     if spec.at >= 0:
-        raise InputError(f"output is {name}: it must be one of the final state.")
+        raise InputError(f"output is {name}: it must be an output of the final state.")
     return spec
 
 

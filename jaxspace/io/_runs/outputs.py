@@ -237,14 +237,14 @@ class MoreOutputs(eqx.Module):
         more = self.further(result, samples)
         if not isinstance(more, Mapping):
             raise InputError(
-                f"outputs gives an object of the class {type(more).__name__}: it must give a dict "
-                f"of outputs by name."
+                f"outputs returns an object of type {type(more).__name__}: it must return a dict "
+                "of outputs by name."
             )
         for name in numbers:
             if name in more:
                 raise InputError(
-                    f"outputs gives {name!r}, which is an output of the file: it must be another "
-                    f"name."
+                    f"outputs returns {name!r}, which is already an output of the file: use "
+                    "another name."
                 )
         return {**numbers, **more}
 

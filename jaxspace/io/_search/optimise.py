@@ -59,8 +59,8 @@ def failed_start(optimum: Optimum, run: MissionTrajectory) -> str:
     if not missed:
         return ""
     return (
-        f"Phase {missed[0]} misses its event with {optimum.steps} steps, and meets it at the "
-        f"accuracy of the file: raise optimize.steps."
+        f"Phase {missed[0]} misses its event with {optimum.steps} steps but reaches it at the "
+        "accuracy of the file: increase optimize.steps."
     )
 
 

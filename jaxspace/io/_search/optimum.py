@@ -101,7 +101,10 @@ class Optimum:
                 name = spec.name.replace("_", " ")
                 clauses.append(f"{name} is {best}{unit} where {limit} {target}{unit} is required")
         if self.infeasible:
-            return f"The constraints cannot be met from this start: at best {', '.join(clauses)}."
+            return (
+                "The constraints cannot be satisfied from this start: at best, "
+                f"{', '.join(clauses)}."
+            )
         return self.minimum.sentence(clauses)
 
     @property
@@ -156,7 +159,9 @@ class Optimum:
 
         Raises `InputError` for an infeasible problem, which has no optimum."""
         if self.infeasible:
-            raise InputError(f"An optimum alone has sensitivities. {self.sentence()}")
+            raise InputError(
+                f"Sensitivities are available for a converged optimum only. {self.sentence()}"
+            )
         # Numbers of the tables of the search say how it went, and not where its optimum lies.
         fixed = {
             path: float(x)
@@ -222,7 +227,7 @@ class Optimum:
         what = f"has {', '.join(clauses)}" if clauses else "fails"
         # A run that fails has another reason than the steps.
         why = bad or (
-            f"The {self.steps} steps of a phase are too coarse, with a relative error of "
+            f"The {self.steps} steps per phase are too coarse: the relative error is "
             f"{self.error:.1e}."
         )
         warning = f"A run at the accuracy of the file does not confirm this: it {what}. {why}"

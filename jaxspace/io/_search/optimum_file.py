@@ -55,5 +55,7 @@ def _put(table: Any, path: list[str], value: str | float) -> None:
         table = table[key]
     last: Any = int(path[-1]) if isinstance(table, list) else path[-1]
     if not isinstance(table, list | dict):
-        raise InputError(f"{'.'.join(path)} cannot be written: its table is given by one number.")
+        raise InputError(
+            f"{'.'.join(path)} cannot be written: its table is given as a single number."
+        )
     table[last] = value

@@ -107,9 +107,7 @@ def campaign_function(file: FileContent, task: Task, base: Campaign) -> Campaign
     names = [spec.name for spec in specs]
     twice = sorted({name for name in names if names.count(name) > 1})
     if twice:
-        raise InputError(
-            f"optimize has two outputs of the name {twice[0]}: one of them must have another name."
-        )
+        raise InputError(f"optimize has two outputs named {twice[0]}: rename one of them.")
     base = dataclasses.replace(
         base,
         units=base.units | {spec.name: spec.unit for spec in specs},

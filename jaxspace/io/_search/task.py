@@ -83,7 +83,7 @@ def failed_phase(run: MissionTrajectory) -> str:
     for name, phase in run.items():
         status = Status(int(phase.status))
         if not status.good:
-            return f"{name} ended badly. {status.sentence}"
+            return f"{name} failed. {status.sentence}"
     return ""
 
 

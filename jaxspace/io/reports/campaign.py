@@ -68,7 +68,7 @@ def failures_report(file: SceneFile | None, dispersion: Dispersion, most: int = 
     `file`: the scene of the store, which says which of its inputs a refused run has out of
     range."""
     numbers = np.arange(dispersion.runs) if dispersion.numbers is None else dispersion.numbers
-    lines = [f"{int(np.count_nonzero(dispersion.good))} of {dispersion.runs} runs ended well."]
+    lines = [f"{int(np.count_nonzero(dispersion.good))} of {dispersion.runs} runs succeeded."]
     lines += [dispersion.missing_runs] if dispersion.missing_runs else []
     # Read once, because each column comes from the disk.
     inputs = dict(dispersion.inputs) if dispersion.failed else {}
@@ -88,18 +88,18 @@ def failures_report(file: SceneFile | None, dispersion: Dispersion, most: int = 
     rows = np.flatnonzero(np.any(list(undefined.values()), axis=0))
     if rows.size:
         runs = "run" if rows.size == 1 else "runs"
-        lines += ["", f"{rows.size} {runs} ended well with an output that is not a number:"]
+        lines += ["", f"{rows.size} {runs} succeeded with an output that is not finite:"]
         for row in rows[:most]:
             names = [name for name, where in undefined.items() if where[row]]
             verb = "is" if len(names) == 1 else "are"
-            lines.append(f"  run {numbers[row]}: {', '.join(names)} {verb} not a number.")
+            lines.append(f"  run {numbers[row]}: {', '.join(names)} {verb} not finite.")
         lines += _rest(rows.size, most)
     return "\n".join(lines)
 
 
 def _rest(count: int, most: int) -> list[str]:
     """The line for those of a list that it does not show."""
-    return [f"  and {count - most} more (--all lists them)"] if count > most else []
+    return [f"  and {count - most} more (use --all to list them)"] if count > most else []
 
 
 def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:

@@ -21,7 +21,7 @@ def dispersion_report(
     lines = [dispersion_table(result, nominal)]
     extremes = extreme_table(result)
     if extremes:
-        lines.append(f"\nextremes, each with its run\n{extremes}")
+        lines.append(f"\nextremes and their runs\n{extremes}")
     requirements = requirement_table(result)
     if requirements:
         lines.append(f"\nrequirements\n{requirements}")
@@ -30,7 +30,7 @@ def dispersion_report(
         lines.append(f"\nlanding ellipses\n{landings}")
     shares = contributor_lines(result, count)
     if shares:
-        lines.append(f"\nshares of the variance\n{shares}")
+        lines.append(f"\ncontributions to the variance\n{shares}")
     return "\n".join([*lines, "", status_lines(result)])
 
 
@@ -135,7 +135,7 @@ def _causes(contributors: Contributors, count: int) -> list[str]:
 def status_lines(result: Dispersion) -> str:
     """How many runs ended well, how many are still to come, each bad end with its sentence, and
     why there are no more of them."""
-    lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs ended well."]
+    lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs succeeded."]
     lines += [result.missing_runs] if result.missing_runs else []
     lines += [
         f"{f.count} {'run' if f.count == 1 else 'runs'} failed: {f.sentence}" for f in result.failed
@@ -143,8 +143,8 @@ def status_lines(result: Dispersion) -> str:
     planned = int(result.attributes.get("planned_runs", result.runs))
     if result.runs < planned and "design: LatinHypercube" in str(result.attributes.get("inputs")):
         lines.append(
-            f"These are {result.runs} of {planned} runs of a Latin hypercube: only all of them "
-            f"together lie evenly."
+            f"These are {result.runs} of {planned} runs of a Latin hypercube: only the complete "
+            "set is evenly distributed."
         )
     lines += [result.ending] if result.ending else []
     return "\n".join(lines)

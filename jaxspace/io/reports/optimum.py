@@ -40,7 +40,7 @@ def optimum_report(
     goal = task.objective
     if not optimum.infeasible:
         lines.append(
-            f"slope: change of {goal.name} [{goal.unit or '1'}] for one unit of the bound or target"
+            f"slope: change of {goal.name} [{goal.unit or '1'}] per unit of the bound or target"
         )
     if run is not None:
         lines.append(aligned(_phase_rows(optimum, run)))

@@ -80,14 +80,14 @@ def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, 
             return f"{value.text(factor)} of every part of the state"
         return ", ".join(f"{name} {x.text(factor)}" for name, x in named_blocks(value).items())
 
-    rows = [("final error asked for", listed(1.0))]
+    rows = [("requested final error", listed(1.0))]
     if all(phase.config.method == "closed_form" for phase in run.phases):
         return [*rows, ("estimated", f"{listed(estimate)}, the rounding of a closed form")]
     rows.append(("estimated", listed(estimate)))
     # The searched tolerance itself, of which campaigns take two digits.
     tolerance = tolerance_of(run.phases[-1])
-    found = f"{tolerance:.2g}, found by {runs} runs with {spent} evaluations together"
-    rows.append(("accuracy that it took", found))
+    found = f"{tolerance:.2g}, found with {runs} runs and {spent} evaluations in total"
+    rows.append(("required accuracy", found))
     if math.isfinite(price):
         rows.append(("a tenth of this error", f"{price:.2g} times the evaluations of a run"))
         rows.append(("ten times this error", f"{100.0 * (1.0 - 1.0 / price):.0f} % fewer"))
