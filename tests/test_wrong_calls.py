@@ -198,7 +198,7 @@ def test_an_array_without_an_axis_of_runs_is_named():
         (lambda: Phase(KEPLER, "1 day"), "Phase.until is '1 day': it must be a duration in s"),
         (lambda: Mission([KEPLER]), "Mission.phases holds a Integrated: it must hold phases"),
         (lambda: Scene(PointGravity(1.0)), "Scene.effects is a PointGravity: it must be a list"),
-        (lambda: Scene((3.0,)), "Scene.effects holds an object of type float"),
+        (lambda: Scene((3.0,)), "Scene.effects contains an object of type float"),
         (
             lambda: simulate(Widening(), jnp.array(1.0), SPAN),
             r"Widening.vector_field returns \(3,\) for y0, which has the shape \(\)",
@@ -275,12 +275,12 @@ def test_an_array_without_an_axis_of_runs_is_named():
         (lambda: Regularised(steps=10**12), "Regularised.steps is 1000000000000"),
         (
             lambda: disperse(campaign(lambda inputs: (MISSION, Y)), 4),
-            r"Campaign.build leaves its inputs aside: .*must build them from mu",
+            r"Campaign.build ignores its inputs: .*must use mu",
         ),
         (lambda: disperse(campaign(lambda inputs: MISSION), 4), "Campaign.build returns .*Mission"),
         (
             lambda: disperse(campaign(lambda inputs: inputs["my"]), 4),
-            r"Campaign.build asks for the input 'my': the inputs are mu. Did you mean mu\?",
+            r"Campaign.build requests the unknown input 'my': the inputs are mu. Did you mean mu\?",
         ),
     ],
 )

@@ -13,7 +13,7 @@ def attitude_and_omega(y: BodyState) -> tuple[Quaternion, Vector]:
     Raises `InputError` when the state does not have one of them."""
     if y.attitude is None or y.omega is None:
         present = ", ".join(y.present) or "nothing"
-        raise InputError(f"The state holds {present}: it must hold attitude and omega.")
+        raise InputError(f"The state has {present}: it must have attitude and omega.")
     return y.attitude, y.omega
 
 

@@ -91,7 +91,7 @@ class SpringTorque(AbstractEffect):
         "",
         direction=True,
         default=(1.0, 0.0, 0.0, 0.0),
-        doc="quaternion of the attitude of rest, body to inertial",
+        doc="quaternion of the equilibrium attitude, body to inertial",
     )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -92,7 +92,7 @@ class YoYo(AbstractJump):
         del t
         if y.omega is None:
             raise InputError(
-                f"The state holds {', '.join(y.present) or 'nothing'}: it must hold omega."
+                f"The state has {', '.join(y.present) or 'no parts'}: it must have omega."
             )
         lost = self.spin_rate(self.cord_length / self.radius, y.omega[2]) - y.omega[2]
         mass = None if y.mass is None else y.mass - self.mass

@@ -17,7 +17,10 @@ from ..rotations import Quaternion, from_euler_angles
 Pair: TypeAlias = Float[Array, "2 *#runs"] | Sequence[Scalar]
 
 _TILT = argument(
-    "rad", shape=(2,), default=(0.0, 0.0), doc="turns about the body's x and then y axis at last"
+    "rad",
+    shape=(2,),
+    default=(0.0, 0.0),
+    doc="tilt about the body's x and then y axis, applied last",
 )
 
 

@@ -36,7 +36,7 @@ class ConstantTorque(AbstractMotor):
 
     drive: NumberField = quantity("N m", key="torque", doc="on every wheel")
     until: OptionalNumberField = quantity(
-        "s", optional=True, doc="time at which the motor stops; without it the motor never stops"
+        "s", optional=True, doc="time at which the motor stops; never by default"
     )
 
     def torque(self, t: Scalar, y: BodyState, axes: Array, speed: Array) -> Array:
@@ -55,7 +55,7 @@ class PointingControl(AbstractMotor):
     target: Float[Array, "4 *#runs"] = quantity(
         "",
         direction=True,
-        doc="quaternion, scalar first, to which the body turns and where it rests",
+        doc="target quaternion, scalar first",
     )
     stiffness: NumberField = quantity(
         "N m", positive=True, doc="torque per radian of a small error"

@@ -128,7 +128,7 @@ def continuous_precession(states: BodyState) -> Float[Array, "times *#runs"]:
 
     Raises `InputError` for states without attitude."""
     if states.attitude is None:
-        raise InputError("The states hold no attitude: a precession angle requires one.")
+        raise InputError("The states have no attitude, which a precession angle requires.")
     # The times are the first axis that is left when the angle has been taken.
     return jnp.unwrap(to_euler_angles(states.attitude)[0], axis=0)
 

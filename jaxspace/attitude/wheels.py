@@ -120,7 +120,7 @@ class ReactionWheels(AbstractEffect):
         "N m", positive=True, optional=True, doc="greatest torque of a motor"
     )
     speed_limit: OptionalNumberField = quantity(
-        "rad/s", positive=True, optional=True, doc="speed at which a motor drives no further"
+        "rad/s", positive=True, optional=True, doc="speed limit of the motor"
     )
     knee: NumberField = quantity(
         "",

@@ -129,7 +129,10 @@ class BurningBody(AbstractBody):
         "m", default=0.0, doc="z of the propellant's centre, from the dry centre of mass"
     )
     propellant_mass: OptionalNumberField = quantity(
-        "kg", positive=True, optional=True, doc="carried at the start; the state holds what is left"
+        "kg",
+        positive=True,
+        optional=True,
+        doc="at the start; the state contains the remaining propellant",
     )
 
     def constant_mass(self) -> Scalar | None:

@@ -52,7 +52,7 @@ class PadAtmosphere(AbstractAtmosphere):
         "Pa", positive=True, optional=True, doc="of the air at the pad; standard by default"
     )
     density_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="by which density and pressure are multiplied"
+        "", non_negative=True, default=1.0, doc="factor on density and pressure"
     )
 
     def density_at(self, height: Scalar) -> Scalar:

@@ -168,8 +168,8 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
         for name, part in (effect.start(y, body) or {}).items():
             if name in result:
                 raise InputError(
-                    f"{type(effect).__name__}.part is {name!r}: it must be another name, "
-                    "for another effect of the scene integrates that part."
+                    f"{type(effect).__name__}.part is {name!r}: another effect of the scene "
+                    "integrates a part of this name, use another one."
                 )
             result[name] = part
     if not result:

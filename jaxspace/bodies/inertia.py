@@ -68,7 +68,7 @@ class PrincipalInertia(AbstractInertia):
     when more than one is zero: a point does not turn."""
 
     moments: Float[Array, "3 *#runs"] = quantity(
-        "kg m^2", non_negative=True, doc="principal moments (A, B, C), of which one may be zero"
+        "kg m^2", non_negative=True, doc="principal moments (A, B, C); one may be zero"
     )
 
     def __check_init__(self):

@@ -89,7 +89,7 @@ class _Released(eqx.Module):
         """The state of the part, or of what is left. Raises `InputError` for a state without a
         mass."""
         if y.mass is None:
-            raise InputError("A body that releases parts needs its mass: BodyState(mass=...).")
+            raise InputError("A body that releases parts must have a mass: BodyState(mass=...).")
         rank = jnp.ndim(y.mass)
         offsets = [with_rank(part.offset, rank) for part in self.parts]
         kicks = [with_rank(part.kick, rank) for part in self.parts]
@@ -134,7 +134,7 @@ def come_apart(
 
     **Raises** `InputError` for fewer than two parts, and for another number of kicks."""
     if len(parts) < 2:
-        raise InputError(f"come_apart got {len(parts)} parts: there must be two or more.")
+        raise InputError(f"come_apart got {len(parts)} parts: it requires at least two.")
     whole = combined(*parts)
     rank = whole.mass.ndim
     offsets = [with_rank(part.centre, rank) - whole.centre for part in parts]
@@ -142,7 +142,8 @@ def come_apart(
         kicks = [jnp.zeros(3)] * len(parts)
     if len(kicks) != len(parts):
         raise InputError(
-            f"come_apart got {len(kicks)} kicks for {len(parts)} parts: there must be one for each."
+            f"come_apart got {len(kicks)} kicks for {len(parts)} parts: it requires one for each "
+            "part."
         )
     speeds = [with_rank(as_float(kick), rank) for kick in kicks]
     common = _mean([part.mass for part in parts], speeds, whole.mass)
@@ -165,7 +166,7 @@ def release(*parts: Detached) -> tuple[_Released, tuple[_Released, ...]]:
 
     **Raises** `InputError` without a part."""
     if not parts:
-        raise InputError("release got no parts: there must be at least one.")
+        raise InputError("release got no parts: it requires at least one.")
     return _Released(parts), tuple(_Released(parts, number) for number in range(len(parts)))
 
 

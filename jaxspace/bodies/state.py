@@ -86,7 +86,8 @@ class BodyState(HashedModule):
         """The extra part of this name. Raises `InputError` where the state does not hold it."""
         if self.parts is None or name not in self.parts:
             raise InputError(
-                f"The state has no part {name!r}: Scene.start adds what the effects integrate."
+                f"The state has no part {name!r}: Scene.start adds the parts that the effects "
+                "integrate."
             )
         return self.parts[name]
 

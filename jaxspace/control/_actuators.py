@@ -74,9 +74,7 @@ class CommandedEngine(AbstractEffect):
 
     max_thrust: NumberField = quantity("N", positive=True, doc="greatest thrust")
     exhaust_velocity: NumberField = quantity("m/s", positive=True, doc="thrust over mass flow")
-    burnout_mass: NumberField = quantity(
-        "kg", non_negative=True, doc="with which no propellant is left"
-    )
+    burnout_mass: NumberField = quantity("kg", non_negative=True, doc="mass without propellant")
     command: Float[Array, "3 *#runs"] = quantity(
         "N", default=(0.0, 0.0, 0.0), doc="thrust before the first command"
     )

@@ -44,8 +44,8 @@ def as_fixed(method: object, rtol: float, steps: int) -> FixedSteps:
         return FixedSteps(LOW_ORDER if rtol >= 1e-8 else HIGH_ORDER, steps)
     if not isinstance(method, diffrax.AbstractSolver) or solver_traits(method).needs:
         raise InputError(
-            f"Accuracy.method is {method!r}: for a loop it must be a solver of plain steps, such "
-            f"as Tsit5()."
+            f"Accuracy.method is {method!r}: for a closed loop it must be an explicit one-step "
+            "solver, such as Tsit5()."
         )
     return FixedSteps(method, steps)
 

@@ -50,14 +50,16 @@ def known_times(ts: object) -> np.ndarray:
     """Save times as known numbers, ascending. Raises `InputError` for anything else."""
     if not all(map(is_concrete, ts if isinstance(ts, list | tuple) else [ts])):
         raise InputError(
-            "ts is traced: it must be known, because it says how many samples there are; give "
-            "numpy.linspace(...) in place of jax.numpy's."
+            "ts is traced: it must be concrete, because it determines the number of samples; use "
+            "numpy.linspace(...) instead of jax.numpy.linspace(...)."
         )
     times = np.asarray(ts, float)
     if times.ndim != 1 or times.size < 2 or not np.all(np.isfinite(times)):
-        raise InputError(f"ts has the shape {times.shape}: it must hold two finite times or more.")
+        raise InputError(
+            f"ts has the shape {times.shape}: it must contain at least two finite times."
+        )
     if np.any(np.diff(times) <= 0.0):
-        raise InputError("ts is not ascending: a loop runs forwards, from its first time on.")
+        raise InputError("ts is not ascending: a closed loop runs forwards in time only.")
     return times
 
 
@@ -77,8 +79,8 @@ def nodes_of(ts: np.ndarray, clocks: tuple[Clock, ...], breaks: Array | None) ->
     count = span / shortest
     if count > MOST:
         raise InputError(
-            f"ts spans {span:.6g} s, in which a period of {shortest:.6g} s passes {count:.3g} "
-            f"times: it may pass 1e7 times at most."
+            f"ts spans {span:.6g} s, which is {count:.3g} periods of {shortest:.6g} s: at most 1e7 "
+            "periods are allowed."
         )
     slack = SLACK * shortest
     saves = ts - ts[0]

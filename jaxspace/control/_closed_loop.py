@@ -131,8 +131,8 @@ class ClosedLoop(AbstractSampledLoop):
             longest = float(np.max(np.asarray(duration)))
         elif self.longest is None:
             raise InputError(
-                "ClosedLoop.longest is not given, and the duration of its phase is traced: give "
-                "the longest time that the phase may take, in s."
+                "ClosedLoop.longest is required when the duration of the phase is traced: give the "
+                "longest possible duration of the phase, in s."
             )
         else:
             longest = self.longest
@@ -151,7 +151,7 @@ class ClosedLoop(AbstractSampledLoop):
         if key is not None and key.shape != runs:
             raise InputError(
                 f"ClosedLoop.key has the shape {key.shape}: for {runs} runs of a mission it must "
-                f"be a key of each, such as jax.random.split(key, runs)."
+                "contain a key for each run, such as jax.random.split(key, runs)."
             )
         events = as_events((until,)) if isinstance(until, Event) else ()
         known = Known(self.numbers, y0, start, key, None, events, end)

@@ -69,8 +69,8 @@ def as_controller(x: object) -> Any:
         return x
     if _arguments(x) not in (1, 2):
         raise InputError(
-            f"ClosedLoop.controller takes {_arguments(x)} arguments: it must take what is measured,"
-            f" or the time and that."
+            f"ClosedLoop.controller takes {_arguments(x)} arguments: it must take the "
+            "measurements, or the time and the measurements."
         )
     return Feedback(x)
 
@@ -100,8 +100,8 @@ def measurement(measured: PyTree, name: str) -> PyTree:
     if isinstance(measured, Mapping):
         if name not in measured:
             raise InputError(
-                f"The controller needs {name!r}, and the sensors are {', '.join(measured)}: give "
-                f"a sensor of this name."
+                f"The controller requires {name!r}, and the sensors are {', '.join(measured)}: add "
+                "a sensor with this name."
             )
         return measured[name]
     # A whole state: its own parts, and what effects integrate beside them.

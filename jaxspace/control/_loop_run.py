@@ -159,7 +159,7 @@ def _check(loop: AbstractSampledLoop, y0: State, run_axes: int) -> None:
     if not isinstance(loop.controller, AbstractController):
         raise InputError(
             f"ClosedLoop.controller is of type {type(loop.controller).__name__}: it must be a "
-            f"controller or a function of what is measured."
+            "controller or a function of the measurements."
         )
     # A state that is not finite fails only its own run of a batch.
     if run_axes:

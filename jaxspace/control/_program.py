@@ -77,11 +77,11 @@ def as_events(events: PyTree) -> tuple[Event, ...]:
     events = (events,) if isinstance(events, Event) else tuple(events)
     for event in events:
         if not isinstance(event, Event):
-            raise InputError(f"events holds {event!r}: it must hold events, Event(...).")
+            raise InputError(f"events contains {event!r}: it must contain events, Event(...).")
         if event.touch is not None or not event.terminal:
             raise InputError(
-                "events holds an event with touch or terminal=False: of a loop it must be one that "
-                "ends the run by passing through zero."
+                "events contains an event with touch or terminal=False: in a closed loop every "
+                "event must end the run at a zero crossing."
             )
     return events
 
@@ -181,8 +181,7 @@ def _nodes_of(
     if apart > shortest:
         raise InputError(
             f"ts reaches {farthest:.6g} s, where numbers of this precision are {apart:.3g} s "
-            f"apart, more than a period of {shortest:.6g} s: count the seconds from an epoch that "
-            f"is close to the run."
+            f"apart, more than a period of {shortest:.6g} s: use a time origin close to the run."
         )
     return nodes
 

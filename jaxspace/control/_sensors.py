@@ -45,8 +45,8 @@ def known_seconds(name: str, optional: bool = False) -> Callable[[object], Any]:
             return None
         if isinstance(x, Tracer):
             raise InputError(
-                f"{name} is traced: it must be a number that is known before, in s, because it "
-                f"decides how many samples there are."
+                f"{name} is traced: it must be a concrete number in s, because it determines the "
+                "number of samples."
             )
         try:
             return float(x)  # pyright: ignore[reportArgumentType]
@@ -94,11 +94,11 @@ class Sensor(AbstractSensor):
         metadata={"doc": "name of a part of the state, or a function (t, y)"}
     )
     noise: Float[Array, "..."] | None = quantity(
-        "", non_negative=True, optional=True, doc="standard deviation, in the unit of what is read"
+        "", non_negative=True, optional=True, doc="standard deviation, in the unit of the reading"
     )
     bias: Float[Array, "..."] | None = quantity("", optional=True, doc="constant error")
     walk: Float[Array, "..."] | None = quantity(
-        "", non_negative=True, optional=True, doc="deviation of the drift after one second"
+        "", non_negative=True, optional=True, doc="standard deviation of the drift after one second"
     )
     quantum: Float[Array, "..."] | None = quantity(
         "", positive=True, optional=True, doc="step between readings"
@@ -154,7 +154,7 @@ class StarTracker(AbstractSensor):
         "rad", non_negative=True, default=0.0, doc="standard deviation about each axis"
     )
     bias: Float[Array, "3 *#runs"] | None = quantity(
-        "rad", optional=True, doc="constant turn of the sensor in the body"
+        "rad", optional=True, doc="constant misalignment of the sensor in the body"
     )
     period: float | None = eqx.field(
         static=True, default=None, converter=known_seconds("StarTracker.period", optional=True)
@@ -202,7 +202,7 @@ def drawing(keys: Keys | None, number: int, count: Array, run_axes: int, name: s
 
     def draw(purpose: int, like: Array) -> Array:
         if keys is None:
-            raise InputError(f"The sensor {name} is noisy: give key=jax.random.key(...).")
+            raise InputError(f"The sensor {name} has noise: give key=jax.random.key(...).")
 
         def one(key: Keys) -> Array:
             # Two streams for each sensor, noise and drift, and a number for each reading.

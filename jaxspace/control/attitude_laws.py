@@ -73,7 +73,7 @@ class QuaternionFeedback(AbstractController):
         "",
         direction=True,
         default=(1.0, 0.0, 0.0, 0.0),
-        doc="quaternion, scalar first, to turn to",
+        doc="target quaternion, scalar first",
     )
     integral: OptionalNumberField = quantity(
         "N m/s", non_negative=True, optional=True, doc="k_i, torque per error and time"
@@ -116,13 +116,13 @@ class MomentumDumping(AbstractController):
     the wheels. Reads "wheels", the momenta about the axes."""
 
     gain: NumberField = quantity(
-        "1/s", positive=True, doc="k, torque over momentum: the inverse of the time that it takes"
+        "1/s", positive=True, doc="k, torque over momentum: the inverse of the time constant"
     )
     axes: Float[Array, "3 wheels *#runs"] = quantity(
         "", direction=True, doc="of the wheels as columns: x of all, y, z"
     )
     dead_band: NumberField = quantity(
-        "kg m^2/s", non_negative=True, default=0.0, doc="momentum that is left in the wheels"
+        "kg m^2/s", non_negative=True, default=0.0, doc="momentum that remains in the wheels"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Array, None]:
@@ -141,7 +141,7 @@ class SpinRateControl(AbstractController):
     """Brings a body to a rate about an axis, without a torque across it."""
 
     gain: NumberField = quantity("N m s", positive=True, doc="k, torque over rate")
-    rate: NumberField = quantity("rad/s", doc="n, wanted about the axis")
+    rate: NumberField = quantity("rad/s", doc="n, target rate about the axis")
     axis: Float[Array, "3 *#runs"] = quantity(
         "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
@@ -162,7 +162,7 @@ class NutationControl(AbstractController):
         "", direction=True, default=(0.0, 0.0, 1.0), doc="of the spin, of any length but zero"
     )
     dead_band: NumberField = quantity(
-        "rad/s", non_negative=True, default=0.0, doc="rate across the axis that is left alone"
+        "rad/s", non_negative=True, default=0.0, doc="transverse rate below which no torque acts"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Array, None]:

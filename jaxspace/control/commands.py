@@ -41,13 +41,13 @@ def with_command(system: AbstractSystem, command: PyTree) -> AbstractSystem:
     given = list(command) if result > 1 and isinstance(command, tuple | list) else [command]
     if result == 0:
         raise InputError(
-            f"{type(system).__name__} has no part with a command: give it an effect such as "
-            f"CommandedTorque, or say by actuate=... how a command reaches it."
+            f"{type(system).__name__} has no actuator: give it an effect such as CommandedTorque, "
+            "or define with actuate=... how a command acts on it."
         )
     if result != len(given):
         raise InputError(
-            f"The controller gave {len(given)} command, and {result} parts of the system take one: "
-            f"it must be a tuple of {result}."
+            f"The controller returned {len(given)} command for {result} actuators: it must return "
+            f"a tuple of {result}."
         )
     return eqx.tree_at(_commands, system, given)
 

@@ -46,7 +46,7 @@ class PID(AbstractController):
         "", optional=True, doc="k_i, command over integral of the error"
     )
     target: Float[Array, "3 *#runs"] = quantity(
-        "", default=(0.0, 0.0, 0.0), doc="r, where to go, in the unit of what is read"
+        "", default=(0.0, 0.0, 0.0), doc="r, set point, in the unit of the reading"
     )
     reads: str = eqx.field(static=True, default="position")
     rate: str = eqx.field(static=True, default="velocity")
@@ -77,14 +77,16 @@ class LeastEffortGuidance(AbstractController):
     Reads position, velocity and mass. Valid where the thrust stays within its limit; the time to go
     falls no lower than `least_time`."""
 
-    arrival: NumberField = quantity("s", doc="time at which to be there")
+    arrival: NumberField = quantity("s", doc="arrival time")
     gravity: Float[Array, "3 *#runs"] = quantity("m/s^2", doc="g, in inertial axes")
-    target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
+    target: Float[Array, "3 *#runs"] = quantity(
+        "m", default=(0.0, 0.0, 0.0), doc="r, target position"
+    )
     velocity: Float[Array, "3 *#runs"] = quantity(
-        "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
+        "m/s", default=(0.0, 0.0, 0.0), doc="v_f, velocity at the arrival"
     )
     least_time: NumberField = quantity(
-        "s", positive=True, default=1.0, doc="to go, below which the gains grow no more"
+        "s", positive=True, default=1.0, doc="time to go below which the gains are constant"
     )
 
     def act(self, t: Scalar, memory: None, measured: PyTree) -> tuple[Vector, None]:
@@ -110,7 +112,7 @@ class LinearController(AbstractController):
 
     d: Float[Array, "commands inputs"] = quantity("", doc="D, command over measurement")
     a: Float[Array, "states states"] | None = quantity(
-        "", optional=True, doc="A, memory over memory; none where left out"
+        "", optional=True, doc="A, memory over memory; no memory by default"
     )
     b: Float[Array, "states inputs"] | None = quantity(
         "", optional=True, doc="B, memory over measurement"
@@ -119,14 +121,14 @@ class LinearController(AbstractController):
         "", optional=True, doc="C, command over memory"
     )
     reference: Float[Array, " inputs"] | None = quantity(
-        "", optional=True, doc="r, taken off the measurement; zero where left out"
+        "", optional=True, doc="r, subtracted from the measurement; zero by default"
     )
 
     def __check_init__(self):
         check_types(self)
         absent = [x is None for x in (self.a, self.b, self.c)]
         if any(absent) and not all(absent):
-            raise InputError("LinearController needs all of a, b and c, or none of them.")
+            raise InputError("LinearController requires all of a, b and c, or none of them.")
         tables = [self.a, self.b, self.c, self.d]
         if any(getattr(x, "ndim", None) != 2 for x in tables if x is not None):
             return  # a placeholder of a tree transformation

@@ -31,7 +31,9 @@ class PushedRelativeMotion(AbstractSystem):
 
     `motion`: that without it."""
 
-    motion: ClohessyWiltshire = eqx.field(metadata={"doc": "of the free chaser beside its target"})
+    motion: ClohessyWiltshire = eqx.field(
+        metadata={"doc": "of the free chaser relative to its target"}
+    )
     command: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", default=(0.0, 0.0, 0.0), doc="acceleration before the first command"
     )

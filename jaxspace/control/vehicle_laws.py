@@ -60,10 +60,10 @@ class ApogeeControl(AbstractController):
 
     target: NumberField = quantity("m", doc="h, z of the target apogee")
     drag: NumberField = quantity(
-        "1/m", positive=True, doc="b, of the vehicle with the brake as it is mostly"
+        "1/m", positive=True, doc="b, of the vehicle with the brake at its typical setting"
     )
     gain: NumberField = quantity("1/m", non_negative=True, doc="k, share over predicted excess")
-    share: NumberField = quantity("", default=0.0, doc="s_0, open where nothing is in excess")
+    share: NumberField = quantity("", default=0.0, doc="s_0, opening without excess")
     opening: NumberField = quantity(
         "s", default=0.0, doc="time before which the brake stays shut: the burnout"
     )
@@ -96,13 +96,16 @@ class FinControl(AbstractController):
         "",
         direction=True,
         default=(1.0, 0.0, 0.0, 0.0),
-        doc="quaternion, scalar first, to turn to",
+        doc="target quaternion, scalar first",
     )
     rate: Float[Array, "3 *#runs"] = quantity(
         "rad/s", default=(0.0, 0.0, 0.0), doc="n, target about the axes of the body"
     )
     full_speed: OptionalNumberField = quantity(
-        "m/s", positive=True, optional=True, doc="v_r; without it the gains hold at any speed"
+        "m/s",
+        positive=True,
+        optional=True,
+        doc="v_r; without it the gains do not depend on the speed",
     )
 
     def start(self, measured: PyTree) -> Integral | None:
@@ -140,23 +143,25 @@ class LandingControl(AbstractController):
     than `least_time`. The commanded thrust leans no more than `tilt_limit` and falls no lower than
     `least_thrust`: a vehicle that is too high does not turn over. Another law holds the roll."""
 
-    arrival: NumberField = quantity("s", doc="time at which to be there")
+    arrival: NumberField = quantity("s", doc="arrival time")
     gravity: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", direction=True, doc="g, in inertial axes; not zero"
     )
-    full_thrust: NumberField = quantity("N", positive=True, doc="F, of the open throttle")
+    full_thrust: NumberField = quantity("N", positive=True, doc="F, at full throttle")
     gain: NumberField = quantity("", doc="K, angle of the nozzle over that of the error")
     damping: NumberField = quantity("s", doc="C, angle of the nozzle over the rate")
-    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, least that is commanded")
-    target: Float[Array, "3 *#runs"] = quantity("m", default=(0.0, 0.0, 0.0), doc="r, where to be")
+    least_thrust: NumberField = quantity("N", positive=True, doc="upwards, least commanded value")
+    target: Float[Array, "3 *#runs"] = quantity(
+        "m", default=(0.0, 0.0, 0.0), doc="r, target position"
+    )
     velocity: Float[Array, "3 *#runs"] = quantity(
-        "m/s", default=(0.0, 0.0, 0.0), doc="v_f, with which to arrive"
+        "m/s", default=(0.0, 0.0, 0.0), doc="v_f, velocity at the arrival"
     )
     acceleration: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", default=(0.0, 0.0, 0.0), doc="a_f, at the end; zero ends upright"
     )
     least_time: NumberField = quantity(
-        "s", positive=True, default=1.0, doc="to go, below which the gains grow no more"
+        "s", positive=True, default=1.0, doc="time to go below which the gains are constant"
     )
     tilt_limit: NumberField = quantity(
         "rad", low=0.0, high=1.5, strict=True, default=0.5, doc="of the thrust from the vertical"

@@ -112,7 +112,7 @@ class BatchRunner(AbstractRunner):
         if for_turns(campaign, accuracy, status) is not None:
             return cls.prepare(campaign, exact(accuracy), seed, devices, samples, runs)
         if status in (Status.NOT_FINITE, Status.MAX_STEPS):
-            raise SimulationError(f"The nominal run cannot be run. {Status(status).sentence}")
+            raise SimulationError(f"The nominal run cannot be simulated. {Status(status).sentence}")
         if status != Status.TOLERANCE_MISSED:
             runner.nominal = nominal
         first = runner.first

@@ -103,7 +103,7 @@ def tolerance_by_purpose(simulated: Simulated, runs: int) -> TunedTolerance:
     purpose = Purpose(found, default, spent[0] / max(spent[1], 1), there)
     if there > 1.0:
         name = max(allowed, key=lambda n: errors[n] / allowed[n])
-        warnings.warn(f"{purpose.sentence} It is that of {name}.", stacklevel=4)
+        warnings.warn(f"{purpose.sentence} The limiting output is {name}.", stacklevel=4)
     return TunedTolerance(purpose, errors)
 
 

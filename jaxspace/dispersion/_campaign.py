@@ -47,8 +47,8 @@ def _check_runs(built: tuple[Mission, State], samples: Mapping[str, Array]) -> N
     shapes = [np.shape(leaf) for leaf in leaves if eqx.is_array(leaf)]
     if not any(shape[-1:] == runs for shape in shapes):
         raise InputError(
-            f"Campaign.build leaves its inputs aside: no array of the mission or of y0 carries the "
-            f"runs, {runs}. It must build them from {', '.join(samples)}."
+            "Campaign.build ignores its inputs: no array of the mission or of y0 has the batch "
+            f"axis {runs}. It must use {', '.join(samples)}."
         )
 
 
@@ -165,7 +165,7 @@ class Campaign(AbstractCampaign):
             if name in samples or not isinstance(name, str):
                 raise
             raise InputError(
-                f"Campaign.build asks for the input {name!r}: the inputs are "
+                f"Campaign.build requests the unknown input {name!r}: the inputs are "
                 f"{', '.join(samples)}.{InputError.hint(name, samples)}"
             ) from error
         pair = isinstance(built, tuple) and len(built) == 2 and isinstance(built[0], Mission)

@@ -80,9 +80,9 @@ def _chosen_in(
         return None, before
     if isinstance(phase.system, AbstractRunnable):
         raise InputError(
-            f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, for a controller "
-            f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. "
-            f"`samples` keeps states of such a phase."
+            f"times has {left[-1]:.9g} s: it must be at most {start:.9g} s, because a controller "
+            f"samples the phase {phase.name!r}, which begins {'then' if known else 'later'}. Use "
+            "`samples` to store states of such a phase."
         )
     if not known or isinstance(phase.until, Event) or np.ndim(phase.until) > 0:
         # A sum of durations meets the start to rounding only.
@@ -119,8 +119,8 @@ def warn_of_times_outside(
         runs = next(iter(trajectories.values())).shape[-1]
         result = ", ".join(f"{t:.9g}" for t, at_time in reached.items() if not at_time)
         warnings.warn(
-            f"times has {result} s, at which none of the first {runs} runs is under way: what the "
-            f"store keeps for it is NaN in each of them.",
+            f"times has {result} s, at which none of the first {runs} runs is active: the stored "
+            "states are NaN for all of them.",
             stacklevel=4,
         )
 

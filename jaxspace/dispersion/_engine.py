@@ -177,7 +177,7 @@ def disperse(
     using = as_engine(engine)
     local = _devices(devices)
     if isinstance(using, MultiHost) and store is None:
-        raise InputError("store is missing: several hosts meet in it.")
+        raise InputError("store is missing: several hosts share their results through it.")
     with contextlib.ExitStack() as stack:
         writer = None
         # Locked before the runner compiles, so that a refusal comes at once.
@@ -207,8 +207,7 @@ def _refuse(options: Sequence[tuple[str, object, object]], method: str) -> None:
     for name, given, default in options:
         if given is not default and (default is None or given != default):
             raise InputError(
-                f"{name} is {given!r}: it must be left out, for by the method {method!r} there are "
-                f"no runs."
+                f"{name} is {given!r}: omit it, because the method {method!r} computes no runs."
             )
 
 

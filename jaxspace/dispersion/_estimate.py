@@ -34,11 +34,11 @@ class Estimate(NamedTuple):
             )
         if self.unseen > DOUBTFUL:
             sentences.append(
-                f"One search for violations does not cover all that another one found: some "
-                f"{100.0 * self.unseen:.2g} % of the probability may be missing."
+                "One search for violations does not cover all violations found by another one: "
+                f"about {100.0 * self.unseen:.2g} % of the probability may be missing."
             )
         if sentences:
-            sentences.append("More runs tell more.")
+            sentences.append("Use more runs.")
         return " ".join(sentences)
 
     def interval(self) -> tuple[float, float]:

@@ -125,11 +125,11 @@ def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
 def _refuse(name: str, row: int, here: float, other: float, alone: bool) -> None:
     # The first row is the nominal run, the next one is run 0.
     run = f"run {row - 1}" if row else "the nominal run"
-    where = "alone" if alone else "at another place in a block"
+    where = "alone" if alone else "at another position in a block"
     raise InputError(
         f"The output {name!r} mixes runs: {run} gives {here:.9g} among other runs and {other:.9g} "
-        f"{where}. It must be computed for each run by itself: the last axis is that of the runs, "
-        f"over which nothing may be summed, averaged, sorted or counted."
+        f"{where}. It must be computed for each run separately: the last axis is the batch axis, "
+        "over which nothing may be summed, averaged, sorted or counted."
     )
 
 

@@ -51,7 +51,7 @@ def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
             call(np.zeros(count, bool))
         except RAISED as nominal:
             raise SimulationError(
-                f"The nominal run cannot be run: a function of the campaign raises an error "
+                f"The nominal run cannot be simulated: a function of the campaign raises an error "
                 f"({reason(nominal)})."
             ) from nominal
         used[_raising(call, np.arange(count), count)] = False

@@ -28,12 +28,12 @@ def outputs_of(
     outputs = function(result, samples)
     if not isinstance(outputs, Mapping):
         raise InputError(
-            f"Campaign.outputs gives {_kind(outputs)}: it must give a dict of the outputs by name."
+            f"Campaign.outputs returns {_kind(outputs)}: it must return a dict of outputs by name."
         )
     check_names("The outputs of the campaign", outputs)
     for name in set(outputs) & set(samples):
         raise InputError(
-            f"The output {name!r} has the name of an input: it must have one of its own."
+            f"The output {name!r} has the name of an input: it must have a different name."
         )
     runs = next(iter(samples.values())).shape
     return {name: _of_each_run(name, x, runs) for name, x in outputs.items()}
@@ -57,7 +57,7 @@ def _of_each_run(name: str, x: object, runs: tuple[int, ...]) -> Array:
 def _kind(x: object) -> str:
     if x is None or isinstance(x, str):
         return repr(x)
-    return "an array" if eqx.is_array(x) else f"an object of the class {type(x).__name__}"
+    return "an array" if eqx.is_array(x) else f"an object of type {type(x).__name__}"
 
 
 def raised(
@@ -81,10 +81,10 @@ def raised(
                 jax.block_until_ready(_one(function, result, samples, name))
         except RAISED as own:
             return SimulationError(
-                f"{what} cannot be run: the output {name!r} raises an error ({reason(own)}) where "
-                f"it must give a number."
+                f"{what} cannot be evaluated: the output {name!r} raises an error ({reason(own)}) "
+                "instead of returning a number."
             )
-    return SimulationError(f"{what} cannot be run: {reason(error)}.")
+    return SimulationError(f"{what} cannot be evaluated: {reason(error)}.")
 
 
 @quick_jit

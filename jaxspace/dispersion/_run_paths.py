@@ -74,8 +74,8 @@ def run_paths(
         num_saved = min(4 * num_saved, MOST_SAVED)
     if not good:
         warnings.warn(
-            f"Lines between the {num_saved} positions of a phase do not show the paths of the "
-            f"runs, which turn too often: give num_saved, or a shorter mission.",
+            f"The {num_saved} saved positions of a phase do not resolve the trajectories: "
+            "increase num_saved, or shorten the mission.",
             stacklevel=2,
         )
     positions = np.where(status <= Status.EVENT, positions, np.nan)

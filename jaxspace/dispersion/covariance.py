@@ -139,8 +139,7 @@ def moments(
     lost = [name for name in result.names if not math.isfinite(result.std(name))]
     if lost and method == "unscented":
         warnings.warn(
-            f"unscented leaves out {', '.join(lost)}: not finite at a sigma point; Monte Carlo "
-            f"tells it.",
+            f"unscented omits {', '.join(lost)}: not finite at a sigma point; use Monte Carlo.",
             stacklevel=2,
         )
     if check == 0:
@@ -150,8 +149,8 @@ def moments(
     unsure = [name for name in result.warnings if math.isfinite(result.std(name))]
     if unsure:
         warnings.warn(
-            f"{method} is not to be trusted in {', '.join(unsure)}: {check} runs contradict "
-            f"it, as Moments.warnings says. Take monte_carlo.",
+            f"{method} is not reliable for {', '.join(unsure)}: {check} runs contradict it, see "
+            "Moments.warnings. Use monte_carlo.",
             stacklevel=2,
         )
     return result
@@ -202,8 +201,8 @@ def _expanded(campaign: Campaign, accuracy: Accuracy, method: str) -> Moments:
         mean[kinks] = c[kinks, :] = c[:, kinks] = math.nan
         if kinks:
             warnings.warn(
-                f"second_order leaves out {', '.join(names[k] for k in kinks)}: not smooth at the "
-                f"nominal run, as the size of a vector that is zero there; Monte Carlo tells it.",
+                f"second_order omits {', '.join(names[k] for k in kinks)}: not smooth at the "
+                "nominal run, like the norm of a vector that is zero there; use Monte Carlo.",
                 stacklevel=4,
             )
     return Moments(names, mean, c, j / scale, inputs, method, 1, seconds)

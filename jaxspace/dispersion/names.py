@@ -23,15 +23,16 @@ def check_names(field: str, names: Iterable[object]) -> None:
     for name in names:
         if name in RESERVED:
             raise InputError(
-                f"{field} has the name {name!r}: it must be another one than {', '.join(RESERVED)}."
+                f"{field} has the reserved name {name!r}: it must differ from "
+                f"{', '.join(RESERVED)}."
             )
         if not isinstance(name, str) or not name or name.startswith(HIDDEN):
             raise InputError(
-                f"{field} has the name {name!r}: it must be text that begins with no dot, with no "
-                f"two underscores, and not with zarr.json."
+                f"{field} has the name {name!r}: it must be text that does not begin with a dot, "
+                "two underscores or zarr.json."
             )
         if name.startswith(FORMULAS) or not is_printable(name) or ".." in name.split("/"):
             raise InputError(
-                f"{field} has the name {name!r}: it must be text that can be printed, that begins "
-                f"with none of {' '.join(FORMULAS)}, and that is no path."
+                f"{field} has the name {name!r}: it must be printable text that does not begin "
+                f"with any of {' '.join(FORMULAS)} and is not a path."
             )

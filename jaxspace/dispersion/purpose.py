@@ -34,8 +34,8 @@ class ByPurpose(eqx.Module):
         # A placeholder of a tree transformation passes.
         if isinstance(given, Accuracy) and (given.rtol is not None or given.atol is not None):
             raise InputError(
-                "ByPurpose.accuracy has a tolerance, which follows from the purpose: give its "
-                "method and limits alone, or the tolerance in place of ByPurpose."
+                "ByPurpose.accuracy sets a tolerance, which is derived from the purpose: specify "
+                "only its method and limits, or the tolerance instead of ByPurpose."
             )
 
 

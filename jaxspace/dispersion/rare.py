@@ -125,7 +125,7 @@ def rare_event(
         if found is None and not margins.inverted:
             raise InputError(
                 f"No violation was found in {margins.runs} runs, neither along the derivatives nor "
-                f"by subset simulation: check that the limit can be reached."
+                "with subset simulation: check that the limit can be reached."
             )
     if found is None:
         low, value, high = margins.plain(runs, rng)

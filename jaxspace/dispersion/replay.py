@@ -94,7 +94,7 @@ def replay(
     """`Campaign.replay`; campaigns know their replays, which do not know them in turn."""
     # Keys are made with 32 bits: a greater number would be that of another run.
     if not 0 <= number < 2**32:
-        raise InputError(f"number is {number}: it must be that of a run, from 0 on.")
+        raise InputError(f"number is {number}: it must be a run number, starting from 0.")
     # As the runs of the campaign have it: without a number it would be another program.
     accuracy = with_tolerance(accuracy)
     call = call_size(jax.local_devices())
@@ -114,7 +114,8 @@ def replay(
                 result, configs = jax.block_until_ready(again)
     except RAISED as error:
         raise SimulationError(
-            f"{what} cannot be run: a function of the campaign raises an error ({reason(error)})."
+            f"{what} cannot be simulated: a function of the campaign raises an error "
+            f"({reason(error)})."
         ) from error
     try:
         with callbacks():
@@ -127,7 +128,7 @@ def replay(
     except InputError as error:
         # The message names the input, and not the formula in which it is out of range.
         if refusal:
-            raise InputError(f"{what} is refused: {refusal}") from error
+            raise InputError(f"{what} is rejected: {refusal}") from error
         raise
     trajectory = with_calls(result, mission, accuracy, configs).of(0)
     # Outputs of a compiled function are sorted by name; the units have the order of the file.

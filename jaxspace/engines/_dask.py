@@ -112,7 +112,7 @@ class DaskCluster(AbstractEngine):
             except (OSError, KilledWorker) as error:
                 raise StoreError(
                     f"The Dask cluster {where} failed ({type(error).__name__}: {error}). All "
-                    f"chunks that had been finished are kept."
+                    "finished chunks are stored."
                 ) from error
 
 

@@ -66,8 +66,8 @@ class ProcessPool(AbstractEngine):
         for extent, times in hopeless:
             raise StoreError(
                 f"Chunk {extent.chunk} (runs {extent.first} to {extent.first + extent.runs - 1}) "
-                f"was lost {times} times: its process ended or took too long. All other chunks "
-                f"that could be computed are kept."
+                f"was lost {times} times: its process ended or timed out. All other computed "
+                "chunks are stored."
             )
 
     def _round(

@@ -57,7 +57,7 @@ def payload_of(runner: AbstractRunner) -> bytes:
     except (pickle.PicklingError, AttributeError, TypeError) as error:
         raise InputError(
             f"The campaign cannot be sent to another process ({error}): install cloudpickle, which "
-            f"comes with the extra cluster, or define its functions in a module."
+            "is part of the extra cluster, or define its functions in a module."
         ) from error
     # The modules travel apart, because they must have run before the campaign is read.
     return pickle.dumps((settings, runner.modules, buffer.getvalue()))

@@ -131,7 +131,7 @@ def kalman_filter(
     if readings.ndim != 2 + int(batch) or readings.shape[1:2] != ts.shape:
         runs = ", runs" if batch else ""
         raise InputError(
-            f"readings have the shape {readings.shape}: it must be (m, {ts.size}{runs}), with the "
+            f"readings have the shape {readings.shape}: it must be (m, {ts.size}{runs}), for the "
             f"{ts.size} times."
         )
     given = (system, jnp.asarray(covariance), ts, jnp.asarray(noise), process, accuracy)

@@ -95,7 +95,7 @@ def fit(
         raise InputError(f"method is {method!r}: it must be one of {', '.join(METHODS)}.")
     parameters = jax.tree.map(jnp.asarray, parameters)
     if not jax.tree.leaves(parameters):
-        raise InputError("parameters hold no array: there is nothing to fit.")
+        raise InputError("parameters contain no array: there is nothing to fit.")
     _check_noise(noise)
     stated = noise is not None
     noise = 1.0 if noise is None else noise
@@ -113,7 +113,7 @@ def fit(
 def _check_noise(noise: PyTree) -> None:
     for x in jax.tree.leaves(noise):
         if is_concrete(x) and not np.all(np.asarray(x) > 0.0):
-            raise InputError(f"noise holds {x}: every standard deviation must be positive.")
+            raise InputError(f"noise contains {x}: every standard deviation must be positive.")
 
 
 def _like(tree: PyTree, form: PyTree) -> PyTree:
@@ -132,7 +132,9 @@ def _prior_of(prior: PyTree, coordinates: Coordinates) -> Array | None:
     if len(leaves) == 1:
         leaves = leaves * len(coordinates.blocks)
     if len(leaves) != len(coordinates.blocks):
-        raise InputError(f"prior must be one number or a tree like the parameters, {blocks}.")
+        raise InputError(
+            f"prior must be one number or a pytree with the structure of the parameters, {blocks}."
+        )
     result = [
         jnp.broadcast_to(jnp.asarray(s, coordinates.dtype), shape).reshape(-1)
         for s, shape in zip(leaves, coordinates.shapes, strict=True)
@@ -201,7 +203,7 @@ class _Task(NamedTuple):
         shapes = jax.tree.map(jnp.shape, jax.eval_shape(model, parameters))
         if shapes != jax.tree.map(jnp.shape, data):
             raise InputError(
-                f"model predicts {shapes}: it must be like the data, "
+                f"model predicts {shapes}: it must have the structure and shapes of the data, "
                 f"{jax.tree.map(jnp.shape, data)}."
             )
         beforehand = _prior_of(prior, coordinates)

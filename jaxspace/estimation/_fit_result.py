@@ -93,12 +93,12 @@ class Fit(HashedModule):
 
         **Raises** `InputError` for a batch: ask `of(i)`."""
         if self.singular_values.ndim > 1:
-            raise InputError("This fit is a batch: ask one of its data sets, fit.of(i).")
+            raise InputError("This fit is a batch: select one of its data sets, fit.of(i).")
         blind = np.asarray(self.directions)[~np.asarray(self._seen)]
         # A parameter without influence by itself lies in what cannot be seen as a whole.
         alone = np.sum(blind**2, axis=0) > 1.0 - 1e-9
         sentences = [
-            f"{name} cannot be seen: no reading depends on it."
+            f"{name} is unobservable: no reading depends on it."
             for name, is_alone in zip(self.names, alone, strict=True)
             if is_alone
         ]
@@ -110,15 +110,15 @@ class Fit(HashedModule):
             strong = [k for k in range(row.size) if abs(row[k]) > 1e-3]
             terms = " ".join(f"{parts[k]:+.3g} {self.names[k]}" for k in strong)
             sentences.append(
-                f"The combination {terms} cannot be seen: when the parameters change by it, no "
-                f"reading does. Fix one of them, or give a prior."
+                f"The combination {terms} is unobservable: no reading changes along it. Fix one of "
+                "the parameters, or give a prior."
             )
         return "\n".join(sentences)
 
     def of(self, i: int) -> "Fit":
         """The i-th data set of a batch."""
         if self.chi_squared.ndim == 0:
-            raise InputError("This fit is of one data set: it has no number to take one by.")
+            raise InputError("This fit has a single data set and cannot be indexed.")
         return jax.tree.map(lambda x: x[..., i], self)
 
     def __repr__(self) -> str:

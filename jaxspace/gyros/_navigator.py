@@ -70,17 +70,17 @@ class InertialNavigator(AbstractSystem):
       vertical times -g, and anomaly. The navigator does not know it.
     - `gimballed`: whether a table keeps the instruments level."""
 
-    latitude: NumberField = quantity("rad", doc="of the vehicle at the time zero")
-    longitude: NumberField = quantity("rad", default=0.0, doc="of the vehicle at the time zero")
-    height: NumberField = quantity("m", default=0.0, doc="of the vehicle at the time zero")
+    latitude: NumberField = quantity("rad", doc="of the vehicle at t = 0")
+    longitude: NumberField = quantity("rad", default=0.0, doc="of the vehicle at t = 0")
+    height: NumberField = quantity("m", default=0.0, doc="of the vehicle at t = 0")
     east_speed: NumberField = quantity("m/s", default=0.0, doc="at the time zero")
     north_speed: NumberField = quantity("m/s", default=0.0, doc="at the time zero")
     climb: NumberField = quantity("m/s", default=0.0, doc="rate of the height")
     heading: NumberField = quantity("rad", default=0.0, doc="of the body, from north to east")
     roll_amplitude: NumberField = quantity(
-        "rad", default=0.0, doc="of a swing about the body's x axis"
+        "rad", default=0.0, doc="of an oscillation about the body's x axis"
     )
-    roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of that swing")
+    roll_frequency: NumberField = quantity("rad/s", default=1.0, doc="of the oscillation")
     accelerometer_bias: Three = quantity("m/s^2", default=ZERO, doc="b")
     gyro_drift: Three = quantity("rad/s", default=ZERO, doc="e, excess of the rate that gyros show")
     accelerometer_scale: Three = quantity("", default=ZERO, doc="S_a")

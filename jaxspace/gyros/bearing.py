@@ -39,7 +39,7 @@ class BearingFriction(AbstractParameters):
         "rad/s",
         positive=True,
         optional=True,
-        doc="r_0 of smooth dry friction; without it slip and stick are events",
+        doc="r_0 of regularised dry friction; without it slip and stick are events",
     )
 
     @property

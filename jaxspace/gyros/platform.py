@@ -59,7 +59,7 @@ class PlatformAxis(AbstractSystem):
     platform_inertia: NumberField = quantity("kg m^2", positive=True, doc="J")
     gyro_inertia: NumberField = quantity("kg m^2", positive=True, doc="I")
     spin_momentum: NumberField = quantity("kg m^2/s", positive=True, doc="h")
-    torque: NumberField = quantity("N m", default=0.0, doc="T, that disturbs")
+    torque: NumberField = quantity("N m", default=0.0, doc="T, disturbing torque")
     gain: NumberField = quantity("N m", default=0.0, doc="K_p, of the servo")
     rate_gain: NumberField = quantity("N m s", default=0.0, doc="K_d, of the servo")
     integral_gain: NumberField = quantity("N m/s", default=0.0, doc="K_i, of the servo")

@@ -97,8 +97,8 @@ class StablePlatform(AbstractSystem):
     outer_damping: NumberField = quantity("N m s", default=0.0, doc="of the fourth gimbal's motor")
     torque: Three = quantity("N m", default=ZERO, doc="T, on the platform in its axes")
     vehicle_rate: Three = quantity("rad/s", default=ZERO, doc="w_V, steady, in its axes")
-    sway: Three = quantity("rad", default=ZERO, doc="amplitudes of a swing about its axes")
-    sway_frequency: NumberField = quantity("rad/s", default=1.0, doc="of that swing")
+    sway: Three = quantity("rad", default=ZERO, doc="amplitudes of an oscillation about its axes")
+    sway_frequency: NumberField = quantity("rad/s", default=1.0, doc="of the oscillation")
     fourth: bool = eqx.field(static=True, default=False)
     secant: bool = eqx.field(static=True, default=False)
 

@@ -63,7 +63,7 @@ def together(
     for name, x in (("coordinates", q), ("rates", v)):
         if x.shape[:1] != (n,):
             raise InputError(
-                f"GeneralisedState.{name} has the shape {x.shape}: its first axis must hold the "
+                f"GeneralisedState.{name} has the shape {x.shape}: its first axis must have the "
                 f"{n} coordinates {', '.join(system.names)}."
             )
     # The gradient of a sum over runs requires separate rates for each run.
@@ -229,14 +229,14 @@ def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array
     count = a.shape[-2]
     if np.any(rows == 0.0):
         raise InputError(
-            "a constraint has no gradient here, so that it exerts no force: write it so that it "
-            "passes through zero with a slope."
+            "a constraint has no gradient here and so exerts no force: write it such that it "
+            "crosses zero with a non-zero slope."
         )
     # With rows scaled to length one, so that the rank does not depend on the units of the
     # constraints.
     rank = int(np.min(np.linalg.matrix_rank(a / rows, tol=1e-10)))
     if rank < count:
         raise InputError(
-            f"{rank} of the {count} constraints are independent here: leave the others out, or "
-            "take the shortest multipliers by redundant=True."
+            f"{rank} of the {count} constraints are independent here: remove the others, or "
+            "request the minimum-norm multipliers with redundant=True."
         )

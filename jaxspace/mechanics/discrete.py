@@ -85,8 +85,8 @@ def variational_motion(
     q, v = together(system, ts[0], y.coordinates, y.rates)
     if system.nonholonomic(ts[0], q, v) is not None:
         raise InputError(
-            f"{type(system).__name__} has nonholonomic constraints, which are stationary for no "
-            "action: take `simulate`."
+            f"{type(system).__name__} has nonholonomic constraints, which do not follow from a "
+            "stationary action: use `simulate`."
         )
     check_independent(system, ts[0], q, v)
     return _motion(system, q, v, ts, steps, order)

@@ -66,8 +66,8 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
     remaining = tuple(i for i, name in enumerate(system.names) if name not in cyclic)
     if not left_out or not remaining:
         raise InputError(
-            f"{len(left_out)} of the {len(system.names)} coordinates are cyclic: some must be, "
-            "and not all."
+            f"{len(left_out)} of the {len(system.names)} coordinates are cyclic: at least one must "
+            "be, but not all."
         )
     constants = system.momenta(t, y)[jnp.array(left_out)]
     return Lagrangian(

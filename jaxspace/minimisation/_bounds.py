@@ -30,7 +30,7 @@ def as_bounds(bounds: PyTree, start: Point) -> Bounds:
         if isinstance(tree, int | float) or getattr(tree, "ndim", None) == 0:
             tree = jax.tree.map(lambda x, tree=tree: tree, start)
         if jax.tree.structure(tree) != jax.tree.structure(start):
-            raise InputError("bounds must have the structure of the start, or be two numbers.")
+            raise InputError("bounds must have the structure of the start or be two numbers.")
         made.append(jax.tree.map(lambda b, x: jnp.broadcast_to(
             jnp.asarray(b, x.dtype), x.shape), tree, start))  # fmt: skip
     for low, high in zip(*(jax.tree.leaves(m) for m in made), strict=True):

@@ -53,28 +53,30 @@ class StopReason(enum.IntEnum):
 SENTENCES = {
     StopReason.CONVERGED: "Converged after {steps} steps: {numbers}.",
     StopReason.ROUNDED: (
-        "Converged after {steps} steps to the rounding of the objective, below which no step "
-        "changes it, and short of the tolerance{asked} of the gradient: {numbers}."
+        "Converged after {steps} steps to the rounding error of the objective, without reaching "
+        "the tolerance{asked} of the gradient: {numbers}."
     ),
     StopReason.STEP_LIMIT: (
-        "Stopped at the limit of steps, {steps}, short of the tolerance{asked}: {numbers}. "
-        "Allow more{wider}, or begin nearer."
+        "Stopped at the maximum number of steps, {steps}, without reaching the tolerance{asked}: "
+        "{numbers}. Increase max_steps{wider}, or start closer."
     ),
     StopReason.INFEASIBLE: (
-        "The constraints cannot be met from this start: at the least violation found {unmet}."
+        "The constraints cannot be satisfied from this start: at the least violation found, "
+        "{unmet}."
     ),
     StopReason.NO_PROGRESS: (
-        "No step improves the result further, short of the tolerance{asked}: {numbers}. "
-        "Scale the problem better{wider}, or allow a larger tolerance."
+        "No step improves the result further, and the tolerance{asked} is not reached: {numbers}. "
+        "Improve the scaling{wider}, or use a larger tolerance."
     ),
-    StopReason.NOT_FINITE: "{infinite}{where}, from which no step leads on.",
+    StopReason.NOT_FINITE: "{infinite}{where}, and no step leads to a finite value.",
     StopReason.WRONG_GRADIENT: (
-        "The gradient at the start is not the slope of {wrong}: the search did not begin."
+        "The gradient at the start disagrees with finite differences of {wrong}: the search was "
+        "not started."
     ),
     StopReason.UNBOUNDED: (
-        "The unknowns are {farthest:.0e} of their sizes after {steps} steps, where the objective "
-        "is {objective:.3g}: it may fall without bound. Give bounds, or a larger scale where the "
-        "optimum is far."
+        "The unknowns are {farthest:.0e} times their scale after {steps} steps, where the "
+        "objective is {objective:.3g}: it may be unbounded below. Give bounds, or a larger scale "
+        "if the optimum is far away."
     ),
     StopReason.INTERRUPTED: "Interrupted after {steps} steps: {numbers}.",
 }
@@ -175,10 +177,10 @@ class Minimum(HashedModule):
 
         Raises `InputError` for several runs, or under `jit`."""
         if not is_concrete(self.reason) or self.reason.ndim > 0:
-            raise InputError("Minimum.sentence describes one known run: pick one.")
+            raise InputError("Minimum.sentence describes a single concrete run: select one.")
         numbers = f"gradient {float(self.gradient):.1e}, violation {float(self.violation):.1e}"
         if int(self.left_out):
-            numbers += f", {int(self.left_out)} steps left out as not finite"
+            numbers += f", {int(self.left_out)} steps skipped because not finite"
         if unmet is None:
             equal, above = self.unmet
             unmet = [
@@ -231,8 +233,8 @@ class Minimum(HashedModule):
             return ""
         names = self._names()
         return (
-            f"{names[ones[0]]} is counted in ones, for it starts near zero, and {names[largest]} "
-            f"in {size[largest]:.3g}: give minimise(scale=...) the changes that matter."
+            f"{names[ones[0]]} has the scale 1, because it starts near zero, and {names[largest]} "
+            f"has {size[largest]:.3g}: pass typical changes with minimise(scale=...)."
         )
 
     def _farthest(self) -> float:
@@ -265,7 +267,10 @@ class Minimum(HashedModule):
 
         Raises `InputError` for a `Minimum` that keeps no search."""
         if self.search is None:
-            raise InputError("Minimum.influence is that of a search, and this Minimum keeps none.")
+            raise InputError(
+                "Minimum.influence requires the state of the search, which this Minimum does not "
+                "contain."
+            )
         at = self.search.at
         rows = jnp.abs(jnp.concatenate([at.g[None], at.J, at.K]))
         return ravel_pytree(self.x)[1](jnp.max(rows, axis=0))

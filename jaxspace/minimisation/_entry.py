@@ -23,12 +23,12 @@ def as_point(start: PyTree, name: str = "start") -> Point:
         if not jnp.issubdtype(kind, jnp.floating):
             # An integer is rarely meant as an unknown: a search would change a number of steps.
             raise InputError(
-                f"{name}{keystr(path)} is of type {kind}: unknowns must be floats. Write 1.0 in "
-                f"place of 1, or let problem close over what is not an unknown."
+                f"{name}{keystr(path)} is of type {kind}: unknowns must be floats. Write 1.0 "
+                "instead of 1, or let problem close over values that are not unknowns."
             )
     point = jax.tree.map(jnp.asarray, start)
     if not sum(x.size for x in jax.tree.leaves(point)):
-        raise InputError(f"{name} has no numbers: it must have at least one unknown.")
+        raise InputError(f"{name} contains no numbers: it must have at least one unknown.")
     return point
 
 
@@ -68,7 +68,7 @@ def check_scale(scale: PyTree, start: Point) -> None:
                 f"scale{keystr(path)} has the shape {np.shape(size)}: it must be {x.shape}."
             )
         if is_concrete(size) and not np.all(np.isfinite(size) & (np.asarray(size) > 0.0)):
-            raise InputError(f"scale{keystr(path)} is {size}: sizes must be positive and finite.")
+            raise InputError(f"scale{keystr(path)} is {size}: scales must be positive and finite.")
 
 
 def check_steps(max_steps: int) -> None:

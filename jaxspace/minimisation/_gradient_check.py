@@ -165,18 +165,17 @@ def refuse(error: float, what: str = "the objective", unread: Sequence[str] = ()
     if unread:
         some = ", ".join(unread[:MOST_NAMED]) + (", ..." if len(unread) > MOST_NAMED else "")
         cause = (
-            f"its derivative by {some} is exactly zero: where {what} depends on it, "
-            f"jax.lax.stop_gradient, a rounding, an integer or a comparison has cut the derivative"
+            f"its derivative with respect to {some} is exactly zero: if {what} depends on it, "
+            "jax.lax.stop_gradient, a rounding, an integer or a comparison has cut the derivative"
         )
     else:
         cause = (
-            "a control with kinks that are not breaks is the likely cause; make it a "
+            "the likely cause is a control with kinks that are not declared as breaks; make it a "
             "jaxspace.core.Table or Spline, let the system declare its breaks(), or use finer "
-            "steps. A jump of the objective, or a wrong rule of differentiation, has the same "
-            "effect"
+            "steps. A jump of the objective or a wrong custom derivative rule has the same effect"
         )
     raise InputError(
-        f"The gradient at the start differs from the slope of {what} by {error:.1g} of it, "
-        f"and a search would end in a wrong place: {cause}. (check_gradient=False begins all the "
-        f"same.)"
+        f"The gradient at the start differs from finite differences of {what} by a relative "
+        f"{error:.1g}, and a search would converge to a wrong point: {cause}. "
+        "(check_gradient=False skips this check.)"
     )

@@ -103,7 +103,7 @@ def minimise(
     # Traced once for its shapes and its derivatives. One that is a tree of arrays is an argument.
     problem = compiled(problem)
     if before is not None and before.search is None:
-        raise InputError("start is a Minimum that keeps no search: start from its x.")
+        raise InputError("start is a Minimum without the state of its search: start from its x.")
     check = check_gradient and before is None
     # A run of the problem may fail.
     with sentence_alone():

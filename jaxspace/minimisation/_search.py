@@ -70,7 +70,9 @@ def search(
     state = method.state if before is None else _resumed(before, method.state)
     if store is not None:
         if is_traced(state):
-            raise InputError("store is given under jit: a traced search has no numbers to keep.")
+            raise InputError(
+                "store is given under jit: a traced search has no concrete values to store."
+            )
         state = store.begin(state, (limits, scaled.size, state))
     steps = (method.evaluate, method.advance, method.unfinished)
     last, interrupted = drive(*steps, state, progress, store)
@@ -226,9 +228,7 @@ def _resumed(before: Minimum, blank: PyTree) -> PyTree:
     last = before.search
     # Another number of constraints means another problem; the rows are for the new limit of steps.
     if _shapes(last) != _shapes(blank):
-        raise InputError(
-            "start is a Minimum of another problem, or by another optimiser: start from its x."
-        )
+        raise InputError("start is a Minimum of another problem or optimiser: start from its x.")
     return last.resumed(blank.rows)
 
 

@@ -41,9 +41,9 @@ FORWARD_RATIO = 8.0
 MOST_LEFT_OUT = 10
 
 SENTENCES = {
-    StopReason.CONVERGED: "Settled after {steps} steps: the objective falls no further{more}.",
-    StopReason.STEP_LIMIT: "Stopped at the limit of steps, {steps}{more}.",
-    StopReason.NOT_FINITE: "No finite numbers in {bad} batches in sequence{more}.",
+    StopReason.CONVERGED: "Converged after {steps} steps: the objective no longer decreases{more}.",
+    StopReason.STEP_LIMIT: "Stopped at the maximum number of steps, {steps}{more}.",
+    StopReason.NOT_FINITE: "No finite values in {bad} consecutive batches{more}.",
     StopReason.INTERRUPTED: "Interrupted after {steps} steps{more}.",
 }
 
@@ -83,7 +83,7 @@ class BatchMinimum(eqx.Module):
         """Why the search ended, in words.
 
         - `unmet`: a clause for each constraint that is not met at the result."""
-        left = f"{int(self.left_out)} batches left out as not finite"
+        left = f"{int(self.left_out)} batches skipped because not finite"
         clauses = ([left] if int(self.left_out) else []) + list(unmet or ())
         more = f", {listed(clauses)}" if clauses else ""
         sentence = SENTENCES[StopReason(int(self.reason))]
@@ -164,8 +164,8 @@ def descend_by_batches(
     stepper = as_stepper(optimiser, scaled.start, scaled.unravel)
     if stepper.restarts:
         raise InputError(
-            "optimiser searches along lines or keeps curvature, which another batch makes wrong: "
-            "take one such as optax.adam(1e-3)."
+            "optimiser uses line searches or curvature estimates, which are invalid when the batch "
+            "changes: use one such as optax.adam(1e-3)."
         )
 
     @jax.jit
@@ -193,7 +193,9 @@ def descend_by_batches(
 
 def _check_settings(optimiser: object, patience: int, average: float) -> None:
     if optimiser == SQP:
-        raise InputError("optimiser is 'sqp': batches need one of optax, such as optax.adam(1e-3).")
+        raise InputError(
+            "optimiser is 'sqp': batches require an optax optimiser, such as optax.adam(1e-3)."
+        )
     check_optimiser(optimiser, False)
     if patience < 2:
         raise InputError(f"patience is {patience}: it must be 2 steps or more.")

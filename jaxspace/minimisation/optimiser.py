@@ -130,7 +130,7 @@ def check_optimiser(optimiser: object, exact_hessian: bool) -> None:
             f"optax, such as optax.adam(1e-2)."
         )
     elif exact_hessian:
-        raise InputError("exact_hessian is given with an optimiser of optax, which has none.")
+        raise InputError("exact_hessian is given with an optax optimiser, which does not use one.")
 
 
 def _averages(state: PyTree) -> list[PyTree]:

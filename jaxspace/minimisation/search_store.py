@@ -72,8 +72,8 @@ class SearchStore:
             raise InputError(f"store is {self.path}, which cannot be read: {error}.") from error
         if told != self._identity(state):
             raise InputError(
-                f"store is {self.path}, which is that of another search: its task, start, bounds, "
-                f"optimiser and version must be the same."
+                f"store is {self.path}, which belongs to another search: its task, start, bounds, "
+                "optimiser and version must be the same."
             )
         return jax.tree.unflatten(jax.tree.structure(state), [jnp.asarray(x) for x in leaves])
 
@@ -132,7 +132,7 @@ def as_store(
 
     Raises `InputError` for `resume` without a store."""
     if store is None and resume:
-        raise InputError("resume is true without a store: give the store of the search.")
+        raise InputError("resume is true without a store: pass the store of the search.")
     if store is None or isinstance(store, SearchStore):
         return store
     return SearchStore(store, resume)

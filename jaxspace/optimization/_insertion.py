@@ -61,7 +61,7 @@ class Insertion(AbstractParameters):
     radius: SingleNumberField = quantity("m", positive=True, doc="R, at the end")
     radial: SingleNumberField = quantity("m/s", default=0.0, doc="W, at the end")
     across: Float[Array, ""] | None = quantity(
-        "m/s", optional=True, doc="V, at the end; of the circle by default"
+        "m/s", optional=True, doc="V, at the end; circular speed by default"
     )
 
     def target(self) -> InsertionState:

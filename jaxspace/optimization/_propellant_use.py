@@ -89,18 +89,18 @@ class PropellantUse(HashedModule):
 
         Raises `InputError` for several runs."""
         if not is_concrete(self.first) or jnp.ndim(self.first) > 0:
-            raise InputError("PropellantUse.sentence describes one known run: pick one.")
+            raise InputError("PropellantUse.sentence describes a single concrete run: select one.")
         if not bool(self.feasible):
             gain = float(self.first + self.last)
             climb = float(self.nearest_climb)
-            reached = f"the nearest that it reaches is {climb:.6g} m above the release"
+            reached = f"the closest height that it reaches is {climb:.6g} m above the release"
             return (
-                f"The propellant is too little to reach the height without climb: it gives "
-                f"{gain:.6g} m/s, where {float(self.least_gain):.6g} m/s are needed; "
-                f"{'it reaches no height so' if math.isnan(climb) else reached}."
+                f"The propellant is insufficient to reach the height without climb: it provides "
+                f"{gain:.6g} m/s, where {float(self.least_gain):.6g} m/s are required; "
+                f"{'no height is reached this way' if math.isnan(climb) else reached}."
             )
         if bool(self.degenerate):
-            return "Every split gives the same velocity: the height is that of the release."
+            return "Every split gives the same velocity, because the height is that of the release."
         if float(self.last) == 0.0:
             return "All propellant at the start."
         if float(self.first) == 0.0:

@@ -122,7 +122,7 @@ def optimise_steering(
     batched = any(jnp.ndim(leaf) > 0 for leaf in jax.tree.leaves(ascent))
     if batched or jnp.ndim(start(ascent.burn_time)) > 0:
         raise InputError(
-            "optimise_steering got several runs: it must get scalars and one list of nodes."
+            "optimise_steering does not accept a batch: pass scalars and a single list of nodes."
         )
     return _search(
         ascent,

@@ -120,8 +120,8 @@ def all_choices(stages: int) -> np.ndarray:
     Raises `InputError` for more than ten stages."""
     if stages > MOST_STAGES:
         raise InputError(
-            f"fixed_mass is given for {stages} stages: all choices among at most "
-            f"{MOST_STAGES} are tried."
+            f"fixed_mass is given for {stages} stages: at most {MOST_STAGES} are supported, "
+            "because all combinations are evaluated."
         )
     every = np.array(list(itertools.product([True, False], repeat=stages)))
     return every[every.any(axis=1)]

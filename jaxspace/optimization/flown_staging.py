@@ -101,9 +101,9 @@ class FlownStaging(HashedModule):
         if bool(jnp.isnan(self.greatest_speed)):
             return self.minimum.sentence()
         return (
-            f"The speed is out of reach: these stages give at most {self.greatest_speed:.5g} m/s "
-            f"at the burnout as required, with an initial mass of {self.initial_mass:.5g} "
-            f"kg. Raise a thrust, or require less."
+            f"The speed is unreachable: these stages reach at most {self.greatest_speed:.5g} m/s "
+            f"at the required burnout, with an initial mass of {self.initial_mass:.5g} kg. "
+            "Increase a thrust, or reduce the required speed."
         )
 
 
@@ -146,10 +146,12 @@ def staging_with_losses(
     for name, x in given.items():
         check_positive(name, x)
         if x.ndim > 0:
-            raise InputError(f"{name} has the shape {x.shape}: the search takes one run.")
+            raise InputError(f"{name} has the shape {x.shape}: the search does not accept a batch.")
     stages = design.exhaust_velocity.shape[0]
     if height is not None and vertical and stages == 1:
-        raise InputError("height is given for a vertical flight of one stage: nothing is free.")
+        raise InputError(
+            "height is given for a vertical flight of one stage, which leaves no design variable."
+        )
     top, round_earth = (None if x is None else as_float(x) for x in (height, radius))
     goal = Goal(design, payload, speed, g, rise, top, round_earth, vertical, steps)
     limit = as_float(tolerance)

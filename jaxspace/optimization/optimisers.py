@@ -52,7 +52,7 @@ def named_optimiser(name: str, rate: float | None = None, max_steps: int = 200) 
         )
     if name not in RATES:
         if rate is not None:
-            raise InputError(f"rate is {rate:g}: {name} finds the length of its steps by itself.")
+            raise InputError(f"rate is {rate:g}: {name} chooses its own step length, omit rate.")
         return lbfgs() if name == "lbfgs" else SQP
     first = RATES[name] if rate is None else rate
     if not first > 0.0:

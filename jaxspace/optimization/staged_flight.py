@@ -31,7 +31,7 @@ class StageDesign(AbstractParameters):
     )
     thrust: Float[Array, " stages"] = quantity("N", positive=True, doc="F, while it burns")
     fixed_mass: Float[Array, " stages"] = quantity(
-        "kg", non_negative=True, doc="dropped with the stage beside its structure"
+        "kg", non_negative=True, doc="dropped with the stage in addition to its structure"
     )
 
 

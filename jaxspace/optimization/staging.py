@@ -227,7 +227,7 @@ def optimal_staging_by_gradient(
     if v.ndim > 0:
         raise InputError(
             f"total_velocity has the shape {v.shape}: "
-            "the descent takes one run, use jax.vmap for more."
+            "the descent does not accept a batch, use jax.vmap."
         )
     return _descend(u, b, v) if is_traced((u, b, v)) else _descend_quickly(u, b, v)
 

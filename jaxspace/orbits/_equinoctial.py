@@ -52,7 +52,7 @@ class EquinoctialElements(AbstractParameters):
     retrograde: bool = eqx.field(
         static=True,
         default=False,
-        metadata={"doc": "count from the other end of the line of nodes: regular at i = 180 deg"},
+        metadata={"doc": "retrograde elements: regular at i = 180 deg"},
     )
 
     def __check_init__(self):
@@ -65,7 +65,7 @@ class EquinoctialElements(AbstractParameters):
                 a * (1.0 - h * h - k * k) > 0.0,
                 "EquinoctialElements.semi_major_axis",
                 a,
-                "positive where h^2 + k^2 < 1 and negative above: a parabola has none, but "
+                "positive where h^2 + k^2 < 1 and negative above; for a parabola use "
                 "ModifiedEquinoctialElements",
             )
 
@@ -99,8 +99,8 @@ def _of_state(
     alpha = 2.0 / r - quotient(dot(velocity, velocity), mu)
     if is_concrete(alpha) and np.any(np.asarray(alpha) == 0.0):
         raise InputError(
-            "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: "
-            "take ModifiedEquinoctialElements."
+            "EquinoctialElements.of_state: the orbit is a parabola, which has no mean motion: use "
+            "ModifiedEquinoctialElements."
         )
     longitude = _mean_longitude(x, alpha, r, dot(position, velocity) * inverse_sqrt(mu))
     return EquinoctialElements(1.0 / alpha, x.g, x.f, x.k, x.h, longitude, retrograde)

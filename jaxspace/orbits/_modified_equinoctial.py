@@ -43,7 +43,7 @@ class ModifiedEquinoctialElements(AbstractParameters):
 
     Raises `InputError` for a longitude beyond the asymptotes of an open orbit."""
 
-    semi_latus_rectum: NumberField = quantity("m", positive=True, doc="p, which every conic has")
+    semi_latus_rectum: NumberField = quantity("m", positive=True, doc="p, defined for every conic")
     f: NumberField = quantity("", doc="e cos(argument of periapsis + node)")
     g: NumberField = quantity("", doc="e sin(argument of periapsis + node)")
     h: NumberField = quantity("", doc="tan(i/2) cos(node)")
@@ -54,7 +54,7 @@ class ModifiedEquinoctialElements(AbstractParameters):
     retrograde: bool = eqx.field(
         static=True,
         default=False,
-        metadata={"doc": "count from the other end of the line of nodes: regular at i = 180 deg"},
+        metadata={"doc": "retrograde elements: regular at i = 180 deg"},
     )
 
     def __check_init__(self):
@@ -131,7 +131,7 @@ def _tilt(momentum: Vector, retrograde: bool) -> tuple[Scalar, Scalar]:
     if is_concrete(w[2]) and np.any(np.asarray(behind & (aside == 0.0))):
         raise InputError(
             f"The inclination is {180 * (not retrograde)} deg, where these elements are infinite: "
-            f"take those with retrograde={not retrograde}."
+            f"use retrograde={not retrograde}."
         )
     # 1/(1 + w_z), close to the inclination at which the elements are singular without the sum.
     per = (1.0 - sense * w[2]) / jnp.where(behind, aside, 1.0)

@@ -76,13 +76,13 @@ class QLaw(AbstractEffect):
         low=0.0,
         high=3.1,
         optional=True,
-        doc="i_T, of the target; without it the plane stays free",
+        doc="i_T, of the target; without it the plane is free",
     )
     exhaust_velocity: OptionalNumberField = quantity(
         "m/s",
         positive=True,
         optional=True,
-        doc="by which the mass falls; without it the mass stays constant",
+        doc="from which the mass loss follows; without it the mass is constant",
     )
     lowest_periapsis: OptionalNumberField = quantity(
         "m",
@@ -94,7 +94,7 @@ class QLaw(AbstractEffect):
         "m/s",
         positive=True,
         default=5.0,
-        doc="b: less than the full thrust where the slope of Q is not much larger",
+        doc="b: the thrust is reduced where the slope of Q is not much larger",
     )
     size_weight: NumberField = quantity(
         "", non_negative=True, default=1.0, doc="W_a, of the semi-major axis"
@@ -248,10 +248,11 @@ class AtTargetOrbit(AbstractCondition):
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 
     increment_left: Callable[[BodyState], Scalar] = reference(
-        "increment_left", doc="of the law: the increment of speed to its target, m/s, in a state"
+        "increment_left",
+        doc="of the law: the remaining increment of speed to its target, m/s, in a state",
     )
     tolerance: NumberField = quantity(
-        "m/s", positive=True, default=10.0, doc="increment of speed that may be left"
+        "m/s", positive=True, default=10.0, doc="tolerance on the remaining increment of speed"
     )
 
     def __call__(self, t: Scalar, y: BodyState) -> Scalar:

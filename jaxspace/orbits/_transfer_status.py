@@ -33,19 +33,20 @@ _SENTENCES = {
         "duration or mu is not positive: check the inputs."
     ),
     TransferStatus.SAME_PLACE: (
-        "Start and end are the same place: every orbit of the right period leads back there. Give "
+        "Start and end are the same place: every orbit with this period returns to it. Give "
         "different places."
     ),
     TransferStatus.NO_PLANE: (
-        "Start and end lie opposite each other, so that every plane through them holds a transfer: "
-        "give the `normal` of one, which is not along the start."
+        "Start and end are opposite each other, so that every plane through them contains a "
+        "transfer: select one with a `normal` that is not along the start."
     ),
     TransferStatus.TOO_SHORT: (
-        "The duration is below the shortest one with so many revolutions: see `least_duration`."
+        "The duration is below the minimum for this number of revolutions: see `least_duration`."
     ),
     TransferStatus.NO_WAY: (
-        "The plane of start and end holds the normal, by default the third axis, so that neither "
-        "way round turns counterclockwise about it: give a `normal` that is not in this plane."
+        "The plane of start and end contains the normal, by default the third axis, so that "
+        "neither direction of motion is counterclockwise about it: give a `normal` that is not in "
+        "this plane."
     ),
 }
 

@@ -194,7 +194,7 @@ class ClassicalElements(AbstractParameters):
     Raises `InputError` for a true anomaly beyond the asymptotes of an open orbit."""
 
     semi_latus_rectum: NumberField = quantity(
-        "m", positive=True, doc="a (1 - e^2), which every conic has"
+        "m", positive=True, doc="a (1 - e^2), defined for every conic"
     )
     eccentricity: NumberField = quantity("", non_negative=True, doc="of the conic")
     inclination: NumberField = quantity("rad", doc="angle from the z axis to r x v")

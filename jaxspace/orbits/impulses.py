@@ -202,8 +202,8 @@ class Impulse(AbstractJump):
         del t
         if y.position is None or y.velocity is None:
             raise InputError(
-                f"The state holds {', '.join(y.present) or 'nothing'}: it must hold position and "
-                f"velocity."
+                f"The state has {', '.join(y.present) or 'no parts'}: it must have position and "
+                "velocity."
             )
         outwards, up = unit(y.position), unit(cross(y.position, y.velocity))
         # With the runs of the state, whose shape a jump does not change.

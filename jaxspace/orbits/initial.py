@@ -91,7 +91,7 @@ def orbit_from_altitude(
         # No error: a ballistic flight begins and ends on the ground.
         warnings.warn(
             f"periapsis_altitude is {float(np.min(np.asarray(periapsis_altitude))):.6g} m: the "
-            f"orbit passes through the planet; it must be positive for an orbit that does not.",
+            "orbit passes through the planet; give a positive value to avoid this.",
             stacklevel=2,
         )
     return orbit_from_radius(radius + periapsis_altitude, mu, **elements)

@@ -37,7 +37,8 @@ class LowThrust(AbstractEffect):
         "m/s",
         positive=True,
         optional=True,
-        doc="by which the mass falls and the acceleration grows; without it both stay constant",
+        doc="from which mass loss and growth of the acceleration follow; without it both are "
+        "constant",
     )
 
     def acceleration_at(self, t: Scalar) -> Scalar:

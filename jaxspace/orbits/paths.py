@@ -55,9 +55,7 @@ class CircularPath(AbstractPath):
 
     distance: NumberField = quantity("m", positive=True, doc="from the centre")
     rate: NumberField = quantity("rad/s", doc="of the motion on the circle")
-    phase: NumberField = quantity(
-        "rad", default=0.0, doc="angle from the ascending node at the time zero"
-    )
+    phase: NumberField = quantity("rad", default=0.0, doc="angle from the ascending node at t = 0")
     inclination: NumberField = quantity("rad", default=0.0, doc="of the circle to the plane z = 0")
     node: NumberField = quantity("rad", default=0.0, doc="longitude of the ascending node")
 
@@ -78,8 +76,8 @@ class CircularPath(AbstractPath):
 class KeplerPath(AbstractPath):
     """Two-body motion from a state at the time zero, on any conic."""
 
-    position: Float[Array, "3 *#runs"] = quantity("m", doc="from the centre at the time zero")
-    velocity: Float[Array, "3 *#runs"] = quantity("m/s", doc="at the time zero")
+    position: Float[Array, "3 *#runs"] = quantity("m", doc="from the centre at t = 0")
+    velocity: Float[Array, "3 *#runs"] = quantity("m/s", doc="at t = 0")
     mu: NumberField = quantity(
         "m^3/s^2", positive=True, doc="gravitational parameter of this motion, of both bodies"
     )

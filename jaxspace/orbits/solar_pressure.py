@@ -68,13 +68,13 @@ class SolarPressure(AbstractEffect):
         non_negative=True,
         optional=True,
         shared="planet.radius",
-        doc="of the planet, which casts the shadow; without it there is none",
+        doc="of the planet that casts the shadow; no shadow by default",
     )
     sun_radius: OptionalNumberField = quantity(
         "m",
         positive=True,
         optional=True,
-        doc="of the sun, for a shadow with a penumbra; without it the shadow is a cylinder",
+        doc="of the sun, for a shadow with a penumbra; by default the shadow is a cylinder",
     )
     coefficient: NumberField = quantity(
         "", default=1.0, doc="1 for light that is absorbed, 2 for light that is reflected"

@@ -99,7 +99,7 @@ class Zonals(AbstractEffect):
 
     mu: NumberField = gravitational_parameter()
     harmonics: Float[Array, "degrees *#runs"] = quantity(
-        "", doc="J2, J3 and so on, as many as are wanted"
+        "", doc="J2, J3 and so on, up to any degree"
     )
     radius: NumberField = equatorial_radius("the harmonics refer")
 

@@ -38,6 +38,6 @@ def convergence_figure(history: Float[Array, "rows 3"], title: str = "") -> "Fig
         # A constraint that is met exactly has no place on a logarithmic axis.
         size = np.where(rows[:, column] > 0.0, rows[:, column], np.nan)
         right.semilogy(steps, size, color=colour, label=name, marker=".", markersize=4)
-    dress(right, "What is left", "step")
+    dress(right, "Residuals", "step")
     right.legend(fontsize=8, frameon=False)
     return figure

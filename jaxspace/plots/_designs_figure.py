@@ -70,6 +70,7 @@ def _factor(name: str, output: str, given: str, shown: str) -> float:
     if factor is None:
         raise InputError(
             f"{output} is in {given or 'no unit'} in the design {name!r}, and in "
-            f"{shown or 'no unit'} in the first one: all must have it in units of one kind."
+            f"{shown or 'no unit'} in the first one: all designs must use units of the same "
+            "dimension."
         )
     return factor

@@ -146,7 +146,7 @@ def _scatter(axes: "Axes", dispersion: "Dispersion", across: str, up: str) -> No
                 handle.set_alpha(1.0)
     dress(
         axes,
-        f"{in_words(up)} against {in_words(across)}",
+        f"{in_words(up)} vs. {in_words(across)}",
         dispersion.label(across),
         dispersion.label(up),
     )
@@ -215,12 +215,12 @@ def _requirements(axes: "Axes", limits: Sequence[float | None]) -> None:
 def _contributors(axes: "Axes", dispersion: "Dispersion", name: str, count: int) -> None:
     """A bar for each of the largest contributors to the variance of an output."""
     result = contributors_or_none(dispersion, name, count)
-    dress(axes, "", "share of the variance, %")
+    dress(axes, "", "contribution to the variance, %")
     if result is None:
         axes.text(
             0.5,
             0.5,
-            "too few runs, or nothing scatters",
+            "too few runs, or no dispersion",
             ha="center",
             va="center",
             transform=axes.transAxes,
@@ -262,7 +262,7 @@ def summary(row: "Row") -> str:
 
 def explained(contributors: "Contributors") -> str:
     """The sum of the shares and the unexplained rest, in words."""
-    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % by inputs one by one"
+    part = f"{100.0 * max(contributors.r_squared, 0.0):.1f} % from individual inputs"
     return part + ("" if contributors.r_squared >= 0.9995 else "; rest: products, higher powers")
 
 

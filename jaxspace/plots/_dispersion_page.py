@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 EXAMPLES = 5
 """Numbers of failed runs that are named for each cause."""
-ELLIPSE = "The ellipse is that of a normal distribution with the same covariance."
+ELLIPSE = "The ellipse belongs to a normal distribution with the same covariance."
 
 
 def dispersion_page(
@@ -181,10 +181,10 @@ def _table(dispersion: "Dispersion", nominal: Mapping[str, float]) -> str:
                 [f"{100.0 * verdict.allowed:.6g}\u00a0%", verdict.word] if verdict else ["", ""]
             )
         lines.append(_cells(cells, text=1, heads=heads))
-    note = "The limit of 99.5 % lies in its interval with 95 % confidence."
+    note = "The interval contains the 99.5 % limit with 95 % confidence."
     if required:
-        note += " A failed run counts as a violation; “at most” is the end of the interval"
-        note += " of 95 %, or of the confidence that the requirement gives."
+        note += " A failed run counts as a violation; “at most” is the upper end of the interval"
+        note += " with 95 % confidence, or with the confidence of the requirement."
     purpose = dispersion.purpose
     sentences = [*dispersion.warnings, *([] if purpose is None else [purpose.sentence])]
     warnings = "".join(f'<p class="note">{escape(x)}</p>' for x in sentences)
@@ -226,7 +226,7 @@ def _plots(dispersion: "Dispersion", data: Record) -> list[str]:
     thinned = f" The first {shown} of {good} runs are shown." if shown < good else ""
     parts = [
         _section(
-            "Any two quantities",
+            "Scatter plot of two quantities",
             f'<div class="pickers">{pickers}</div>',
             _plot("scatter", "tall"),
             '<p class="note bad" id="scatter-words"></p>',
@@ -252,7 +252,7 @@ def _plots(dispersion: "Dispersion", data: Record) -> list[str]:
         ),
     ]
     if len(data["matrix"]) > 1:
-        parts.append(_section("Outputs against each other", _plot("matrix", "tall")))
+        parts.append(_section("Scatter matrix of outputs", _plot("matrix", "tall")))
     if data["trajectories"] is not None:
         parts.append(_section("Trajectories", _plot("trajectories", "tall")))
     return parts
@@ -269,7 +269,7 @@ def _landings(dispersion: "Dispersion", data: Record) -> list[str]:
     place = " Pointing at a run shows its latitude and longitude." * bool(
         data["footprint"]["degrees"]
     )
-    words = "The rail is the origin. The ellipses are those of normal distributions."
+    words = "The rail is the origin. The ellipses belong to normal distributions."
     return [
         _section(
             "Landings",
@@ -283,7 +283,7 @@ def _landings(dispersion: "Dispersion", data: Record) -> list[str]:
 def _time(dispersion: "Dispersion", data: Record) -> list[str]:
     """Wall time by stages, and utilisation of the cores."""
     if not data["time"]:
-        return ["<p>The time is not known.</p>"]
+        return ["<p>The computing time is unknown.</p>"]
     return [_plot("time", "low"), f'<p class="note">{escape(processor_words(dispersion))}</p>']
 
 

@@ -100,7 +100,7 @@ def time_budget(dispersion: "Dispersion") -> dict[str, float]:
     record = dispersion.attributes
     ahead = float(record.get("preparation_seconds", 0.0))
     parts = {
-        "compiling and starting": ahead,
+        "compilation and start-up": ahead,
         "running": dispersion.seconds - ahead,
         # The seconds of a dispersion are without it.
         "storing": float(record.get("storing_seconds", 0.0)),
@@ -226,7 +226,7 @@ def _finite(value: float) -> float | None:
 def _contributors(dispersion: "Dispersion", name: str, count: int) -> Record:
     result = contributors_or_none(dispersion, name, count)
     if result is None:
-        return {"inputs": [], "shares": [], "words": "Too few runs, or nothing scatters."}
+        return {"inputs": [], "shares": [], "words": "Too few runs, or no dispersion."}
     return {
         "inputs": list(result.shares),
         "shares": [float(s) for s in result.shares.values()],

@@ -224,6 +224,8 @@ def effect_budget_figure(budget: InfluenceTable, *, title: str = "") -> "Figure"
         )
         left.legend(fontsize=8, frameon=False)
     unit = f" [{budget.unit}]" if budget.unit else ""
-    dress(left, title or "Which effects matter", f"change of the {budget.output} without it{unit}")
-    dress(right, "What they cost", "share of the arithmetic [%]")
+    dress(
+        left, title or "Influence of the effects", f"change of the {budget.output} without it{unit}"
+    )
+    dress(right, "Cost of the effects", "share of the arithmetic [%]")
     return figure

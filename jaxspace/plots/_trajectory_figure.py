@@ -31,7 +31,7 @@ MOST_LINES = 7
 """Components that one panel shows."""
 
 
-NOT_RESOLVED = "points, not resolved: more saved times, or a shorter run, draw the lines"
+NOT_RESOLVED = "points only, not resolved: lines require more saved times or a shorter run"
 
 
 class Block(NamedTuple):

@@ -88,7 +88,7 @@ def view_page(
     if data["position"] and data["attitude"]:
         boxes.insert(
             0,
-            "<select id=near aria-label='what is seen'><option value=orbit>whole path"
+            "<select id=near aria-label='view'><option value=orbit>whole path"
             "<option value=body>body</select>",
         )
     speeds = "".join(
@@ -156,10 +156,10 @@ def _data(trajectory: "Trajectory | MissionTrajectory", planet: float | None) ->
     phases: Any = getattr(line, "phases", (line,))
     names = getattr(line, "names", ())
     if any(np.ndim(phase.status) for phase in phases):
-        raise InputError("The page shows one run: take run.of(0) of a batch.")
+        raise InputError("The page shows a single run: use run.of(0) for a batch.")
     if not any(_can_be_seen(phase.states) for phase in phases):
         raise InputError(
-            "The states have neither a position nor an attitude: run.plot() shows them in time."
+            "The states have neither a position nor an attitude: use run.plot() for time histories."
         )
     ground = _ground(phases[0].system) if planet is None else planet
     shown = jax.tree_util.Partial(seen_rows, ground)
@@ -204,8 +204,8 @@ def _resolved(phase: "Trajectory", shown: Shown) -> Drawn:
     if result.coarse and len(result.ts) == len(phase.ts):
         raise InputError(
             f"The {len(phase.ts)} saved times do not resolve {', '.join(sorted(result.coarse))}, "
-            f"and a closed loop is not repeated without its controller: simulate it with more "
-            f"save times, such as ts=jnp.linspace(0.0, 100.0, 501), or num_saved=501 of a mission."
+            "and a closed loop cannot be repeated without its controller: simulate it with more "
+            "save times, such as ts=jnp.linspace(0.0, 100.0, 501), or num_saved=501 for a mission."
         )
     return result
 

@@ -85,8 +85,8 @@ def footprint_figure(
     result = dispersion.footprint()
     if result is None:
         raise InputError(
-            "dispersion has no footprint: east and north must be outputs of one unit, finite in "
-            "three good runs or more."
+            "dispersion has no footprint: east and north must be outputs with the same unit, "
+            "finite in at least three successful runs."
         )
     figure = Figure(figsize=(8.0 if wind is None else 11.0, 6.2), layout="constrained")
     headline(figure, title or "Landings")
@@ -201,5 +201,5 @@ def _rose(axes: "PolarAxes", east: ArrayLike, north: ArrayLike) -> None:
     axes.set_xticks(0.25 * np.pi * np.arange(8), ["N", "NE", "E", "SE", "S", "SW", "W", "NW"])
     axes.tick_params(labelsize=8)
     axes.grid(color=GRID)
-    axes.set_title("Wind by height:\nfrom where, in % of the heights", fontsize=9, pad=12)
+    axes.set_title("Wind by height:\ndirection of origin, in % of the heights", fontsize=9, pad=12)
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.12), frameon=False)

@@ -97,13 +97,17 @@ def assess_designs(
     """
     problem = optimum.problem
     if problem.normals is None:
-        raise InputError("optimum is that of the nominal run: assess one of optimise_design.")
+        raise InputError("optimum belongs to the nominal run: pass the result of optimise_design.")
     # The next one, and not one at random, so that an assessment can be repeated.
     seed = optimum.seed + 1 if seed is None else seed
     if seed == optimum.seed:
-        raise InputError(f"seed is {seed}, that of the search: fresh runs must have another.")
+        raise InputError(
+            f"seed is {seed}, the seed of the search: independent runs must have another one."
+        )
     if others and "robust" in others:
-        raise InputError('"robust" is the name of the optimum: another design must have another.')
+        raise InputError(
+            '"robust" is reserved for the optimum: give the other design another name.'
+        )
     runs = enough_runs(problem.statistics, RUNS) if runs is None else runs
     problem.check_runs(runs)
     designs = {**(others or {}), "robust": optimum.x}

@@ -91,15 +91,15 @@ class DesignOptimum(HashedModule):
         # The objective is infinite there, which a search takes for a step too far.
         if int(self.minimum.left_out):
             sentences.append(
-                f"{int(self.minimum.left_out)} steps were left out: at their designs more than a "
-                f"share of {self.problem.may_fail:g} of the runs fail, or numbers are not finite."
+                f"{int(self.minimum.left_out)} steps were skipped: for their designs more than a "
+                f"fraction of {self.problem.may_fail:g} of the runs fail, or values are not finite."
             )
             sentences.append(self._at_the_last_of_them())
         if self.without_influence:
             names = ", ".join(self.without_influence)
             sentences.append(
-                f"Neither objective nor constraints depend on {names}: leave it out, or start "
-                f"where it matters."
+                f"Neither objective nor constraints depend on {names}: omit it, or start where it "
+                "has an influence."
             )
         return Listed(sentence for sentence in sentences if sentence)
 

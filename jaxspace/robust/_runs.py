@@ -69,8 +69,8 @@ class Problem(NamedTuple):
         for statistic in self.statistics:
             if runs < statistic.fewest_runs:
                 raise InputError(
-                    f"runs is {runs}, too few for the {statistic.text()}: it must be "
-                    f"{statistic.fewest_runs} or more, of which {TAIL} lie beyond."
+                    f"runs is {runs}, too few for the {statistic.text()}: it must be at least "
+                    f"{statistic.fewest_runs}, so that {TAIL} runs are in the tail."
                 )
 
     def runs(self, x: Design) -> RunsOfDesign:
@@ -110,7 +110,7 @@ class Problem(NamedTuple):
         for name in self.outputs:
             if name not in known:
                 raise InputError(
-                    f"{name!r} is no output of the campaign: it must be one of "
+                    f"{name!r} is not an output of the campaign: it must be one of "
                     f"{', '.join(known)}.{InputError.hint(name, known)}"
                 )
 
@@ -204,7 +204,7 @@ def problem_of(
     Raises `InputError` without one of `minimise` and `maximise`, for what is no campaign, statistic
     or constraint, a campaign without scatter, and for fewer runs than a statistic needs."""
     if (minimise is None) == (maximise is None):
-        raise InputError("A design must have one of minimise and maximise.")
+        raise InputError("A design must have exactly one of minimise and maximise.")
     goal, objective = "minimise" if maximise is None else "maximise", minimise or maximise
     for name, thing, kind, allowed in (
         (goal, objective, AbstractStatistic, 'a statistic such as Mean("miss")'),
@@ -221,7 +221,7 @@ def problem_of(
     first = campaign(start)
     if not isinstance(first, Campaign):
         raise InputError(
-            f"campaign gives a {type(first).__name__} for the start: it must give a Campaign."
+            f"campaign returns a {type(first).__name__} for the start: it must return a Campaign."
         )
     problem = Problem(
         campaign,
@@ -253,8 +253,8 @@ def _check_scatter(campaign: Campaign) -> None:
     deviations = [d.deviation for d in campaign.inputs.values()]
     if all(is_concrete(s) and not np.any(np.asarray(s)) for s in deviations):
         raise InputError(
-            f"The inputs {', '.join(campaign.inputs)} have the deviation 0: one of them must "
-            f"scatter."
+            f"The inputs {', '.join(campaign.inputs)} have zero standard deviation: at least one "
+            "must be dispersed."
         )
 
 

@@ -182,7 +182,7 @@ def _searched(
         failed = failures(optimum.runs)
         if failed:
             raise InputError(
-                f"At the start {failed} At most a share of {problem.may_fail:g} may fail: start "
-                f"from a design whose runs end well, or allow more by may_fail."
+                f"At the start {failed} At most a fraction of {problem.may_fail:g} may fail: start "
+                "from a design whose runs succeed, or increase may_fail."
             )
     return optimum

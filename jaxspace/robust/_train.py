@@ -112,6 +112,6 @@ def _check_used(found: BatchMinimum, criterion: Criterion, may_fail: float) -> N
     failed = failures(criterion.report)
     if failed:
         raise InputError(
-            f"In every batch too many runs fail. {failed} At most a share of {may_fail:g} may "
-            f"fail: start from a design whose runs end well, or allow more by may_fail."
+            f"In every batch too many runs fail. {failed} At most a fraction of {may_fail:g} may "
+            "fail: start from a design whose runs succeed, or increase may_fail."
         )

@@ -124,17 +124,17 @@ class DesignAssessment(HashedModule):
             more = self.worth(name)
             size = Estimate(abs(more.value), more.error)
             side = "more" if more.value >= 0.0 else "less"
-            fails = ", and fails a limit" if any(x.fails for x in design.limits) else ""
+            fails = ", and violates a limit" if any(x.fails for x in design.limits) else ""
             result.append(f"{name} has {size} {side} of the {objective.text()}{fails}.")
         result.append(
-            f"On the runs of the search it was {Estimate(self.on_search.value, 0.0)}: fresh runs "
-            f"differ by {self.gap}."
+            f"On the runs of the search it was {Estimate(self.on_search.value, 0.0)}: independent "
+            f"runs differ by {self.gap}."
         )
         for statistic in self.optimum.problem.statistics:
             if statistic.tail is not None:
                 # As many as its error rests on, however many runs there are.
-                beyond = f"{statistic.tail * fresh.runs:.0f} of {fresh.runs} fresh runs"
-                result.append(f"{beyond} are the tail of the {statistic.text()}.")
+                beyond = f"{statistic.tail * fresh.runs:.0f} of {fresh.runs} independent runs"
+                result.append(f"{beyond} are in the tail of the {statistic.text()}.")
         return Listed([*result, *self.optimum.warnings])
 
     def __repr__(self) -> str:
@@ -143,7 +143,7 @@ class DesignAssessment(HashedModule):
 
     def _heading(self) -> str:
         count = self.designs["robust"].runs.runs
-        return f"Designs over {count} fresh runs of seed {self.seed}"
+        return f"Designs on {count} independent runs with seed {self.seed}"
 
     def _rows(self) -> list[tuple[str, ...]]:
         """The table: statistics, shares of violations and failures, and unknowns of each design."""

@@ -70,7 +70,7 @@ def free_by_path(campaign: Campaign, free: Mapping[str, Free]) -> FreeDesign:
     floats, one that a random input sets, and bounds of which the lower one is not below.
     """
     if not free:
-        raise InputError("free is empty: it must name at least one number.")
+        raise InputError("free is empty: it must name at least one design variable.")
     # Of two runs and of four: an array that is longer for four carries the runs.
     normals = fixed_normals(campaign, 2, 0)
     built = campaign.build(inputs_at(campaign, normals))
@@ -119,7 +119,7 @@ def _at_path(built: PyTree, path: str) -> PyTree:
         if name not in inside:
             before = ".".join([root, *names[:depth]])
             raise InputError(
-                f"free {path!r} is not there: {before} has {', '.join(inside) or 'no parts'}."
+                f"free {path!r} does not exist: {before} has {', '.join(inside) or 'no parts'}."
                 f"{InputError.hint(name, tuple(inside))}"
             )
         part = inside[name]
@@ -146,7 +146,7 @@ def _start(path: str, built: tuple[Mission, State], wider: tuple[Mission, State]
     floats, more = (eqx.filter(_at_path(b, path), eqx.is_inexact_array) for b in (built, wider))
     if not jax.tree.leaves(floats):
         raise InputError(
-            f"free {path!r} holds no floats: it must be a number, an array or a module."
+            f"free {path!r} contains no floats: it must be a number, an array or a module."
         )
 
     def alone(x: Array, y: Array) -> Array:
@@ -157,7 +157,8 @@ def _start(path: str, built: tuple[Mission, State], wider: tuple[Mission, State]
         # random are equal has no probability.
         if np.any(np.asarray(x[..., 0]) != np.asarray(x[..., 1])):
             raise InputError(
-                f"free {path!r} differs from run to run: a number cannot be free and random."
+                f"free {path!r} differs between runs: a number cannot be both a design variable "
+                "and random."
             )
         return x[..., 0]
 

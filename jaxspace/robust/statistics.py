@@ -327,7 +327,8 @@ class Violation(AbstractStatistic):
     def __check_init__(self):
         if (self.high is None) == (self.low is None):
             raise InputError(
-                f"Violation has high = {self.high} and low = {self.low}: it must have one of them."
+                f"Violation has high = {self.high} and low = {self.low}: it must have exactly one "
+                "of them."
             )
 
     @property

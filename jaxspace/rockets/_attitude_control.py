@@ -30,7 +30,7 @@ from .steering import AbstractSteering
 class AttitudeControl(AbstractEffect):
     """Holds the body's z axis along a steering law by a torque with stiffness and damping."""
 
-    steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
+    steering: AbstractSteering = eqx.field(metadata={"doc": "target direction of the axis"})
     stiffness: NumberField = quantity(
         "N m", non_negative=True, doc="k, torque over the sine of the error"
     )

@@ -31,7 +31,7 @@ class ColdGasThrusters(AbstractEffect):
     lever: NumberField = quantity("m", positive=True, doc="l, of each pair")
     exhaust_velocity: NumberField = quantity("m/s", positive=True, doc="u_e, of the gas")
     empty_mass: NumberField = quantity(
-        "kg", non_negative=True, default=0.0, doc="of the body, with which no gas is left"
+        "kg", non_negative=True, default=0.0, doc="mass of the body without gas"
     )
     command: Float[Array, "3 *#runs"] = quantity(
         "N m", default=(0.0, 0.0, 0.0), doc="torque in body axes before the first command"

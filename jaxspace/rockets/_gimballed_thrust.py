@@ -52,7 +52,7 @@ from .steering import AbstractSteering, joined_breaks
 class Gimbal(AbstractParameters):
     """Control of a nozzle by the error of the attitude."""
 
-    steering: AbstractSteering = eqx.field(metadata={"doc": "where the axis is to point"})
+    steering: AbstractSteering = eqx.field(metadata={"doc": "target direction of the axis"})
     gain: NumberField = quantity(
         "", non_negative=True, doc="k, angle of the nozzle over the error of the axis"
     )
@@ -84,7 +84,7 @@ class GimballedThrust(AbstractEffect):
 
     The same flight as a point, with the thrust along the law, is that of `SteeredThrust`."""
 
-    gimbal: Gimbal = eqx.field(metadata={"doc": "what moves the nozzle"})
+    gimbal: Gimbal = eqx.field(metadata={"doc": "actuator of the nozzle"})
     mean_thrust: NumberField = quantity(
         "N", non_negative=True, doc="in vacuum, mean over the burn time"
     )
@@ -101,13 +101,13 @@ class GimballedThrust(AbstractEffect):
         "kg",
         non_negative=True,
         optional=True,
-        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+        doc="mass at which the thrust ends; by default it ends with the burn time",
     )
     throttle: OptionalNumberField = quantity(
-        "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
+        "", low=0.0, high=1.0, optional=True, doc="fraction of the full thrust; 1 by default"
     )
     back_pressure: BackPressure | None = eqx.field(
-        default=None, metadata={"doc": "what the air takes; nothing by default"}
+        default=None, metadata={"doc": "thrust lost to the ambient pressure; none by default"}
     )
     delay: OptionalNumberField = delay_field()
 
@@ -117,7 +117,7 @@ class GimballedThrust(AbstractEffect):
         mean_thrust=argument("N", positive=True, doc="in vacuum"),
         specific_impulse=argument("s", positive=True, doc="exhaust velocity over 9.80665 m/s^2"),
         propellant_mass=argument("kg", positive=True, doc="burnt from ignition to burnout"),
-        throttle=argument("", low=0.0, high=1.0, optional=True, doc="share of the full thrust"),
+        throttle=argument("", low=0.0, high=1.0, optional=True, doc="fraction of the full thrust"),
     )
     def of_propellant(
         cls,

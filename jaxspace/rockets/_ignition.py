@@ -32,7 +32,9 @@ def check_ignition(motor: PyTree) -> None:
     # A traced time cannot be compared with its default.
     if motor.delay is not None and is_concrete(motor.ignition):
         name = f"{type(motor).__name__}.ignition"
-        check(np.asarray(motor.ignition) == 0.0, name, motor.ignition, "left out beside a delay")
+        check(
+            np.asarray(motor.ignition) == 0.0, name, motor.ignition, "omitted when a delay is given"
+        )
 
 
 def ignition_of(motor: PyTree) -> Scalar:

@@ -109,7 +109,7 @@ def _check_commas(path: Path, entries: list[tuple[int, str]]) -> None:
     rows = [(number, line) for number, line in entries if not _is_comment(line)]
     wide = [(number, line) for number, line in rows if len(_fields(line)) > 2]
     if wide and not any("." in line for _, line in rows):
-        what = "two columns, or below headings: its commas may be decimal ones"
+        what = "two columns, or columns with headings: its commas may be decimal commas"
         raise wrong_line(path, *wide[0], what)
 
 
@@ -168,7 +168,7 @@ def _layout(path: Path, heads: list[Head], width: int) -> Layout:
             at = (columns[0], columns[1])
             return Layout(at, _units(path, head, headings, at, _units_alone(heads, at)))
         if not head.comment:
-            what = f"{width} headings, as many as the rows have columns"
+            what = f"{width} headings, one for each column"
             raise wrong_line(path, head.number, head.line, what)
     named = [head for head in heads if not head.comment and len(head.fields) == width]
     return _by_place(path, named[-1], width) if named and width > 1 else Layout()

@@ -46,7 +46,7 @@ def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
     for before, after in pairwise(groups):
         if not after[0].time > before[0].time:
             raise InputError(
-                f"{path} has times that do not ascend: {after[0].time:.9g} s in line "
+                f"{path} has descending or repeated times: {after[0].time:.9g} s in line "
                 f"{after[0].line} comes after {before[-1].time:.9g} s in line {before[-1].line}."
             )
     kept: list[Point] = []
@@ -59,7 +59,9 @@ def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
         else:
             kept += [first, last]
     if len(kept) < 2:
-        raise InputError(f"{path} has {len(kept)} points of a thrust curve: it must have two.")
+        raise InputError(
+            f"{path} has {len(kept)} points of a thrust curve: it must have at least two."
+        )
     for point in kept:
         where = f"{path}, line {point.line}"
         check(point.time >= 0.0, f"{where}: time", point.time, "zero or positive, in s")

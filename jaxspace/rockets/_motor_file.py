@@ -70,8 +70,8 @@ class MotorFile(NamedTuple):
         mass = self.propellant_mass if propellant_mass is None else propellant_mass
         if mass is None:
             raise InputError(
-                f"The file of the motor {self.name} gives no mass of its propellant: "
-                "give propellant_mass, in kg."
+                f"The file of the motor {self.name} does not contain the propellant mass: give "
+                "propellant_mass, in kg."
             )
         # Here, too: a motor need not come from a file, and a quotient by zero names nothing.
         check_positive("Motor.propellant_mass", mass)
@@ -119,7 +119,9 @@ def _rasp(path: Path, lines: list[str]) -> tuple[Head, list[Point]]:
             continue
         if not head.fields:
             if len(fields) < HEAD:
-                what = "a head: name, diameter, length, delays, propellant mass, mass, maker"
+                what = (
+                    "a header: name, diameter, length, delays, propellant mass, mass, manufacturer"
+                )
                 raise wrong_line(path, number, line, what)
             head = Head(number, fields)
         # By their number and not by what they are: the name of a motor may be a number.
@@ -147,7 +149,7 @@ def _with_head(path: Path, head: Head, motor: MotorFile) -> MotorFile:
     where = f"{path}, line {head.line}"
     values = numbers([head.fields[k] for k in (1, 2, 4, 5)])
     if values is None:
-        raise InputError(f"{where} has the head {' '.join(head.fields)!r}: it is not RASP.")
+        raise InputError(f"{where} has the header {' '.join(head.fields)!r}: it is not RASP.")
     return _with_measures(where, motor._replace(name=head.fields[0]), *values)
 
 

@@ -70,8 +70,8 @@ class _Reader:
         # No motor needs one, and nested ones make much of little.
         del rest
         raise InputError(
-            f"{self.path}, line {self.parser.CurrentLineNumber} declares the entity {name!r}: a "
-            "file of RockSim has none."
+            f"{self.path}, line {self.parser.CurrentLineNumber} declares the entity {name!r}, "
+            "which is not allowed in a RockSim file."
         )
 
     def values(self, name: str, attributes: dict[str, str], keys: tuple[str, ...]) -> list[float]:
@@ -105,10 +105,10 @@ def read_engine(path: Path, text: str) -> Engine:
         # Broken behind the first engine, of which all is there.
         if not reader.done:
             raise InputError(
-                f"{path}, line {error.lineno} is no XML ({expat.ErrorString(error.code)}): it must "
-                "be a file of RockSim."
+                f"{path}, line {error.lineno} is not valid XML ({expat.ErrorString(error.code)}): "
+                "it must be a RockSim file."
             ) from None
     if reader.head is None:
-        raise InputError(f"{path} has no element <engine>: it must be a file of RockSim.")
+        raise InputError(f"{path} has no element <engine>: it must be a RockSim file.")
     line, code, (diameter, length, propellant, loaded) = reader.head
     return Engine(line, code, diameter, length, propellant, loaded, reader.points)

@@ -39,7 +39,7 @@ class PitchKick(AbstractJump):
     )
     plane: FlightPlane | None = eqx.field(
         default=None,
-        metadata={"doc": "of the flight; by default x and z, with up along the position"},
+        metadata={"doc": "plane of the flight; by default x and z, with up along the position"},
     )
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:

@@ -56,19 +56,19 @@ class SteeredThrust(AbstractEffect):
     burn_time: NumberField = quantity("s", positive=True, doc="from ignition to burnout")
     ignition: NumberField = quantity("s", default=0.0, doc="time at which it ignites")
     throttle: NumberField = quantity(
-        "", low=0.0, high=1.0, default=1.0, doc="share of the full thrust"
+        "", low=0.0, high=1.0, default=1.0, doc="fraction of the full thrust"
     )
     profile: ThrustProfile | None = eqx.field(
         default=None, metadata={"doc": "shape of the thrust; constant by default"}
     )
     back_pressure: BackPressure | None = eqx.field(
-        default=None, metadata={"doc": "what the air takes; nothing by default"}
+        default=None, metadata={"doc": "thrust lost to the ambient pressure; none by default"}
     )
     burnout_mass: OptionalNumberField = quantity(
         "kg",
         non_negative=True,
         optional=True,
-        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+        doc="mass at which the thrust ends; by default it ends with the burn time",
     )
     delay: OptionalNumberField = delay_field()
     schedule: ThrottleTable | None = eqx.field(
@@ -83,7 +83,7 @@ class SteeredThrust(AbstractEffect):
             "s", positive=True, doc="in vacuum: exhaust velocity over 9.80665 m/s^2"
         ),
         propellant_mass=argument("kg", positive=True, doc="burnt from ignition to burnout"),
-        throttle=argument("", low=0.0, high=1.0, default=1.0, doc="share of the full thrust"),
+        throttle=argument("", low=0.0, high=1.0, default=1.0, doc="fraction of the full thrust"),
     )
     def of_propellant(
         cls,
@@ -230,7 +230,7 @@ class Separation(AbstractJump):
 
     needs: ClassVar[frozenset[str]] = frozenset({"mass"})
 
-    dropped: NumberField = quantity("kg", non_negative=True, doc="mass that is left")
+    dropped: NumberField = quantity("kg", non_negative=True, doc="remaining mass")
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
         del t

@@ -28,7 +28,7 @@ class ThrottleTable(AbstractParameters):
 
     times: Float[Array, "nodes *#runs"] = quantity("s", doc="since the ignition, ascending")
     throttles: Float[Array, "nodes *#runs"] = quantity(
-        "", low=0.0, high=1.0, doc="share of the full thrust at these times"
+        "", low=0.0, high=1.0, doc="fraction of the full thrust at these times"
     )
 
     # What the declarations of the fields cannot say: how the two tables belong together.
@@ -36,8 +36,8 @@ class ThrottleTable(AbstractParameters):
         times, throttles = (np.shape(x)[:1] for x in (self.times, self.throttles))
         if times != throttles or times < (2,):
             raise InputError(
-                f"ThrottleTable has {times[0]} times and {throttles[0]} throttles: it must have as "
-                f"many, two or more."
+                f"ThrottleTable has {times[0]} times and {throttles[0]} throttles: it must have "
+                "the same number of each, at least two."
             )
         if is_concrete(self.times):
             # Between two infinite times there is no step, which is refused as well.

@@ -47,7 +47,7 @@ class ThrottledEngine(AbstractEffect):
         "m/s", positive=True, doc="thrust over mass flow in vacuum"
     )
     burnout_mass: NumberField = quantity(
-        "kg", non_negative=True, doc="of the body, with which no propellant is left"
+        "kg", non_negative=True, doc="mass of the body without propellant"
     )
     station: NumberField = quantity("m", doc="z of the gimbal in the body's construction axes")
     least_throttle: NumberField = quantity(
@@ -66,7 +66,7 @@ class ThrottledEngine(AbstractEffect):
         "s", positive=True, default=0.05, doc="of the servos and of the valve"
     )
     back_pressure: BackPressure | None = eqx.field(
-        default=None, metadata={"doc": "what the air takes; nothing by default"}
+        default=None, metadata={"doc": "thrust lost to the ambient pressure; none by default"}
     )
     command: Float[Array, "3 *#runs"] = quantity(
         "", default=(0.0, 0.0, 0.0), doc="throttle and angles, rad, before the first command"

@@ -60,7 +60,7 @@ MOTOR_FILE = FileName(
     "with the thrust curve: RASP (.eng), RockSim (.rse), or columns of time and thrust"
 )
 FILE_PROPELLANT = argument(
-    "kg", positive=True, optional=True, doc="burnt in the burn time; by default what the file says"
+    "kg", positive=True, optional=True, doc="burnt in the burn time; by default from the file"
 )
 
 
@@ -105,13 +105,13 @@ class Thrust(AbstractEffect):
         "kg",
         non_negative=True,
         optional=True,
-        doc="the thrust ends when no more mass than this is left; without it the burn time ends it",
+        doc="mass at which the thrust ends; by default it ends with the burn time",
     )
     throttle: OptionalNumberField = quantity(
-        "", low=0.0, high=1.0, optional=True, doc="share of the full thrust; all of it by default"
+        "", low=0.0, high=1.0, optional=True, doc="fraction of the full thrust; 1 by default"
     )
     back_pressure: BackPressure | None = eqx.field(
-        default=None, metadata={"doc": "what the air takes; nothing by default"}
+        default=None, metadata={"doc": "thrust lost to the ambient pressure; none by default"}
     )
     delay: OptionalNumberField = delay_field()
 

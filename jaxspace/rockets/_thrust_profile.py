@@ -87,7 +87,7 @@ class ThrustProfile(AbstractParameters):
         if jnp.shape(t) != jnp.shape(f):
             raise InputError(
                 f"ThrustProfile has {jnp.size(t)} times and {jnp.size(f)} thrusts: it must have "
-                f"as many."
+                "the same number of each."
             )
         xp = jnp
         jumps = np.empty(0, int)
@@ -100,7 +100,7 @@ class ThrustProfile(AbstractParameters):
             jumps = np.flatnonzero(steps == 0.0)
             # Within the burn, and of two points each.
             inside = (jumps > 0) & (jumps < steps.size - 1) & np.all(np.diff(jumps) > 1)
-            allowed = "ascending, or twice the same where the thrust jumps within the burn"
+            allowed = "ascending; a repeated time within the burn is a jump of the thrust"
             check(np.all(steps >= 0.0) & np.all(inside), "ThrustProfile.times", t, allowed)
             check(np.any(f > 0.0), "ThrustProfile.thrusts", f, "above zero somewhere")
         # By trapezoids, which are exact for the polygon that `at` evaluates.
@@ -121,7 +121,7 @@ class ThrustProfile(AbstractParameters):
             if x.shape != f.shape or x.shape[0] < 2:
                 raise InputError(
                     f"ThrustProfile has {x.shape} fractions and {f.shape} levels: "
-                    "it must have as many, two or more."
+                    "it must have the same number of each, at least two."
                 )
             check(
                 (x[0] == 0.0) & (x[-1] == 1.0) & np.all(np.diff(x, axis=0) > 0.0),

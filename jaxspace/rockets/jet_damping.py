@@ -171,7 +171,7 @@ class JetDamping(AbstractEffect):
     nozzles: Float[Array, "2 nozzles *#runs"] | None = quantity(
         "m",
         optional=True,
-        doc="x and y of the nozzles of a cluster, in place of a ring; they share the flow equally",
+        doc="x and y of the nozzles of a cluster, instead of a ring; they share the flow equally",
     )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

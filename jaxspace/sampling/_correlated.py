@@ -34,7 +34,7 @@ def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
     if c.ndim != 2 or c.shape[0] != c.shape[1] or not np.all(np.isfinite(c)):
         raise InputError(f"{name} has the shape {c.shape}: it must be square, and finite.")
     if not np.allclose(c, c.T, rtol=1e-9, atol=1e-12 * np.max(np.abs(c))):
-        raise InputError(f"{name} is not symmetric: a covariance is.")
+        raise InputError(f"{name} is not symmetric: it must be, as a covariance.")
     scale = np.sqrt(np.where(np.diag(c) > 0.0, np.diag(c), 1.0))
     # Scaled to a correlation, so that the limit of zero does not depend on the units.
     size, vectors = np.linalg.eigh(c / np.outer(scale, scale))
@@ -66,8 +66,8 @@ class MultivariateNormal(AbstractJoint):
         if jnp.ndim(self.factor) != 2 or jnp.shape(self.factor)[:1] != jnp.shape(self.centre):
             shapes = jnp.shape(self.factor), jnp.shape(self.centre)
             raise InputError(
-                f"MultivariateNormal.factor has the shape {shapes[0]}: it must have a row for each "
-                f"number of the mean, whose shape is {shapes[1]}."
+                f"MultivariateNormal.factor has the shape {shapes[0]}: it must have one row per "
+                f"component of the mean, whose shape is {shapes[1]}."
             )
 
     @classmethod

@@ -136,9 +136,9 @@ class Lognormal(AbstractDistribution):
 class Discrete(AbstractDistribution):
     """One of the `values`, (n,), with probabilities as the `weights`, (n,)."""
 
-    values: Float[Array, " n"] = quantity(OF_INPUT, shape=(None,), doc="what may occur")
+    values: Float[Array, " n"] = quantity(OF_INPUT, shape=(None,), doc="possible values")
     weights: Float[Array, " n"] = quantity(
-        "1", non_negative=True, shape=(None,), doc="how often each one occurs, to a common factor"
+        "1", non_negative=True, shape=(None,), doc="relative frequencies, up to a common factor"
     )
 
     def __check_init__(self):
@@ -146,7 +146,7 @@ class Discrete(AbstractDistribution):
         if is_concrete(self.weights):
             same = np.shape(self.values) == np.shape(self.weights)
             one = np.ndim(self.values) == 1 and float(np.sum(np.asarray(self.weights))) > 0.0
-            what = "as many as there are values, and not all zero"
+            what = "one per value, and not all zero"
             check(same and one, "Discrete.weights", self.weights, what)
 
     @property

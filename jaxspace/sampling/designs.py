@@ -139,8 +139,8 @@ def check_sobol_dimensions(dimensions: int) -> None:
 
     if dimensions > qmc.Sobol.MAXDIM:
         raise InputError(
-            f"Sobol points of {dimensions} dimensions are needed, one for each standard normal "
-            f"number behind the inputs: there are {qmc.Sobol.MAXDIM} at most."
+            f"Sobol points with {dimensions} dimensions are required, one for each standard normal "
+            f"variable behind the inputs: at most {qmc.Sobol.MAXDIM} are available."
         )
 
 

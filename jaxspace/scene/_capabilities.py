@@ -175,7 +175,7 @@ def scene_split(scene: AbstractScene) -> tuple[SceneSplit | None, str]:
     if motion is None:
         return None, reason
     if "mass" in scene.parts:
-        return None, "its mass is a part of the state, which a kick does not know"
+        return None, "its mass is part of the state, which a kick cannot depend on"
     return SceneSplit(motion, scene.with_effects(others, scene.carry)), ""
 
 
@@ -194,10 +194,10 @@ def scene_regularised(scene: AbstractScene) -> tuple[AbstractRegularised | None,
         if alien:
             return None, f"{type(effect).__name__} adds a {alien[0]}"
     if len(central) != 1:
-        return None, f"it needs one effect as PointGravity, and has {len(central)}"
+        return None, f"it requires exactly one effect such as PointGravity, and has {len(central)}"
     if set(scene.parts) != TRANSLATION:
         held = ", ".join(scene.parts)
-        return None, f"its state holds {held}: it must hold a position and a velocity only"
+        return None, f"its state has {held}: it must have a position and a velocity only"
     # `None` and not an empty scene, so that an orbit without perturbation costs no product with
     # zero.
     rest = scene.with_effects(others) if others else None

@@ -89,7 +89,7 @@ def _energy(
     for effect in effects:
         potential = effect.potential(t, y, body)
         assert potential is not None, (
-            f"{type(effect).__name__} keeps the energy and has no potential"
+            f"{type(effect).__name__} conserves the energy but has no potential"
         )
         energy = energy + potential
     if mass is not None and y.omega is not None:

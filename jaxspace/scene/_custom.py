@@ -64,7 +64,7 @@ class Custom(AbstractEffect):
     )
     energy: Callable[..., Scalar] | None = None
     break_times: Float[Array, "times *#runs"] | None = quantity(
-        "s", optional=True, doc="at which the load or a derivative of it jumps"
+        "s", optional=True, doc="times at which the load or its derivative jumps"
     )
 
     def __check_init__(self):

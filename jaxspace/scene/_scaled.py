@@ -35,7 +35,7 @@ class Scaled(AbstractEffect):
     """
 
     effect: AbstractEffect
-    factor: NumberField = quantity("", doc="by which the load is multiplied")
+    factor: NumberField = quantity("", doc="factor on the load")
     # Of the instance and not of the class, because it is that of the effect.
     keeps: frozenset[str] = eqx.field(static=True)  # pyright: ignore
     felt: bool = eqx.field(static=True)  # pyright: ignore

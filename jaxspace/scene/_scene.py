@@ -55,7 +55,9 @@ def _as_effects(x: PyTree) -> tuple[AbstractEffect, ...]:
     for effect in effects:
         if not isinstance(effect, AbstractEffect):
             kind = type(effect).__name__
-            raise InputError(f"Scene.effects holds an object of type {kind}: it must hold effects.")
+            raise InputError(
+                f"Scene.effects contains an object of type {kind}: it must contain effects."
+            )
     return effects
 
 
@@ -91,7 +93,7 @@ class Scene(AbstractScene):
             name = type(effect).__name__
             if "mass" in reading.needs and not varying:
                 raise InputError(
-                    f"{name} needs the mass of the body, which has none: "
+                    f"{name} requires the mass of the body, which has none: "
                     "give body=RigidBody(mass=...) or carry=('mass',)."
                 )
             if (
@@ -140,14 +142,15 @@ class Scene(AbstractScene):
                     if part in reading.needs
                 ] or ["Scene"]
                 raise InputError(
-                    f"{who[0]} needs {part}, and the state has none: give BodyState({part}=...)."
+                    f"{who[0]} requires {part}, which the state does not have: give "
+                    f"BodyState({part}=...)."
                 )
         # A part without a role would be integrated in vain, or dropped without an error.
         idle = [part for part in y.present if part not in parts]
         if idle:
             raise InputError(
-                f"The state holds {idle[0]}, which no effect of the scene reads or changes: "
-                f"leave it out, or let Scene(carry=({idle[0]!r},)) integrate it."
+                f"The state has {idle[0]!r}, which no effect of the scene reads or changes: remove "
+                f"it, or integrate it with Scene(carry=({idle[0]!r},))."
             )
 
     def check_values(self, t: Scalar, y: BodyState) -> None:

@@ -79,9 +79,9 @@ def ground_warning(lowest: np.ndarray, radius: Scalar, source: str) -> str:
         return ""
     who = "The run passes" if lowest.ndim == 0 else f"{count} of {lowest.size} runs pass"
     return (
-        f"{who} below the ground, {np.min(lowest):.4g} m from the centre of a planet of "
-        f"{np.max(R):.4g} m ({source}): end it there by an event, such as AtAltitude, or raise the "
-        f"orbit."
+        f"{who} below the surface, {np.min(lowest):.4g} m from the centre of a planet with a "
+        f"radius of {np.max(R):.4g} m ({source}): add a terminal event such as AtAltitude, or "
+        "raise the orbit."
     )
 
 

@@ -79,7 +79,7 @@ class Dispersion(HashedModule):
         it did not."""
         if self.enough is None:
             return ""
-        return f"{self.enough} runs are enough, {StopRule(**self.attributes['until']).text()}."
+        return f"{self.enough} runs are sufficient, {StopRule(**self.attributes['until']).text()}."
 
     @property
     def planned_runs(self) -> int:
@@ -153,13 +153,13 @@ class Dispersion(HashedModule):
                 return kind[name]
         every = (*self.inputs, *self.outputs)
         raise InputError(
-            f"{name!r} is no output of this dispersion: it must be one of {', '.join(every)}."
+            f"{name!r} is not an output of this dispersion: it must be one of {', '.join(every)}."
             f"{InputError.hint(name, every)}"
         )
 
     def __repr__(self) -> str:
         good = int(np.count_nonzero(self.good))
-        lines = [f"Dispersion of {self.runs} runs, {good} of them good"]
+        lines = [f"Dispersion of {self.runs} runs, {good} of them successful"]
         lines += [f"  {failure.count} runs: {failure.sentence}" for failure in self.failed]
         heads = ("", "unit", "mean", "deviation", "least", "greatest")
         known = "numerical_errors" in self.attributes
@@ -243,8 +243,8 @@ class Dispersion(HashedModule):
         good = int(np.count_nonzero(self.good))
         if x.shape[1] < good:
             warnings.warn(
-                f"{good - x.shape[1]} of {good} good runs are left out: {', '.join(names)} must be "
-                f"finite for a covariance.",
+                f"{good - x.shape[1]} of {good} successful runs are omitted: {', '.join(names)} "
+                "must be finite for a covariance.",
                 stacklevel=3,
             )
         return x
@@ -303,7 +303,7 @@ class Dispersion(HashedModule):
         a number. An infinite one violates the limit on its side. Raises `InputError` for an unknown
         name, or without any limit."""
         if at_least == -np.inf and at_most == np.inf:
-            raise InputError("at_least and at_most are both left out: a requirement needs a limit.")
+            raise InputError("at_least and at_most are both missing: a requirement needs a limit.")
         x = self.values(name)
         # Comparisons with NaN are false, so that it does not meet the requirement.
         met = self.good & (x >= at_least) & (x <= at_most)

@@ -78,8 +78,8 @@ def contributors(
     needed = 2 * len(columns) + 1
     if y.size <= needed:
         raise InputError(
-            f"{y.size} good runs are too few to find contributors: "
-            f"there must be more than {needed}."
+            f"{y.size} successful runs are too few to determine contributors: more than {needed} "
+            "are required."
         )
     z = np.stack([_standard(x) for x in columns.values()])
     # Orthogonal to z, so that the shares of an input's two terms add.

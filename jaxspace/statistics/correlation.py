@@ -40,7 +40,7 @@ def rank_correlation(x: ArrayLike, y: ArrayLike) -> RankCorrelation:
     x, y = np.asarray(x, float), np.asarray(y, float)
     both = ~(np.isnan(x) | np.isnan(y))
     if both.sum() < 5:
-        raise InputError(f"{both.sum()} pairs are too few: there must be five or more.")
+        raise InputError(f"{both.sum()} pairs are too few: at least five are required.")
     a, b = (rankdata(v[both]) for v in (x, y))
     # A constant quantity has no correlation; zero says that it has no influence.
     if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:

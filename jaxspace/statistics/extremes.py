@@ -102,11 +102,14 @@ def _phases(
         t, q = map(jnp.asarray, pair)
         if q.ndim == 0 or q.shape[0] < least:
             raise InputError(
-                f"values has the shape {q.shape}: an extreme needs {least} states of a phase or "
-                f"more (`Campaign.along`)."
+                f"values has the shape {q.shape}: an extreme requires at least {least} states per "
+                "phase (`Campaign.along`)."
             )
         if t.shape[:1] != q.shape[:1]:
-            raise InputError(f"times has the shape {t.shape}: it must fit {q.shape} of values.")
+            raise InputError(
+                f"times has the shape {t.shape}: it must be compatible with {q.shape}, the shape "
+                "of values."
+            )
         t = t.reshape(*t.shape, *(1,) * (q.ndim - t.ndim))
         checked.append((jnp.broadcast_to(t, q.shape), q, s))
     return checked

@@ -79,7 +79,7 @@ def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percenti
     ordered = ordered[~np.isnan(ordered)]
     n = ordered.size
     if n == 0:
-        raise InputError("x holds no number: a percentile needs one.")
+        raise InputError("x is empty: a percentile requires at least one number.")
     tail = 0.5 * (1.0 - confidence)
     # The largest l with B(l - 1) <= tail, and the smallest u with B(u - 1) >= 1 - tail.
     lower = _binomial_quantile(tail, n, share)
@@ -137,7 +137,8 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
     check_share("confidence", confidence)
     if not 0 <= count <= runs or runs < 1:
         raise InputError(
-            f"count is {count} of {runs} runs: it must be from 0 to the runs, above 0."
+            f"count is {count} of {runs} runs: it must be from 0 to the number of runs, which must "
+            "be positive."
         )
     tail = 0.5 * (1.0 - confidence)
     # With no event, or with nothing else, the beta distribution degenerates: the bound is known.

@@ -27,14 +27,14 @@ class Purpose(NamedTuple):
         """The tolerance, whether it serves, and what it saves."""
         if self.excess > 1.0:
             return (
-                f"accuracy by purpose: at {self.tolerance:.0e}, the tightest tolerance that was "
-                f"tried, the largest numerical error is {self.excess:.2g} times what is allowed, a "
-                f"twentieth of the sampling error."
+                f"accuracy by purpose: at {self.tolerance:.0e}, the tightest tolerance tried, the "
+                f"largest numerical error is {self.excess:.2g} times the allowed one, a twentieth "
+                "of the sampling error."
             )
         if self.excess == 0.0:
             return (
-                f"accuracy by purpose: {self.tolerance:.0e}, the default, for no output that "
-                f"scatters depends on it."
+                f"accuracy by purpose: {self.tolerance:.0e}, the default, because no dispersed "
+                "output depends on it."
             )
         change = 100.0 * (self.evaluations - 1.0)
         spent = f"{abs(change):.0f} % {'more' if change > 0.0 else 'fewer'} evaluations than"

@@ -39,8 +39,8 @@ class Requirement(NamedTuple):
         for shares that are not between 0 and 1."""
         if self.low is not None and self.high is not None and self.low > self.high:
             raise InputError(
-                f"{name} is from {self.low:g} to {self.high:g}: the least value must not be above "
-                f"the greatest."
+                f"{name} is from {self.low:g} to {self.high:g}: the lower limit must not exceed "
+                "the upper one."
             )
         check_share(f"{name}: confidence", self.confidence)
         if self.allowed is not None:
@@ -91,13 +91,13 @@ def extreme_place(
         raise InputError(f"which is {which!r}: it must be one of {', '.join(WHICH)}.")
     if which == "worst" and low is None and high is None:
         raise InputError(
-            f"{output} has no requirement, by which a run is the worst one: it must be least "
-            f"or greatest, or the output must have at_least or at_most."
+            f"{output} has no requirement that defines the worst run: use least or greatest, or "
+            "give the output at_least or at_most."
         )
     # By the nearer of both limits; negative where the requirement is violated.
     margins = [*([] if low is None else [x - low]), *([] if high is None else [high - x])]
     by = {"least": x, "greatest": -x}.get(which)
     by = np.min(margins, axis=0) if by is None else by
     if np.isnan(by).all():
-        raise InputError(f"{output} is a number in no run that ended well.")
+        raise InputError(f"{output} is not finite in any successful run.")
     return int(np.nanargmin(by))

@@ -33,9 +33,11 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
     finite = x[np.isfinite(x)]
     if finite.size < x.size:
         bad = f"{x.size - finite.size} of {x.size} runs fail, or are not finite"
-        return f"{bad}, which these numbers leave out."
+        return f"{bad}, and are excluded from these numbers."
     sample_mean, spread = float(np.mean(x)), float(np.std(x, ddof=1))
-    result = f"{x.size} runs have the mean {rounded(sample_mean, spread)} and the deviation "
+    result = (
+        f"{x.size} runs have the mean {rounded(sample_mean, spread)} and the standard deviation "
+    )
     result += rounded(spread, spread)
     # The second-order moments of an output that is not smooth are NaN.
     if not math.isfinite(mean + std):
@@ -43,13 +45,17 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
     if not scatters(x):
         grain = NOISE * float(np.finfo(float).eps) * float(np.max(np.abs(x)))
         same = max(abs(mean - sample_mean), std) <= grain
-        return "" if same else f"{result}: nothing scatters."
+        return "" if same else f"{result}: there is no dispersion."
     off = (mean - sample_mean) / spread
     more = std / spread - 1.0
     error_of_mean, error_of_std = standard_errors(x)
     sound = abs(off) <= max(SIGNIFICANT * error_of_mean, MATTERS)
     sound = sound and abs(more) <= max(SIGNIFICANT * error_of_std, MATTERS)
-    return "" if sound else f"{result}: off by {off:+.2g} deviations and {100.0 * more:+.0f} %."
+    return (
+        ""
+        if sound
+        else f"{result}: off by {off:+.2g} standard deviations and {100.0 * more:+.0f} %."
+    )
 
 
 def standard_errors(x: np.ndarray) -> tuple[float, float]:

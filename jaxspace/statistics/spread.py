@@ -61,10 +61,12 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
     check_share("probability", probability)
     x = np.atleast_2d(np.asarray(values, float))
     if x.shape[1] < 2:
-        raise InputError(f"values has {x.shape[1]} runs: an ellipsoid needs two or more.")
+        raise InputError(f"values has {x.shape[1]} runs: an ellipsoid requires at least two.")
     lost = np.count_nonzero(~np.all(np.isfinite(x), axis=0))
     if lost:
-        raise InputError(f"values is not finite in {lost} runs: an ellipsoid has no such points.")
+        raise InputError(
+            f"values is not finite in {lost} runs: all points of an ellipsoid must be finite."
+        )
     # Scaled first: a covariance of km and mm would lose the small axis to rounding.
     scale = np.std(x, axis=1, ddof=1)
     scale = np.where(scale > 0.0, scale, 1.0)[:, None]
@@ -134,7 +136,7 @@ def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergen
     x = x[~np.isnan(x)]
     finite = np.isfinite(x)
     if not finite.any():
-        raise InputError("x holds no finite value: nothing converges.")
+        raise InputError("x has no finite value: convergence is undefined.")
     # By a common factor, because errors fall as a power: even steps would crowd at the end.
     counts = np.unique(np.geomspace(min(10, x.size), x.size, steps).astype(int))
     limits = [percentile(x[:n], share) for n in counts]

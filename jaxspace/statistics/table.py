@@ -69,14 +69,16 @@ class Row(NamedTuple):
         if not self.missing():
             return ""
         good = self.runs + self.above + self.below + self.undefined
-        left = "Mean, deviation and shares of the variance leave them out, limits count "
+        left = (
+            "Mean, standard deviation and contributions to the variance exclude them, limits count "
+        )
         if not self.undefined:
             left += "them."
         elif self.above or self.below:
             left += "the infinite ones."
         else:
-            left = "No statistic counts them."
-        return f"{self.name} is {self.missing()} of {good} good runs. {left}"
+            left = "They are excluded from all statistics."
+        return f"{self.name} is {self.missing()} of {good} successful runs. {left}"
 
 
 def row_of(name: str, unit: str, x: np.ndarray, runs: np.ndarray) -> Row:

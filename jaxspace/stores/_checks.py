@@ -113,7 +113,7 @@ def attributes_fault(attributes: object) -> str:
         except (ValueError, TypeError):
             good = False
         if not good:
-            return f"has another {name} than campaigns write"
+            return f"has a {name} that no campaign writes"
     if attributes.get("enough_runs", 1) > attributes["planned_runs"]:
         return "has more enough_runs than planned_runs"
     return ""

@@ -28,7 +28,7 @@ def read_plain(path: Path, top: Path) -> bytes:
     check_plain(path)
     inside = os.path.relpath(path, top)
     if os.path.realpath(path) != os.path.join(os.path.realpath(top), inside):
-        raise OSError(errno.EINVAL, f"{inside} lies behind a symbolic link", str(path))
+        raise OSError(errno.EINVAL, f"{inside} is behind a symbolic link", str(path))
     handle = os.open(path, os.O_RDONLY | _NO_LINK | _NO_WAIT)
     with open(handle, "rb") as file:
         return file.read()

@@ -14,15 +14,15 @@ IDENTITY = {
     "rtol": "the relative tolerance",
     "atol": "the absolute tolerance",
     "method": "the method",
-    "small_program": "whether its steps are a small program",
+    "small_program": "the compact form of its steps",
     "description": "the scene",
     "files": "the files that the scene names",
-    "modules": "the modules of its own physics",
+    "modules": "the modules with user-defined physics",
     "inputs": "the inputs",
-    "samples": "the states kept of each phase",
-    "times": "the times of the states kept",
+    "samples": "the number of stored states per phase",
+    "times": "the times of the stored states",
     "until": "the rule that ends it",
-    "digest": "what the first runs come to",
+    "digest": "the results of the first runs",
 }
 """In the order in which a difference is named."""
 
@@ -46,7 +46,7 @@ def difference(
     if not changed and names:
         return f"only one of the two has {names[0]!r}."
     if not changed:
-        return f"its array {others[0]!r} is another one." if others else ""
+        return f"its array {others[0]!r} differs." if others else ""
     # With equal settings, the cause of different numbers lies outside of the campaign.
     if changed[0] == "digest":
         return _cause(there, attributes)
@@ -82,10 +82,10 @@ def _cause(there: Record, here: Record) -> str:
         changed = [key for key in new if old.get(key) != new[key]]
         if changed:
             causes = ", ".join(f"{key} {old.get(key)} has become {new[key]}" for key in changed)
-            return f"the first runs come out differently, and {causes}."
+            return f"the first runs have different results, and {causes}."
     return (
-        "the first runs come out differently, so that its functions must have changed, or digits "
-        "of its inputs beyond those that are noted."
+        "the first runs have different results, so its functions must have changed, or its inputs "
+        "beyond the recorded digits."
     )
 
 

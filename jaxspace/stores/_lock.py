@@ -177,4 +177,4 @@ def _named(owner: Owner | None) -> str:
 def _advice(owner: Owner | None, host: str) -> str:
     if owner and owner.host != host:
         return f". If that has ended, remove {NAME} in the store and try again."
-    return ": wait for its end, or end it."
+    return ": wait until it has ended, or stop it."

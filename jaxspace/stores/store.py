@@ -85,15 +85,15 @@ class Store:
         """The same, with its metadata read. Raises `StoreError` where there is no such store."""
         if not os.path.isdir(self.path):
             raise StoreError(
-                f"{printable(str(self.path))} is no folder: it must be the Zarr store of a "
-                f"dispersion."
+                f"{printable(str(self.path))} is not a folder: it must be the Zarr store of a "
+                "dispersion."
             )
         self.folder = folder_of(self.path)
         head, self.head_damage = read_head(self.folder)
         try:
             root = json.loads(head)
         except UNREADABLE as error:
-            raise self._unreadable("is no JSON") from error
+            raise self._unreadable("is not valid JSON") from error
         try:
             attributes = root["attributes"]
             arrays = root["consolidated_metadata"]["metadata"]
@@ -127,9 +127,9 @@ class Store:
         named = versions.get("jaxspace") if isinstance(versions, dict) else None
         writer = printable(str(named)) if named else "of an unnamed version"
         return (
-            f"{self.path} is a store of form {form!r}, written by jaxspace {writer}, and jaxspace "
-            f"{jaxspace.__version__} reads form {FORM}: read it by the version that wrote it, or "
-            f"its arrays by zarr or xarray alone."
+            f"{self.path} is a store of format {form!r}, written by jaxspace {writer}, and "
+            f"jaxspace {jaxspace.__version__} reads format {FORM}: read it with the version that "
+            "wrote it, or its arrays with zarr or xarray."
         )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
@@ -201,7 +201,7 @@ class Store:
             return x, f"{what}has the length of another array."
         x = np.frombuffer(data[:-4], column.dtype).reshape(self.chunk, *column.shape)[:count]
         if name == "run" and not np.array_equal(x, np.arange(first, first + count)):
-            return x, f"{what}has the numbers of other runs."
+            return x, f"{what}has the run numbers of other runs."
         return x, ""
 
     def values(self, name: str, chunks: list[int]) -> np.ndarray:
@@ -226,4 +226,4 @@ class Store:
 
 def _lacks(error: Exception) -> str:
     """The end of the sentence about a head that lacks a part."""
-    return f"has no {error.args[0]}" if isinstance(error, KeyError) else "holds something else"
+    return f"has no {error.args[0]}" if isinstance(error, KeyError) else "has unexpected content"

@@ -54,7 +54,7 @@ def open_store(path: str | os.PathLike[str]) -> Dispersion:
         # Scalars alone: opening a store must not read all of its trajectories.
         damage = store.damage(chunk, scalars=True)
         if damage:
-            warnings.warn(f"{path}: {damage} Its runs are left out.", DamagedStore, stacklevel=2)
+            warnings.warn(f"{path}: {damage} Its runs are omitted.", DamagedStore, stacklevel=2)
         else:
             chunks.append(chunk)
     result = as_dispersion(store, chunks)

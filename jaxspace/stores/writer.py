@@ -73,15 +73,16 @@ class StoreWriter:
     def __enter__(self) -> "StoreWriter":
         path = self.store.path
         if "\0" in str(path):
-            raise StoreError(f"{str(path)!r} cannot be written: no path has a zero byte.")
+            raise StoreError(
+                f"{str(path)!r} cannot be written: a path must not contain a null byte."
+            )
         try:
             self._lock()
             self._check_content()
         except OSError as error:
             self._leave()
             raise StoreError(
-                f"{path} cannot be written ({error.strerror}): it must be a folder in which files "
-                f"may be written."
+                f"{path} cannot be written ({error.strerror}): it must be a writable folder."
             ) from error
         except BaseException:
             self._leave()
@@ -145,9 +146,9 @@ class StoreWriter:
             if not self.resume:
                 done = sum(store.extent(k)[1] for k in store.finished())
                 raise StoreError(
-                    f"{path} holds {done} of {store.runs} runs already: resume it, overwrite it, "
-                    f"or choose another folder (`jaxspace resume`, `--overwrite`; in Python "
-                    f"`resume=True`, `overwrite=True`)."
+                    f"{path} already contains {done} of {store.runs} runs: resume it, overwrite "
+                    "it, or choose another folder (`jaxspace resume`, `--overwrite`; in Python "
+                    "`resume=True`, `overwrite=True`)."
                 )
             return
         # Anything else belongs to the user.
@@ -156,13 +157,13 @@ class StoreWriter:
             self.store.read()
         if others:
             raise StoreError(
-                f"{path} holds {others[0]!r}, and is not the store of a dispersion: choose a new "
+                f"{path} contains {others[0]!r} and is not the store of a dispersion: choose a new "
                 f"folder."
             )
         check_without_links(path)
         tidy(path)
         if self.resume:
-            raise StoreError(f"{path} holds no runs: there is nothing to resume.")
+            raise StoreError(f"{path} contains no runs: there is nothing to resume.")
 
     def _mend_metadata(self) -> None:
         """Remove the files that an earlier process left unfinished, and write the metadata again
@@ -204,7 +205,10 @@ class StoreWriter:
         replaced = array_names(path)
         for name in columns:
             if name not in replaced and os.path.lexists(path / name):
-                raise StoreError(f"{path} holds {name!r}, which is of no store: choose a new one.")
+                raise StoreError(
+                    f"{path} contains {name!r}, which does not belong to a store: choose a new "
+                    "folder."
+                )
         store.folder = path / STAGED
         store.attributes = {**attributes, "form": FORM}
         store.columns = dict(columns)
@@ -333,10 +337,10 @@ class StoreWriter:
         store = self.store
         if not self.published:
             old = is_store(folder_of(store.path))
-            return "the store is as it was." if old else "no run was finished, and none is kept."
+            return "the store is unchanged." if old else "no run was finished, and none is stored."
         done = sum(store.extent(k)[1] for k in store.finished())
         return (
-            f"{done} of {store.runs} runs are kept. Once that is mended, "
+            f"{done} of {store.runs} runs are stored. Once the cause is fixed, "
             f"`{resuming(store.attributes, store.path)}` computes the rest."
         )
 

@@ -84,8 +84,8 @@ def accuracy_cost(
         reachable.sort(reverse=True)
         if len(reachable) < len(tolerances):
             notes.append(
-                f"{precision}: tolerances below {least_tolerance(precision):.1e} are left out, "
-                f"which this precision cannot reach."
+                f"{precision}: tolerances below {least_tolerance(precision):.1e} are omitted, "
+                "because this precision cannot reach them."
             )
         for name, method in by_name.items():
             own_tolerances = tolerances_of(method, system, y0, reachable)
@@ -107,21 +107,20 @@ def _check(
     """Raise `InputError` for input that cannot be used."""
     if not jax.config.jax_enable_x64:  # pyright: ignore[reportAttributeAccessIssue]
         raise InputError(
-            "The precision of jax is float32: it must be float64, for the reference; call "
-            "jaxspace.enable_x64()."
+            "JAX uses float32: the reference requires float64; call jaxspace.enable_x64()."
         )
     check_positive("repeats", repeats)
     if not len(tolerances):
-        raise InputError("tolerances is empty: it must hold at least one relative tolerance.")
+        raise InputError("tolerances is empty: it must contain at least one relative tolerance.")
     least = least_tolerance("float64")
     for rtol in tolerances:
         check_positive("tolerances", rtol)
         if rtol < least:
-            raise InputError(f"tolerances holds {rtol:.3g}: it must be at least {least:.2g}.")
+            raise InputError(f"tolerances contains {rtol:.3g}: it must be at least {least:.2g}.")
     wrong = [p for p in precisions if p not in PRECISIONS]
     if wrong or not len(precisions):
         raise InputError(
-            f"precisions is {tuple(precisions)}: it must hold one or both of "
+            f"precisions is {tuple(precisions)}: it must contain one or both of "
             f"{', '.join(PRECISIONS)}."
         )
     if not isinstance(system, Runnable):

@@ -54,13 +54,13 @@ def methods_by_name(
             method = select_method(system, y0, rtol, ts)
         if method == CLOSED_FORM and not exact:
             raise InputError(
-                f"methods holds {CLOSED_FORM!r}: {type(system).__name__} has none, it must hold "
-                f"solvers."
+                f"methods contains {CLOSED_FORM!r}, which {type(system).__name__} does not have: "
+                "it must contain solvers."
             )
         if method not in ("auto", CLOSED_FORM) and not _has_error_estimate(method):
             raise InputError(
-                f"methods holds {method!r}: it must hold solvers with an error estimate or with "
-                f"fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
+                f"methods contains {method!r}: it must contain solvers with an error estimate or "
+                f"with fixed steps, such as DOP853(), or {CLOSED_FORM!r}."
             )
         # "auto" may stand for a method that is named as well.
         if method not in result:

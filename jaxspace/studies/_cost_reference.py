@@ -91,8 +91,8 @@ def reference_of(
     if good is None:
         programs = {key: Programs(run, None) for key, run in compiled.items()}
         problem = (
-            f"The errors are not known, because no run ends well that they could be measured "
-            f"against: {' '.join(failures.values())}"
+            "The errors are unknown, because no reference run succeeds: "
+            f"{' '.join(failures.values())}"
         )
         return Reference("", None, math.nan, None, output, problem, programs)
     name, rtol, room, outcome, program = good

@@ -115,8 +115,8 @@ def uncertain_mission(mission: Mission, noises: Sequence[PyTree]) -> Mission:
     for phase in mission.phases:
         if phase.counts_from_start:
             raise InputError(
-                f"Phase {phase.name!r} has a time that counts from its start, such as the delay of "
-                f"a motor: for a covariance it must be a time of the mission, such as its ignition."
+                f"Phase {phase.name!r} has a time relative to its start, such as the delay of a "
+                "motor: a covariance requires a time of the mission, such as the ignition."
             )
     after = [phase.moving for phase in mission.phases[1:]] + [None]
     phases = []

@@ -119,16 +119,16 @@ def propagate_covariance(
     check_one_line(system, "propagate_covariance")
     if any(isinstance(phase.system, AbstractRunnable) for phase in system.phases):
         raise InputError(
-            "A phase of the mission is a closed loop: its covariance is that of a campaign, or "
-            "without noise Sensitivity.covariance."
+            "A phase of the mission is a closed loop: use a campaign for its covariance or, "
+            "without noise, Sensitivity.covariance."
         )
     y0 = broadcast_state(system.phases[0].moving, jnp.asarray(ts), y0)
     size = Coordinates.of(y0, int(batch))
     each = noise if isinstance(noise, list | tuple) else [noise] * len(system.phases)
     if len(each) != len(system.phases):
         raise InputError(
-            f"noise has {len(each)} entries: it must have one for each of the "
-            f"{len(system.phases)} phases, or be one for all."
+            f"noise has {len(each)} entries: it must have one for each of the {len(system.phases)} "
+            "phases, or be common to all."
         )
     # A jump may change what the state holds: the size is checked where the first phase starts.
     first, *others = each

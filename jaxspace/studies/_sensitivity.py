@@ -191,7 +191,9 @@ def sensitivity(
     picked = wrt(*jax.tree.unflatten(structure, range(len(leaves))))
     numbers, shape = jax.tree.flatten(picked)
     if not numbers or not all(isinstance(n, int) for n in numbers):
-        raise InputError("wrt must return arrays of the system or of the initial state, as a tree.")
+        raise InputError(
+            "wrt must return a pytree of arrays of the system or of the initial state."
+        )
     # What is shared by the runs is one column for all of them, and not one for each.
     carried = _carried(system, y0, ts, in_axes) if batch else [0] * len(leaves)
     choice = _Choice(tuple(numbers), shape, tuple(carried[n] for n in numbers))

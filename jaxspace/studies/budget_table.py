@@ -134,7 +134,7 @@ class EffectBudget:
         return [
             f"{within}: keep {', '.join(self.kept) or 'nothing'}; "
             f"leave out {', '.join(self.dropped)}",
-            f"a run with just these moves the {self.output} by {self.change:.3g}{unit}, "
+            f"a run with only these changes the {self.output} by {self.change:.3g}{unit}, "
             f"saves {100.0 * arithmetic:.0f} % of the arithmetic, and takes "
             f"{duration(self.seconds_kept)} instead of {duration(self.seconds)}",
         ]

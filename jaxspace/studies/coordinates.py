@@ -54,7 +54,9 @@ class Coordinates(NamedTuple):
             # JAX would give a whole number tangents of the class float0, of which no matrix is
             # made.
             if not jnp.issubdtype(jnp.result_type(*jax.tree.leaves(block)), jnp.floating):
-                raise InputError(f"{name} is no real number: nothing is differentiated by it.")
+                raise InputError(
+                    f"{name} is not a real number and cannot be differentiated with respect to."
+                )
             cut = len(shape) - axes
             behind.append(tuple(shape[cut:]))
             if on_group(block):

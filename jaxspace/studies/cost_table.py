@@ -130,7 +130,7 @@ class AccuracyCost:
             best, row = min(known, key=lambda pair: pair[0])
             raise InputError(
                 f"error is {error:.3g}: it must be at least {best:.2g}, the best that was reached "
-                f"({_setting(row)}); ask for tighter tolerances or another precision."
+                f"({_setting(row)}); use tighter tolerances or another precision."
             )
         return min(allowed, key=lambda row: row.seconds)
 
@@ -177,7 +177,7 @@ class AccuracyCost:
         lines = [aligned(rows, left=2)]
         if self.reference:
             error = self.reference_error
-            good = f"good to about {error:.1g}" if math.isfinite(error) else "of an error not known"
+            good = f"good to about {error:.1g}" if math.isfinite(error) else "of unknown error"
             lines.append(f"Errors are against {self.reference}, itself {good}.")
         return "\n".join([*lines, *self.notes, *_failures(self.rows)])
 

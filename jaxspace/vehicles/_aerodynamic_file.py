@@ -107,7 +107,7 @@ def _sheet(path: str, text: str) -> Sheet:
     if sheet is None:
         raise InputError(f"{path} has no heading with Mach: it must name its columns.")
     if not sheet.rows:
-        raise InputError(f"{path} has no rows below its heading: it must have some.")
+        raise InputError(f"{path} has no rows below its heading.")
     return Sheet([_name(name) for name in sheet.names], sheet.rows)
 
 
@@ -205,7 +205,7 @@ def _of_flight(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     height = column(HEIGHT)
     if mach is None or coefficient is None or thrust is None or (climb is None and height is None):
         raise InputError(
-            f"{path} is a flight of OpenRocket without one of its columns: it must have Mach "
+            f"{path} is an OpenRocket flight with a missing column: it must have Mach "
             f"number, Drag coefficient, Thrust, and Altitude or Vertical velocity."
         )
     if climb is not None:
@@ -219,7 +219,7 @@ def _of_flight(path: str, sheet: Sheet) -> dict[str, np.ndarray]:
     # Two tables, because the jet fills the base.
     burning, coasting = up & (thrust > 0.0), up & (thrust <= 0.0)
     if not np.any(coasting):
-        raise InputError(f"{path} has no ascent after the burnout: it must have one.")
+        raise InputError(f"{path} has no ascent after the burnout, which is required.")
     nodes, off = _thinned(mach[coasting], coefficient[coasting])
     result = {"mach": nodes, "axial": off}
     if np.any(burning):

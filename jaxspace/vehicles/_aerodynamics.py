@@ -86,7 +86,7 @@ class Aerodynamics(AbstractEffect):
     coasting: MachTable | None = eqx.field(
         default=None,
         converter=as_optional_coefficient,
-        metadata={"doc": "C_A after the burnout, where it is another"},
+        metadata={"doc": "C_A after the burnout, if different"},
     )
     burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
 

@@ -42,10 +42,10 @@ def _grid(
 ) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
     """The nodes of each axis, and the coefficients on the grid, (machs, angles, rolls, ...)."""
     if "mach" not in columns:
-        raise InputError(f"{name} has no column of Mach numbers: it must have one.")
+        raise InputError(f"{name} has no column of Mach numbers.")
     known = [key for key in columns if key in COEFFICIENTS]
     if not known:
-        raise InputError(f"{name} has no coefficient: it must have some of {list(COEFFICIENTS)}.")
+        raise InputError(f"{name} has no coefficients: it must have some of {list(COEFFICIENTS)}.")
     columns = {key: np.asarray(columns[key], float) for key in (*AXES, *known) if key in columns}
     for key, x in columns.items():
         check(x.shape == columns["mach"].shape, f"{name}: {key}", x.size, "as long as mach")
@@ -127,7 +127,7 @@ def _in_body_axes(
     # A table that has both is taken by its C_A: drag and lift then follow from it.
     if "axial" not in grid and "drag" in grid:
         if "lift" not in grid and angle.size > 1:
-            raise InputError(f"{name} has a drag and no lift: it must have both, or C_A and C_N.")
+            raise InputError(f"{name} has a drag but no lift: it must have both, or C_A and C_N.")
         lift = grid.get("lift", 0.0 * grid["drag"])
         grid["axial"] = grid["drag"] * c - lift * s
         if "drag_burning" in grid:
@@ -136,7 +136,7 @@ def _in_body_axes(
             # Axes of the flow turned by alpha into those of the body.
             grid["normal"] = grid["drag"] * s + lift * c
     if "axial" not in grid and "axial_burning" not in grid:
-        raise InputError(f"{name} has no axial force and no drag: it must have one of them.")
+        raise InputError(f"{name} has neither an axial force nor a drag: it must have one of them.")
     if "axial" not in grid:
         grid["axial"] = grid["axial_burning"]
     # The jet fills the base, whose share of the drag is gone while the motor burns.

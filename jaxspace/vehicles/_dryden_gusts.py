@@ -148,7 +148,7 @@ class DrydenGusts(AbstractParameters):
     Raises `InputError` for a number outside of its range."""
 
     seed: NumberField = quantity(
-        "", doc="any number: another one gives another field, and a campaign one for each run"
+        "", doc="any number: each one gives another field; in a campaign, one for each run"
     )
     wind_20_feet: NumberField = quantity(
         "m/s", non_negative=True, doc="mean wind 20 ft above the ground, which sets the low gusts"

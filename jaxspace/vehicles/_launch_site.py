@@ -46,7 +46,7 @@ class LaunchSite(AbstractParameters):
         low=-1.6,
         high=1.6,
         optional=True,
-        doc="geodetic; without it gravity is standard and the Earth does not turn",
+        doc="geodetic; without it gravity is standard and the Earth does not rotate",
     )
     longitude: OptionalNumberField = quantity(
         "rad", low=-6.3, high=6.3, optional=True, doc="to the east, for the place of the landing"
@@ -57,7 +57,7 @@ class LaunchSite(AbstractParameters):
         default=None, metadata={"doc": "over the site; the U.S. standard by default"}
     )
     gusts: DrydenGusts | None = eqx.field(
-        default=None, metadata={"doc": "turbulence beside the wind; none by default"}
+        default=None, metadata={"doc": "turbulence added to the wind; none by default"}
     )
     temperature: OptionalNumberField = quantity(
         "K",
@@ -77,8 +77,8 @@ class LaunchSite(AbstractParameters):
         for name in ("temperature", "pressure"):
             if getattr(self, name) is not None and self.atmosphere is not None:
                 raise InputError(
-                    f"LaunchSite.{name} and LaunchSite.atmosphere are both given: it must be one "
-                    "of them."
+                    f"LaunchSite.{name} and LaunchSite.atmosphere are both given: give only one of "
+                    "them."
                 )
 
     @property

@@ -35,7 +35,7 @@ from ._hermite import cubic, interval, stacked
 from ._sounding_file import read_sounding_file
 from .local_air import AbstractWind, check_nodes
 
-SOUNDING = FileName("of a sounding: text or CSV of the University of Wyoming, or CSV")
+SOUNDING = FileName("sounding: text or CSV of the University of Wyoming, or generic CSV")
 
 
 @final
@@ -48,7 +48,7 @@ class MeasuredAtmosphere(AbstractAtmosphere):
     pressure: Float[Array, "nodes *#runs"] = quantity("Pa", positive=True, doc="there")
     temperature: Float[Array, "nodes *#runs"] = quantity("K", positive=True, doc="there")
     density_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="by which density and pressure are multiplied"
+        "", non_negative=True, default=1.0, doc="factor on density and pressure"
     )
     data: Float[Array, "nodes 4 *#runs"] = eqx.field(default=None)
 

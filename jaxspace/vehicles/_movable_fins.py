@@ -84,8 +84,8 @@ class MovableFins(AbstractEffect):
         angles = self.azimuths.shape[0] if self.azimuths.ndim else 1
         if is_concrete(count) and int(count) != angles:
             raise InputError(
-                f"MovableFins.azimuths has the length {angles}: it must be as many as "
-                f"FinSet.count, {int(count)}."
+                f"MovableFins.azimuths has the length {angles}: it must be equal to FinSet.count, "
+                f"{int(count)}."
             )
 
     def _spans(self, rank: int) -> tuple[Array, Array]:

@@ -68,7 +68,9 @@ def separated(
         if is_heading(again):
             # DATCOM repeats its heading before every block.
             if again != names:
-                raise InputError(f"{path}, line {number} is another heading: it must be the first.")
+                raise InputError(
+                    f"{path}, line {number} is a second heading: only the first line may be one."
+                )
             continue
         # A comment, unless it separates: a row may begin with an empty field.
         if line.lstrip().startswith(tuple(c for c in COMMENTS if c != mark)):

@@ -210,7 +210,7 @@ def _levels(path: str, heads: list[str], rows: list[Row], service: bool) -> Leve
                 x = np.asarray(geometric_height(jnp.asarray(x)))
         columns[key] = x
     if "height" not in columns:
-        raise InputError(f"{path} has no column of heights: it must have one.")
+        raise InputError(f"{path} has no column of heights.")
     return Levels(columns, np.array([row.line for row in rows]), service)
 
 
@@ -250,7 +250,7 @@ def _profile(path: str, levels: Levels, first: str, second: str) -> Profile:
         rising = np.append(True, x[0, 1:] > np.maximum.accumulate(x[0])[:-1])
         x, lines = x[:, rising], lines[rising]
     profile = Profile(x, lines)
-    wrong = _step(path, profile, np.diff(x[0]) <= 0.0, "above that of the row before")
+    wrong = _step(path, profile, np.diff(x[0]) <= 0.0, "above that of the previous row")
     if wrong:
         raise InputError(wrong)
     return profile
@@ -260,8 +260,8 @@ def _fault(path: str, profile: Profile, quantities: str) -> str:
     """Why a profile cannot be used, too few levels or a gap between them; nothing if it can."""
     count = profile.lines.size
     if count < 2:
-        return f"{path} has {count} levels with {quantities}: it must have two or more."
-    what = f"at most {LARGEST_GAP:g} m above that of the row before"
+        return f"{path} has {count} levels with {quantities}: it must have at least two."
+    what = f"at most {LARGEST_GAP:g} m above that of the previous row"
     return _step(path, profile, np.diff(profile.levels[0]) > LARGEST_GAP, what)
 
 
@@ -289,5 +289,5 @@ def _check_pressures(path: str, air: Profile) -> None:
         k = int(np.argmax(wrong)) + 1
         raise InputError(
             f"{path}, line {air.lines[k]}: pressure is {pressure[k]:.6g} Pa after "
-            f"{pressure[k - 1]:.6g}: it must fall with the height."
+            f"{pressure[k - 1]:.6g}: it must decrease with the height."
         )

@@ -70,7 +70,7 @@ def _wyoming(path: str, lines: list[str], head: int) -> Sheet:
                 break
         if "\t" in line:
             raise InputError(
-                f"{path}, line {number} has tabulators: its columns must have {WIDTH} characters."
+                f"{path}, line {number} contains tabs: its columns must be {WIDTH} characters wide."
             )
         row = [line[k : k + WIDTH].strip() for k in range(0, len(names) * WIDTH, WIDTH)]
         result.rows.append(Row(number, row))
@@ -91,7 +91,7 @@ def _spc(path: str, lines: list[str], start: int) -> Sheet:
                 "pressure, height, temperature, dew point, direction and speed, with commas."
             )
         result.rows.append(Row(number, fields))
-    raise InputError(f"{path} has no line %END%: it must have one below its levels.")
+    raise InputError(f"{path} has no line %END%: it must end the levels.")
 
 
 def _igra(path: str, lines: list[str], head: int) -> Sheet:
@@ -101,8 +101,8 @@ def _igra(path: str, lines: list[str], head: int) -> Sheet:
             # Files of a station hold all soundings of its history.
             count = sum(bool(IGRA_HEAD.match(line)) for line in lines)
             raise InputError(
-                f"{path}, line {number} begins another sounding, of {count}: it must have one. "
-                "Keep the lines of the day that you want, from its # to the next one."
+                f"{path}, line {number} begins another sounding, of {count} in total: the file "
+                "must contain only one. Keep the lines of one sounding, from its # to the next one."
             )
         if line.strip():
             # Fields touch each other where they are full: they are found by their places.

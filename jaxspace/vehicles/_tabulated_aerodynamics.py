@@ -68,25 +68,25 @@ class TabulatedAerodynamics(AbstractEffect):
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
     )
     burnout: OptionalNumberField = quantity(
-        "s", optional=True, doc="until which the motor burns; without it the motor is off"
+        "s", optional=True, doc="time of the burnout; by default the motor is off"
     )
     nose: NoseCone | None = eqx.field(default=None, metadata={"doc": "the nose"})
     fins: Fins = parts_field(FINS_DOC)
     tail: RadiusChanges = parts_field(RADIUS_CHANGES_DOC)
     axial_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
+        "", non_negative=True, default=1.0, doc="factor on the axial force, for dispersions"
     )
     normal_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="multiplies the force across the axis"
+        "", non_negative=True, default=1.0, doc="factor on the force across the axis"
     )
     centre_shift: NumberField = quantity(
-        "m", default=0.0, doc="of the centre of pressure towards the nose, to disperse it"
+        "m", default=0.0, doc="of the centre of pressure towards the nose, for dispersions"
     )
     marked_from: NumberField = quantity(
         "Pa",
         non_negative=True,
         default=1000.0,
-        doc="dynamic pressure above which an end beyond the table is outside of the model",
+        doc="dynamic pressure above which leaving the table counts as outside the model",
     )
 
     def breaks(self) -> Float[Array, "times *#runs"] | None:

@@ -91,7 +91,7 @@ class UncertainWind(AbstractWind):
     @classmethod
     @constructor(
         sets=("east_numbers", "north_numbers"),
-        seed=argument("", doc="of the errors: any number; another one gives another wind"),
+        seed=argument("", doc="of the errors: any number; each one gives another wind"),
     )
     def of_seed(
         cls,

@@ -98,21 +98,21 @@ class Vehicle(AbstractParameters):
         "m", optional=True, doc="z of the nozzle's exit in construction axes, for jet damping"
     )
     exit_radius: NumberField = quantity(
-        "m", non_negative=True, default=0.0, doc="of the nozzle's exit, through which all flows"
+        "m", non_negative=True, default=0.0, doc="of the nozzle's exit"
     )
     table: AerodynamicTable | None = eqx.field(
         default=None,
-        metadata={"doc": "of all forces of the air; the parts give what it lacks"},
+        metadata={"doc": "of the aerodynamic forces; the parts provide missing coefficients"},
     )
     axial_factor: NumberField = quantity(
-        "", non_negative=True, default=1.0, doc="multiplies the axial force, to disperse it"
+        "", non_negative=True, default=1.0, doc="factor on the axial force, for dispersions"
     )
 
     def __check_init__(self):
         if self.drag is None and self.table is None:
             raise InputError(
                 "Vehicle.drag is None: it must be a coefficient or a table by the Mach number, "
-                "where no Vehicle.table has the forces of the air."
+                "unless Vehicle.table has the aerodynamic forces."
             )
 
     @classmethod
@@ -144,13 +144,11 @@ class Vehicle(AbstractParameters):
         exit_station=argument("m", doc="of the nozzle's exit"),
         exit_radius=argument("m", non_negative=True, doc="of the nozzle's exit"),
         propellant_mass=argument(
-            "kg", positive=True, optional=True, doc="by default what the motor's file says"
+            "kg", positive=True, optional=True, doc="by default from the motor's file"
         ),
-        tube_length=argument(
-            "m", positive=True, optional=True, doc="of the tube, in which the motor has room"
-        ),
+        tube_length=argument("m", positive=True, optional=True, doc="of the motor tube"),
         impulse_factor=argument(
-            "", positive=True, default=1.0, doc="multiplies the thrust, to disperse it"
+            "", positive=True, default=1.0, doc="factor on the thrust, for dispersions"
         ),
     )
     def model_rocket(
@@ -330,7 +328,7 @@ class Vehicle(AbstractParameters):
         if not isinstance(control, Gimbal):
             return self.motor
         if self.exit_station is None:
-            raise InputError("Vehicle.exit_station is None: it must be a z in m for a gimbal.")
+            raise InputError("Vehicle.exit_station is None: a gimbal requires it, a z in m.")
         return GimballedThrust.of_thrust(self.motor, control, self.exit_station)
 
     def _drag(self, powered: bool) -> MachTable:
@@ -391,7 +389,7 @@ def _moved(part, field: str, origin: Scalar):
     if known is None:
         kind = PARTS_BY_STATION[field]
         raise InputError(
-            f"Vehicle.model_rocket has a part {shown(part)}, whose {field} is not known: it must "
-            f"be a {kind.__name__}."
+            f"Vehicle.model_rocket has a part {shown(part)} with an unknown {field}: it must be a "
+            f"{kind.__name__}."
         )
     return eqx.tree_at(lambda p: getattr(p, field), part, getattr(part, field) - origin)

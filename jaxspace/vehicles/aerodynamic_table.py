@@ -76,8 +76,8 @@ class AerodynamicTable(AbstractParameters):
     length: NumberField = quantity("m", positive=True, doc="L, the reference length")
     station: NumberField = quantity(
         "m",
-        doc="z in construction axes of the point from which centres count and about which moments "
-        "are: the tip of the nose, or the reference of the moments",
+        doc="z in construction axes of the reference point of centres and moments: the tip of the "
+        "nose, or the moment reference",
     )
 
     @classmethod
@@ -86,9 +86,7 @@ class AerodynamicTable(AbstractParameters):
         file=FileName("of coefficients: CSV with the columns of RASAero, OpenRocket or DATCOM"),
         area=argument("m^2", positive=True, doc="A, the reference area"),
         length=argument("m", positive=True, doc="L, the reference length, mostly the diameter"),
-        station=argument(
-            "m", doc="z of the nose's tip, or of the point about which the moments of the file are"
-        ),
+        station=argument("m", doc="z of the nose's tip, or of the moment reference of the file"),
     )
     def of_file(
         cls, file: str | os.PathLike[str], area: Scalar, length: Scalar, station: Scalar

@@ -56,7 +56,7 @@ class AirDrag(AbstractEffect):
     coasting: MachTable | None = eqx.field(
         default=None,
         converter=as_optional_coefficient,
-        metadata={"doc": "C_D after the burnout, where it is another"},
+        metadata={"doc": "C_D after the burnout, if different"},
     )
     burnout: OptionalNumberField = quantity("s", optional=True, doc=BURNOUT)
 
@@ -88,13 +88,13 @@ class Parachute(AbstractEffect):
 
     drag_area: NumberField = quantity("m^2", non_negative=True, doc="C_D A, filled")
     opening: OptionalNumberField = quantity(
-        "s", optional=True, doc="when it starts to fill; without it, it is open all the time"
+        "s", optional=True, doc="time at which it starts to fill; open from the start by default"
     )
     inflation_time: OptionalNumberField = quantity(
         "s",
         non_negative=True,
         optional=True,
-        doc="over which its drag area grows linearly; without it at once",
+        doc="time over which its drag area grows linearly; instantaneous by default",
     )
     air: LocalAir | None = eqx.field(
         default=None, metadata={"doc": "about the vehicle; calm standard air by default"}
@@ -103,8 +103,8 @@ class Parachute(AbstractEffect):
     def __check_init__(self):
         if self.opening is None and self.inflation_time is not None:
             raise InputError(
-                "Parachute.inflation_time is given without an opening: it must be left out, or the "
-                "time given at which the parachute starts to fill."
+                "Parachute.inflation_time is given without an opening: omit it, or give the time "
+                "at which the parachute starts to fill."
             )
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:

@@ -44,8 +44,8 @@ def as_coefficient(x: object) -> MachTable:
     value = as_float(x)
     if not is_real(value):
         raise InputError(
-            f"coefficient is {shown(x)}: it must be a number, a MachTable, or Mach numbers with as "
-            f"many values."
+            f"coefficient is {shown(x)}: it must be a number, a MachTable, or Mach numbers with "
+            "one value for each."
         )
     # A table of one point is constant.
     return MachTable(jnp.zeros((1,), value.dtype), value[None])
@@ -57,7 +57,7 @@ def as_optional_coefficient(x: object) -> MachTable | None:
 
 
 # Shared by the effects whose coefficient changes there.
-BURNOUT = "from which the coefficient is that of coasting"
+BURNOUT = "time from which the coasting coefficient applies"
 
 
 def coefficient_at(

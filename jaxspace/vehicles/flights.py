@@ -61,29 +61,29 @@ class Recovery(AbstractParameters):
         "s",
         non_negative=True,
         optional=True,
-        doc="from its trigger to its opening; without it the parachute opens at once",
+        doc="delay from its trigger to its opening; none by default",
     )
     height: OptionalNumberField = quantity(
         "m",
         non_negative=True,
         optional=True,
-        doc="above the ground, at which it is triggered on the way down, or at once where it is "
-        "passed already; without it and a time at the apogee",
+        doc="above the ground at which it is triggered during the descent, or at once below it; "
+        "at the apogee without a height or a time",
     )
     time: OptionalNumberField = quantity(
         "s",
         positive=True,
         optional=True,
-        doc="after the ignition, at which it is triggered in place of a height, on the way up or "
-        "down",
+        doc="after the ignition at which it is triggered instead of a height, during ascent or "
+        "descent",
     )
 
     def __check_init__(self):
         super().__check_init__()
         if self.height is not None and self.time is not None:
             raise InputError(
-                "Recovery.time is given beside a height: it must be left out, or the height, for "
-                "one of them triggers the parachute."
+                "Recovery.time is given together with a height: omit one of them, because only one "
+                "triggers the parachute."
             )
 
     def trigger(self, within: Scalar, passed: bool) -> Event | None:
@@ -191,8 +191,8 @@ def sounding_flight(
     for number, chute in enumerate(recovery[1:], 2):
         if chute.height is None and chute.time is None:
             raise InputError(
-                f"Recovery.height of parachute {number} is None: it must be a height in m, or its "
-                f"time one in s, for the apogee triggers the first one alone."
+                f"Recovery.height of parachute {number} is None: give a height in m or a time in "
+                "s, because the apogee triggers the first parachute only."
             )
     # Computed, because a default in seconds would be wrong for a large rocket, and slow for a small
     # one: the search samples all of it.

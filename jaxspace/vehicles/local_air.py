@@ -46,7 +46,7 @@ from ._sounding_file import FASTEST
 def check_nodes(name: str, nodes: Array, **values: Array) -> None:
     """Raise `InputError` for nodes that do not ascend, or another number of values."""
     if nodes.ndim == 0:
-        raise InputError(f"{name} is one number: it must be a list of nodes.")
+        raise InputError(f"{name} is a single number: it must be a list of nodes.")
     for field, value in values.items():
         count = value.shape[0] if value.ndim else 1
         check(
@@ -117,7 +117,7 @@ class LocalAir(AbstractParameters):
     )
     wind: AbstractWind | None = eqx.field(default=None, metadata={"doc": "calm by default"})
     gusts: DrydenGusts | None = eqx.field(
-        default=None, metadata={"doc": "turbulence beside the wind; none by default"}
+        default=None, metadata={"doc": "turbulence added to the wind; none by default"}
     )
 
     def height(self, position: Vector) -> Scalar:

@@ -109,7 +109,7 @@ def verify(
     y0 = jax.tree.map(jnp.asarray, y0)
     # In float32 the central differences below would be rounding alone.
     if any(x.dtype != jnp.float64 for x in jax.tree.leaves(y0)):
-        raise InputError("y0 is not in float64: call jaxspace.enable_x64() before making it.")
+        raise InputError("y0 is not in float64: call jaxspace.enable_x64() before creating it.")
     check = _Check(
         system,
         y0,

@@ -74,7 +74,7 @@ class Verification:
     def __repr__(self) -> str:
         head = ("case", "error", "allowed", "gradient error", "allowed", "verdict")
         table = aligned([head, *(_cells(row) for row in self.rows)])
-        limits = [f"left out, {row.name}: {row.why}" for row in self.rows if row.error is None]
+        limits = [f"skipped, {row.name}: {row.why}" for row in self.rows if row.error is None]
         return "\n".join([table, *limits, self.summary()])
 
     def summary(self) -> str:

@@ -129,5 +129,5 @@ def test_a_batch_is_a_loop():
 def test_bad_input_is_named():
     with pytest.raises(InputError, match=r"YoYo\.radius is -1"):
         YoYo(1.0, -1.0, 1.0, 1.0)
-    with pytest.raises(InputError, match="must hold omega"):
+    with pytest.raises(InputError, match="must have omega"):
         pioneer()(0.0, BodyState(mass=jnp.asarray(1.0)))

@@ -520,7 +520,7 @@ def test_cost_of_a_long_spin_prints_what_it_has(tmp_path, capsys, monkeypatch):
     printed = capsys.readouterr().out
     # 32 steps of six evaluations, and no error.
     assert re.search(r"Tsit5 +float64 +1e-06 +-\* .* 192 +\d+ ", printed) and "nan" not in printed
-    assert "The errors are not known, because no run ends well that they could be" in printed
+    assert "The errors are unknown, because no reference run succeeds" in printed
     assert "Tsit5 at 1e-03, 1e-06 in float64: The maximum number of steps was reached" in printed
     assert not (tmp_path / "a" / "spin_cost.png").exists()
 

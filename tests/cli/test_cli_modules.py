@@ -163,7 +163,7 @@ BAD = [
         "x = 1\n",
         "bad.py defines nothing that a scene file can use: it must contain declared functions",
     ),
-    (MODULE, "bad.py holds push: it must be another name"),
+    (MODULE, "bad.py defines push: this name is already in use"),
 ]
 
 

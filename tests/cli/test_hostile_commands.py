@@ -184,11 +184,11 @@ def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
             "OUTPUT",
             '{ output = "speed", name = "=1+1" }',
             "",
-            "dispersion.outputs.0.name has the name '=1+1': it must be text that can be printed, "
-            "that begins with none of = + - @",
+            "dispersion.outputs.0.name has the name '=1+1': it must be printable text that does "
+            "not begin with any of = + - @",
         ),
-        ("OUTPUT", '{ output = "speed", name = "@x" }', "", "begins with none of = + - @"),
-        ("OUTPUT", '{ output = "speed", name = "a/../../x" }', "", "and that is no path"),
+        ("OUTPUT", '{ output = "speed", name = "@x" }', "", "does not begin with any of = + - @"),
+        ("OUTPUT", '{ output = "speed", name = "a/../../x" }', "", "and is not a path"),
         (
             "OUTPUT",
             '{ output = "speed", at_least = "5 km/s", at_most = "1 km/s" }',

@@ -494,7 +494,7 @@ def test_times_that_decide_how_many_samples_there_are_must_be_known(name, make):
         return x
 
     for transformed, x in ((jax.jit, 1.0), (jax.grad, 1.0), (jax.vmap, jnp.ones(2))):
-        with pytest.raises(InputError, match=f"{name} is traced: it must be a number that"):
+        with pytest.raises(InputError, match=f"{name} is traced: it must be a concrete number"):
             transformed(used)(x)
     with pytest.raises(InputError, match=f"{name} is 'a': it must be a number, in s"):
         make("a")

@@ -66,7 +66,7 @@ def test_a_disk_that_is_full(whole, tmp_path, after):  # noqa: F811
             if len(seen) == after:
                 fill(disk / "ballast")
 
-        with pytest.raises(StoreError, match=r"No space left on device.*runs are kept"):
+        with pytest.raises(StoreError, match=r"No space left on device.*runs are stored"):
             fly(disk / "s.zarr", progress=filled)
         kept = open_store(disk / "s.zarr").runs
         assert kept == seen[after - 1]
@@ -116,7 +116,7 @@ def test_a_file_that_may_not_grow(whole, tmp_path):  # noqa: F811
     """As of a quota, also where no disk can be mounted."""
     process = child(LIMITED, tmp_path / "s.zarr")
     told, errors = process.communicate()
-    assert "File too large" in told and "512 of 2200 runs are kept" in told, errors
+    assert "File too large" in told and "512 of 2200 runs are stored" in told, errors
     assert resumed(tmp_path / "s.zarr") == 4
     assert files_of(tmp_path / "s.zarr") == files_of(whole)
 

@@ -127,7 +127,7 @@ def test_a_direction_given_in_python(tmp_path, key):
     [
         (
             {"initial.positon.0": Normal(0.0, 1.0)},
-            "inputs.initial.positon.0 is not a number of this file that is known: it must be one "
+            "inputs.initial.positon.0 is not a known number of this file: it must be one "
             "of initial.*, planet.*. Did you mean initial.position.0?",
         ),
         ({"planet.mass": Normal(0.0, 1.0)}, "it must be one of planet.mu, planet.radius"),

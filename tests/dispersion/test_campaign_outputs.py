@@ -89,8 +89,8 @@ def test_outputs_of_single_runs_pass():
     ("outputs", "words"),
     [
         (lambda r, s: {"a": jnp.stack([s["w"]] * 3)}, "output 'a' has the shape (3, 64): it must"),
-        (lambda r, s: r.final["x"], "Campaign.outputs gives an array: it must give a dict"),
-        (lambda r, s: None, "Campaign.outputs gives None: it must give a dict"),
+        (lambda r, s: r.final["x"], "Campaign.outputs returns an array: it must return a dict"),
+        (lambda r, s: None, "Campaign.outputs returns None: it must return a dict"),
         (lambda r, s: {"a": None}, "output 'a' is None: it must be one real number for each run"),
         (lambda r, s: {"a": "x"}, "output 'a' is 'x': it must be one real number"),
         (
@@ -141,14 +141,18 @@ def refusing(limit):
 
 
 def test_an_output_that_always_raises_is_named():
-    words = "nominal run cannot be run: the output 'rate' raises an error (ValueError: too fast)"
+    words = (
+        "nominal run cannot be evaluated: the output 'rate' raises an error (ValueError: too fast)"
+    )
     with pytest.raises(SimulationError, match=re.escape(words)) as raised:
         fly(campaign=refusing(-1.0), runs=64)
     assert "\n" not in str(raised.value)
 
 
 def test_a_mission_that_always_raises_is_a_failure():
-    words = "nominal run cannot be run: a function of the campaign raises an error (ValueError"
+    words = (
+        "nominal run cannot be simulated: a function of the campaign raises an error (ValueError"
+    )
     with pytest.raises(SimulationError, match=re.escape(words)):
         fly(campaign=raising(-1.0), runs=64)
 
@@ -279,7 +283,7 @@ def test_the_nominal_run_is_checked_where_the_outputs_are_not(monkeypatch):
     few = disperse(Campaign(thrown, inputs, outputs), 40, seed=1, accuracy=1e-9)
     np.testing.assert_array_equal(few.outputs["x"], kept.outputs["x"][:40])
     inputs["one"] = Constant(0.0)
-    with pytest.raises(SimulationError, match="The nominal run cannot be run"):
+    with pytest.raises(SimulationError, match="The nominal run cannot be (simulated|evaluated)"):
         disperse(Campaign(thrown, inputs, outputs), 40, seed=1, accuracy=1e-9)
 
 

@@ -91,7 +91,7 @@ def test_a_store_of_other_times_is_refused_and_of_the_same_completed(stored, tmp
     subprocess.run(["cp", "-r", stored[0], path], check=True)
     (path / ".manifest" / "1.json").unlink()
     how = {"seed": SEED, "chunk": CHUNK, "store": path, "resume": True}
-    with pytest.raises(StoreError, match="the times of the states kept: "):
+    with pytest.raises(StoreError, match="the times of the stored states: "):
         disperse(LONG, 600, times=[0.3], **how)
     disperse(LONG, 600, times=TIMES, engine=ProcessPool(1), **how)
     assert files_of(path) == files_of(stored[0])

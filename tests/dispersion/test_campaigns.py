@@ -136,7 +136,9 @@ def test_a_store_of_another_form_is_refused_with_the_way_forward(copy, form):
     data = json.dumps(head).encode()
     (copy / ".manifest" / "head").write_bytes(sealed(data))
     (copy / "zarr.json").write_bytes(data)
-    sentence = f"form {form!r}, written by jaxspace 9.1, .* reads form 1: read it by the version"
+    sentence = (
+        f"form {form!r}, written by jaxspace 9.1, .* reads format 1: read it with the version"
+    )
     for use in (open_store, lambda store: fly(store, resume=True)):
         with pytest.raises(StoreError, match=sentence):
             use(copy)
@@ -217,7 +219,7 @@ def test_the_planned_runs_choose_the_program_of_all(tmp_path, monkeypatch):
     kinds = [open_store(s).attributes.get("small_program") for s in stores.values()]
     assert kinds == [True, True, None]
     monkeypatch.undo()
-    with pytest.raises(StoreError, match="whether its steps are a small program: True in the st"):
+    with pytest.raises(StoreError, match="the compact form of its steps: True in the st"):
         fly(stores[600], runs=600, resume=True)
 
 

@@ -84,7 +84,7 @@ LIMIT = MEAN - 2.0 * np.sqrt(VARIANCE)
 
 
 # Curved outputs are here to be computed, and those of the linear method to be wrong.
-CURVED = pytest.mark.filterwarnings("ignore:.* is not to be trusted in")
+CURVED = pytest.mark.filterwarnings("ignore:.* is not reliable for")
 # Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
 NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order leaves out radius")
 
@@ -167,7 +167,7 @@ SPUN = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, spun)
 def test_a_method_that_leaves_its_range_says_so(method, off):
     """Mean and deviation of sin(10 x) are 0 and 1/sqrt(2) to e^-50, its series has the deviation
     10; the mean of cos(10 x) is 0, its series has 1 - 50."""
-    with pytest.warns(UserWarning, match=f"{method} is not to be trusted in cosine, sine"):
+    with pytest.warns(UserWarning, match=f"{method} is not reliable for cosine, sine"):
         found = moments(SPUN, method)
     if method == "second_order":
         assert found.mean[found.names.index("cosine")] == pytest.approx(-49.0, rel=1e-12)
@@ -195,7 +195,7 @@ def test_the_sample_is_as_large_as_it_must_be():
         (np.nan, np.nan, NORMAL_VALUES, "not smooth at the nominal run"),
         (0.0, 1.0, np.append(NORMAL_VALUES, np.nan), "1 of 1001 runs fail"),
         (3.0, 0.0, np.full(9, 3.0), ""),
-        (3.0, 0.5, np.full(9, 3.0), "nothing scatters"),
+        (3.0, 0.5, np.full(9, 3.0), "there is no dispersion"),
         (3.0, 0.5, np.zeros(0), ""),
     ],
 )

@@ -218,7 +218,7 @@ def test_figure_of_what_only_rounds(tmp_path):
     figure = dispersion_figure(dispersion(400), nominal=NOMINAL)
     figure.savefig(tmp_path / "d.png", dpi=40)
     texts = " ".join(t.get_text() for axes in figure.axes for t in axes.texts)
-    assert "nominal 46000" in texts and "nothing scatters" in texts
+    assert "nominal 46000" in texts and "no dispersion" in texts
 
 
 @pytest.mark.parametrize(
@@ -272,5 +272,5 @@ def check_look(found, width, dark):
     assert np.ptp(found["lengths"]) < 1e-9 * found["lengths"][0]
     assert found["before"] == "apoapsis [km]"
     assert found["after"][:2] == ["constant", "impulse [N s]"]
-    assert "nothing scatters" in found["after"][2]
+    assert "no dispersion" in found["after"][2]
     assert found["ground"] == ("rgb(20, 24, 27)" if dark else "rgb(255, 255, 255)")

@@ -111,7 +111,7 @@ def simulated(slope, fails=()):
 
     def runs(rtol):
         if rtol in fails:
-            raise SimulationError("The nominal run cannot be run.")
+            raise SimulationError("The nominal run cannot be simulated.")
         outputs = {"y": y + slope * rtol, "same": np.full(512, 3.0) + rtol}
         steps = np.full(512, rtol ** (-1.0 / 8.0))
         return RunResults({}, outputs, np.zeros(512, int), steps, {})
@@ -128,7 +128,9 @@ def test_the_search_ends_at_the_loosest_of_those_tried(slope):
 
 
 def test_where_none_serves_and_where_the_tightest_cannot_be_run():
-    with pytest.warns(UserWarning, match="tightest .* times what is allowed.* that of y"):
+    with pytest.warns(
+        UserWarning, match="tightest .* times the allowed one.* limiting output is y"
+    ):
         found = tolerance_by_purpose(simulated(1e9), 10_000)
     assert found.purpose.tolerance == 1e-11 and found.purpose.excess > 1.0
     # Then with the tightest that can, if only the default.
@@ -144,7 +146,7 @@ def test_where_none_serves_and_where_the_tightest_cannot_be_run():
     [
         (lambda: disperse(CAMPAIGN, 10, accuracy="by purpos"), 'accuracy is .by purpos.* "by purp'),
         (lambda: Campaign(swings, INPUTS, last, accuracy="best"), "accuracy is 'best': it must be"),
-        (lambda: ByPurpose(Accuracy(1e-9)), "ByPurpose.accuracy has a tolerance"),
+        (lambda: ByPurpose(Accuracy(1e-9)), "ByPurpose.accuracy sets a tolerance"),
     ],
 )
 def test_what_makes_no_sense_is_refused(make, said):

@@ -39,5 +39,5 @@ def test_lines_between_the_positions_show_each_run():
 
 
 def test_paths_that_turn_too_often_are_said_to():
-    with pytest.warns(UserWarning, match="give num_saved"):
+    with pytest.warns(UserWarning, match="increase num_saved"):
         run_paths(circles(1000.0), [0], num_saved=2000)

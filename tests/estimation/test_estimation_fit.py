@@ -83,14 +83,14 @@ def test_what_cannot_be_seen_is_told_and_stays():
     assert list(np.asarray(found.unseen)) == [True, True, True]
     assert np.all(np.isinf(found.std))
     told = found.observability()
-    assert "c cannot be seen: no reading depends on it." in told
+    assert "c is unobservable: no reading depends on it." in told
     assert "The combination" in told and "a" in told and "b" in told
     assert float(found.parameters["c"]) == 7.0
     # The sum is found; the difference stays as it was.
     a, b = found.parameters["a"], found.parameters["b"]
     assert_allclose(a + b, np.sum(z * TS) / np.sum(TS**2), rtol=1e-6)
     assert_allclose(a - b, 0.5, atol=1e-6)
-    assert "cannot be seen" in repr(found)
+    assert "is unobservable" in repr(found)
     with_prior = fit(shared, z, start, noise=0.02, prior=1.0)
     assert with_prior.observability() == ""
 
@@ -178,7 +178,7 @@ def test_an_attitude_moves_on_its_group():
     [
         ({"method": "newton"}, "method is 'newton'"),
         ({"noise": 0.0}, "must be positive"),
-        ({"data": TS[:1]}, "must be like the data"),
+        ({"data": TS[:1]}, "must have the structure and shapes of the data"),
         ({"parameters": {}}, "nothing to fit"),
     ],
 )

@@ -259,7 +259,7 @@ def test_parts_that_are_released_keep_the_momentum():
     apart = after[1].position - after[0].position
     assert_allclose(turn.rotate_back(apart), offset[:, None] + 0.0 * vectors, atol=1e-13)
     assert starts[0].as_point()(0.0, y).attitude is None
-    with pytest.raises(InputError, match="needs its mass"):
+    with pytest.raises(InputError, match="must have a mass"):
         rest(0.0, BodyState(vectors, vectors))
     with pytest.raises(InputError, match="release got no parts"):
         release()
@@ -307,7 +307,7 @@ def test_names_are_listed_and_numbers_have_the_order_of_the_result():
 
 BAD = {
     ('after = "ascent"', 'after = "acsent"'): (
-        'branch.booster.after = "acsent" is not a phase that is known: it must be one of ascent, '
+        'branch.booster.after = "acsent" is not a known phase: it must be one of ascent, '
         "coast. Did you mean ascent?"
     ),
     ('after = "ascent"', 'after = "coast"'): (
@@ -315,7 +315,7 @@ BAD = {
         "one, which continues with the remaining body."
     ),
     ('after = "booster.up"', 'after = "cap.fall"'): (
-        'branch.cap.after = "cap.fall" is not a phase that is known: it must be one of ascent, '
+        'branch.cap.after = "cap.fall" is not a known phase: it must be one of ascent, '
         "coast, booster.up, booster.fall."
     ),
     ('body.mass = "60 kg"', 'body.mass = "160 kg"'): (
@@ -336,7 +336,7 @@ BAD = {
     ),
     ("[branch.cap]", '[branch."a.b"]'): 'branch is "a.b": it must be a name',
     ('name = "coast"', 'name = "booster"'): (
-        'branch is "booster": it must be another name than ascent, booster, final, run.'
+        'branch is "booster": it must be a name other than ascent, booster, final, run.'
     ),
     ('"touchdown"', '"tuchdown"'): "branch.booster.phase.1.until is",
     ('name = "fall"', 'name = "up"'): (
@@ -344,7 +344,7 @@ BAD = {
     ),
     ('"booster.final.position.0"', '"boster.final.position.0"'): "Did you mean booster.final",
     ('at = "booster.fall"', 'at = "booster.fal"'): (
-        "dispersion.outputs.4.at is not a phase that is known: it must be one of final, "
+        "dispersion.outputs.4.at is not a known phase: it must be one of final, "
         "booster.final, booster.cap.final, ascent, coast, booster.up, booster.fall, "
         "booster.cap.fall. Did you mean booster.fall?"
     ),

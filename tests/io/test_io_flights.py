@@ -122,7 +122,7 @@ def changed(tmp_path, *changes):
         (
             'height = "800 m"',
             'height = "800 m"\ntime = "60 s"',
-            r"vehicle.parachutes.1.time is given beside a height: it must be left out",
+            r"vehicle.parachutes.1.time is given together with a height: omit one",
         ),
         (
             'lag = "1.5 s"\nheight = "800 m"',

@@ -80,7 +80,7 @@ def test_an_objective_without_bound_says_so():
     """By few steps; with a constraint that the run away must not make infeasible."""
     found = minimise(lambda x: Criterion(jnp.sum(x)), 4.0 * jnp.ones(2))
     assert not found.converged and int(found.reason) == StopReason.UNBOUNDED
-    assert "fall without bound. Give bounds" in found.sentence() and int(found.steps) < 40
+    assert "unbounded below. Give bounds" in found.sentence() and int(found.steps) < 40
     held = minimise(lambda x: Criterion(x[1] ** 2 - x[0], x[1] - 1.0), jnp.array([1.0, 0.5]))
     assert int(held.reason) == StopReason.UNBOUNDED
 
@@ -122,7 +122,10 @@ def test_a_wrong_gradient_is_named():
         minimise(problem, jnp.array([1.0, 0.2]))
     # Under `jit` the result says it.
     found = jax.jit(lambda x: minimise(problem, x))(jnp.array([1.0, 0.2]))
-    assert "is not the slope of non_negative[1]: the search did not" in found.sentence()
+    assert (
+        "disagrees with finite differences of non_negative[1]: the search was not"
+        in found.sentence()
+    )
 
 
 # Of one start it is refused above.
@@ -167,7 +170,7 @@ def constrained(x):
         (lambda x: bare("equal_zero", [x[0]]), jnp.ones(2), {}, "equal_zero as a list: it must be"),
         (lambda x: bare("objective", None), jnp.ones(2), {}, "objective as a NoneType"),
         (bowl, jnp.ones(2), {"max_steps": 0}, "max_steps is 0: it must be at least 1"),
-        (bowl, jnp.ones(2), {"scale": jnp.array([1.0, 0.0])}, "sizes must be positive and finite"),
+        (bowl, jnp.ones(2), {"scale": jnp.array([1.0, 0.0])}, "scales must be positive and finite"),
         (bowl, jnp.ones(2), {"scale": 1.0}, r"scale has the shape \(\): it must be \(2,\)"),
         (bowl, {"a": 1.0}, {"scale": 1.0}, "scale must have the structure of the start"),
     ],

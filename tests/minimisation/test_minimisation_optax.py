@@ -186,7 +186,7 @@ def test_steps_that_are_not_finite_are_left_out_and_counted():
     )(jnp.array([4.0]))
     assert int(leaping.left_out) > 0 and np.isfinite(leaping.criterion.objective)
     np.testing.assert_array_equal(np.isfinite(leaping.history[: int(leaping.steps)]), True)
-    assert f"{int(leaping.left_out)} steps left out" in leaping.sentence()
+    assert f"{int(leaping.left_out)} steps skipped" in leaping.sentence()
     # The line search turns back by itself.
     np.testing.assert_allclose(searched(jnp.array([0.05]), "lbfgs").x, 1.0, atol=1e-5)
 
@@ -287,7 +287,7 @@ def test_progress_an_interruption_and_a_continuation():
     np.testing.assert_allclose(on.x, whole.x, rtol=1e-9)
     taken = ~np.isnan(np.asarray(on.history[:, 0]))
     assert np.sum(taken) == int(whole.steps)
-    with pytest.raises(InputError, match="or by another optimiser"):
+    with pytest.raises(InputError, match="of another problem or optimiser"):
         minimise(line, begun)
 
 
@@ -312,7 +312,10 @@ def test_float32_and_strict_promotion():
             },
             "optimiser is a function",
         ),
-        ({"optimiser": lbfgs(), "exact_hessian": True}, "exact_hessian is given with an optimiser"),
+        (
+            {"optimiser": lbfgs(), "exact_hessian": True},
+            "exact_hessian is given with an optax optimiser",
+        ),
     ],
 )
 def test_what_is_no_optimiser_is_refused(options, said):
@@ -323,7 +326,7 @@ def test_what_is_no_optimiser_is_refused(options, said):
 def test_names():
     with pytest.raises(InputError, match=r"one of sqp, lbfgs, .*Did you mean adam\?"):
         named_optimiser("adan")
-    with pytest.raises(InputError, match="rate is 0.1: lbfgs finds the length of its steps"):
+    with pytest.raises(InputError, match="rate is 0.1: lbfgs chooses its own step length"):
         named_optimiser("lbfgs", 0.1)
     with pytest.raises(InputError, match="rate is -1: it must be positive"):
         named_optimiser("adam", -1.0)

@@ -110,7 +110,7 @@ def test_an_infeasible_target_ends_at_what_can_be_reached():
     found = search(problem, jnp.array([0.5, 3.0]))
     assert not found.converged and int(found.reason) == StopReason.INFEASIBLE
     sentence = found.sentence()
-    assert "cannot be met" in sentence
+    assert "cannot be satisfied" in sentence
     np.testing.assert_allclose(found.x[1], 0.0, atol=1e-5)
     # Every constraint that is not met with its value, and no other.
     for k, (value, unmet) in enumerate(
@@ -158,16 +158,16 @@ def test_a_search_that_stops_short_is_not_infeasible():
     # What is missing may be the gradient alone.
     assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet[0])
     sentence = rough.sentence()
-    assert "short of the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
+    assert "without reaching the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
     few = search(on_a_shell, start, max_steps=2)
     assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
     sentence = few.sentence()
-    assert "where 0 is required. Allow more, or begin nearer." in sentence
+    assert "where 0 is required. Increase max_steps, or start closer." in sentence
     # An unknown that starts at zero has the size 1, whatever those of the others.
     uneven = dataclasses.replace(few, search=few.search._replace(size=jnp.array([7.0, 1.0, 2e4])))
     assert uneven.sentence() == (
-        f"{sentence} x[1] is counted in ones, for it starts near zero, and x[2] in 2e+04: give "
-        f"minimise(scale=...) the changes that matter."
+        f"{sentence} x[1] has the scale 1, because it starts near zero, and x[2] has 2e+04: pass "
+        "typical changes with minimise(scale=...)."
     )
     assert f"equal_zero[0] is {few.criterion.equal_zero[0]:.3g}" in sentence
 
@@ -188,7 +188,7 @@ def test_circles_that_do_not_meet_are_infeasible_in_any_precision(dtype):
     for start in ([0.5, 0.5], [-0.48, 0.46], [0.64, -0.79], [2.88, 0.083], [3.17, 0.94]):
         found = search_from(jnp.array(start, dtype))
         assert int(found.reason) == StopReason.INFEASIBLE, start
-        assert "cannot be met" in found.sentence()
+        assert "cannot be satisfied" in found.sentence()
         assert abs(found.x[1]) < 1e-2
 
 

@@ -103,7 +103,7 @@ def test_a_store_of_another_search_is_refused(tmp_path):
         lambda: SEARCHES["lbfgs"](store=store, resume=True),
         lambda: SEARCHES["design"](store=store, resume=True),
     ):
-        with pytest.raises(InputError, match="which is that of another search"):
+        with pytest.raises(InputError, match="which belongs to another search"):
             other()
     store.write_bytes(store.read_bytes()[:100])
     with pytest.raises(InputError, match="which cannot be read"):

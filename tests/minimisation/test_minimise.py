@@ -93,7 +93,7 @@ def test_a_gradient_over_kinks_that_are_no_breaks_is_found(kind):
         assert error < 1e-6
     else:
         assert error > 1e-3 and int(found.reason) == StopReason.WRONG_GRADIENT
-        assert "did not begin" in found.sentence()
+        assert "was not started" in found.sentence()
 
 
 def test_a_wrong_gradient_is_refused():

@@ -173,11 +173,11 @@ def test_degenerate_and_infeasible_cases_are_reported():
     np.testing.assert_allclose(shorter.final_velocity, same.final_velocity, rtol=1e-14)
     poor = propellant_use(released(100.0, 30.0), 4e5, 1000.0, G)
     # (50 + 1000)^2 / 64.4 = 17119.6; sqrt(64.4 4e5) - 50 = 5025.43.
-    assert not poor.feasible and "too little" in poor.sentence()
+    assert not poor.feasible and "insufficient" in poor.sentence()
     assert "gives 1000 m/s, where 5025.43 m/s are needed; the nearest" in poor.sentence()
     assert "17119.6 m above" in poor.sentence()
     sinking = propellant_use(jnp.array([500.0, -2000.0]), 4e5, 1000.0, G)
-    assert sinking.sentence().endswith("it reaches no height so.")
+    assert sinking.sentence().endswith("no height is reached this way.")
     with pytest.raises(InputError, match="gravity is 0"):
         propellant_use(jnp.ones(2), 1.0, 1.0, 0.0)
     slopes = jax.jit(jax.grad(lambda x: propellant_use(x[:2], x[2], x[3], G).final_velocity))

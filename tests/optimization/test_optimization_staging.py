@@ -284,7 +284,7 @@ def test_bad_input_is_told():
         optimal_staging([3000.0], [1.2], 100.0)
     with pytest.raises(InputError, match="exhaust_velocity is a scalar"):
         optimal_staging(np.array(3000.0), [0.1], 100.0)
-    with pytest.raises(InputError, match="the descent takes one run"):
+    with pytest.raises(InputError, match="the descent does not accept a batch"):
         optimal_staging_by_gradient([3000.0], [0.1], np.array([100.0, 200.0]))
 
 

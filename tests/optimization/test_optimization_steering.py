@@ -265,7 +265,7 @@ def test_bad_input_is_told():
         dataclasses.replace(A, burn_time=-1.0)
     with pytest.raises(InputError, match="Ascent.thrust at burn_time"):
         dataclasses.replace(C, burn_time=270.0)
-    with pytest.raises(InputError, match="several runs"):
+    with pytest.raises(InputError, match="does not accept a batch"):
         optimise_steering(
             eqx.tree_at(lambda a: a.gravity, A, jnp.ones(2)),
             SteeringProfile([0.0, 160.0], [0.3, 0.3]),

@@ -149,7 +149,7 @@ def test_the_file_of_the_optimum(searched, tmp_path):
 @pytest.mark.parametrize(
     ("old", "new", "sentence"),
     [
-        ('minimise = "specific_energy"', "", "must have one of minimise and maximise"),
+        ('minimise = "specific_energy"', "", "must have exactly one of minimise and maximise"),
         ('"initial.velocity.1" =', '"initial.velocty.1" =', "Did you mean initial.velocity.1?"),
         ('high = "8.5 km/s"', 'high = "7 km/s"', "low must be below high"),
         ('low = "7.6 km/s"', 'low = "8.2 km/s"', "which is the start of the search"),

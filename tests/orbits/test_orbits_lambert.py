@@ -442,7 +442,7 @@ def test_what_has_no_single_transfer_is_named(expected, start, end, duration, re
 
 
 def test_the_shortest_duration_asks_which_way():
-    with pytest.raises(InputError, match="least_duration: The plane of start and end holds"):
+    with pytest.raises(InputError, match="least_duration: The plane of start and end contains"):
         least_duration(jnp.asarray(Z), jnp.asarray(Y), 1.0, 1)
     ends = jnp.stack([Y, X + Z], axis=1)
     starts = jnp.stack([Z, X], axis=1)

@@ -236,7 +236,7 @@ def test_components_of_an_impulse():
         axes = np.stack([r[:, k], np.cross(h[k], r[:, k]), h[k]], axis=1)
         axes = axes / np.linalg.norm(axes, axis=0)
         np.testing.assert_allclose(axes.T @ dv[:, k], [0.1, -0.2, normal], rtol=1e-12)
-    with pytest.raises(InputError, match="must hold position and velocity"):
+    with pytest.raises(InputError, match="must have position and velocity"):
         Impulse(along=1.0)(0.0, BodyState(mass=jnp.ones(())))
 
 

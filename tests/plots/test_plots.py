@@ -75,7 +75,7 @@ def test_dispersion_figure(dispersion, tmp_path):
         "impulse",
     ):
         assert expected in text
-    assert "nothing scatters" in text  # the constant output has no contributors
+    assert "no dispersion" in text  # the constant output has no contributors
     assert figure.axes[0].collections[0].get_offsets().shape == (399, 2)
     assert ("matplotlib.pyplot" in sys.modules) == before
 
@@ -296,7 +296,7 @@ def test_a_fast_spin_under_a_controller_is_said_not_to_be_resolved():
     """What the commands do is not known; how fast an attitude turns its own rate says."""
     run = simulate(SPINNER, FAST, TIMES, accuracy=Accuracy(1e-6, method=DOP853()))
     ts, style, said = phi(trajectory_figure(dataclasses.replace(run, control={})))
-    assert len(ts) == 102 and style == "None" and said.startswith("points, not resolved")
+    assert len(ts) == 102 and style == "None" and said.startswith("points only, not resolved")
 
 
 @pytest.mark.parametrize("times, finer", [(402, False), (12, True)])

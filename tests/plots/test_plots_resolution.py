@@ -204,7 +204,7 @@ def test_a_closed_loop_of_few_saved_times_is_refused_and_says_what_to_write(tmp_
     shown = drawn_at(data, "position", np.asarray(run.ts))
     assert np.max(np.abs(shown - run.states.position)) < LINE * 2.0
     figure = trajectory_figure(loop.simulate(start, jnp.linspace(0.0, 40.0, 3)))
-    assert figure.axes[0].get_title(loc="right").startswith("points, not resolved")
+    assert figure.axes[0].get_title(loc="right").startswith("points only, not resolved")
 
 
 def test_an_attitude_between_two_saved_times_is_that_of_the_run(tmp_path):

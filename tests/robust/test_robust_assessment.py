@@ -102,11 +102,11 @@ def test_the_page_holds_table_sentences_and_pictures(assessment, tmp_path):
 def test_what_is_wrong_is_said(best):
     for arguments, sentence in (
         ({"seed": best.seed}, "seed is 0, that of the search"),
-        ({"others": {"robust": best.x}}, '"robust" is the name of the optimum'),
+        ({"others": {"robust": best.x}}, '"robust" is reserved for the optimum'),
         ({"runs": 100}, "runs is 100, too few for the 95 % quantile of y"),
     ):
         with pytest.raises(InputError, match=sentence):
             assess_designs(best, **arguments)
     nominal = optimise_nominal(CAMPAIGN, jnp.asarray(0.9), minimise=CVaR("y", 0.9))
-    with pytest.raises(InputError, match="optimum is that of the nominal run"):
+    with pytest.raises(InputError, match="optimum belongs to the nominal run"):
         assess_designs(nominal)

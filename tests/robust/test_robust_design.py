@@ -334,12 +334,12 @@ def test_a_search_turns_back_where_runs_fail():
     # One of 64 Sobol points lies in the last 64th of the range.
     assert 0.9 < float(found.x) < 1.0 / (0.8 * 63 / 64) and np.isfinite(found.value)
     assert int(found.minimum.left_out) > 0
-    assert "at their designs more than a share of 0 of the runs fail" in repr(found)
+    assert "for their designs more than a fraction of 0 of the runs fail" in repr(found)
     assert re.search(r"At the last of them \d+ of 64 runs fail, most of them so: ", repr(found))
 
 
 def test_too_many_failed_runs_at_the_start_are_said():
-    with pytest.raises(InputError, match="of 64 runs fail, .* At most a share of 0 may fail"):
+    with pytest.raises(InputError, match="of 64 runs fail, .* At most a fraction of 0 may fail"):
         optimise_design(blown, jnp.asarray(0.9), minimise=Mean("y"), runs=64)
 
 
@@ -349,7 +349,7 @@ def test_what_is_wrong_is_said_before_anything_is_compiled():
     for wrong, sentence in (
         ({"minimise": Quantile("y", 0.99), "runs": 1000}, "runs is 1000, too few .* 2000 or more"),
         ({"minimise": CVaR("y", 0.9), "runs": 100}, "100, too few for the mean of y beyond"),
-        ({"minimise": Mean("z")}, "'z' is no output of the campaign: it must be one of y"),
+        ({"minimise": Mean("z")}, "'z' is not an output of the campaign: it must be one of y"),
         ({"minimise": "mean"}, "minimise is a str: it must be a statistic"),
         ({"minimise": Mean("y"), "subject_to": [Mean("y")]}, r"subject_to\[0\] is a Mean"),
         ({"minimise": Mean("y"), "bounds": (1.0, 0.0)}, "the lower one must be below"),

@@ -57,13 +57,13 @@ def test_what_is_wrong_with_a_path_is_said():
         ({"phases.0": Free()}, "begins with 'phases': it must begin with mission or state"),
         ({"mission.phases.1": Free()}, "mission.phases has 0"),
         ({"mission.phases.0.untill": Free()}, "has system, until, .* Did you mean until"),
-        ({"mission.phases.0.name": Free()}, "holds no floats"),
+        ({"mission.phases.0.name": Free()}, "contains no floats"),
         ({"state.y": Free(1.0, 0.0)}, "low = 1 and high = 0: the lower one must be below"),
     ):
         with pytest.raises(InputError, match=sentence):
             free_by_path(CAMPAIGN, free)
     random = Campaign(lambda s: (build(s)[0], Line(s["w"])), CAMPAIGN.inputs, outputs)
-    with pytest.raises(InputError, match="a number cannot be free and random"):
+    with pytest.raises(InputError, match="a number cannot be both a design variable and random"):
         free_by_path(random, {"state.y": Free()})
 
 

@@ -90,7 +90,7 @@ def test_why_a_search_ends():
     held = train_design(campaign, jnp.asarray(0.0), bounds=limits, patience=20, **settings)
     # At its bound after ten steps, where nothing is left but noise; the average lags behind.
     assert held.converged and 0.99 < float(held.x) <= 1.0
-    assert "Settled after" in held.sentence()
+    assert "Converged after" in held.sentence()
     short = train_design(campaign, jnp.asarray(0.0), max_steps=3, average=0.0, **settings)
     assert int(short.minimum.reason) == StopReason.STEP_LIMIT
     # The slope is 1, and three steps of a tenth go there.
@@ -112,8 +112,8 @@ def test_what_is_wrong_is_said():
     campaign = algebraic(shifted, STANDARD)
     good = {"minimise": Mean("y"), "optimiser": optax.sgd(0.1)}
     for wrong, sentence in (
-        ({"optimiser": optax.lbfgs()}, "optimiser searches along lines or keeps curvature"),
-        ({"optimiser": "sqp"}, "batches need one of optax"),
+        ({"optimiser": optax.lbfgs()}, "optimiser uses line searches or curvature estimates"),
+        ({"optimiser": "sqp"}, "batches require an optax optimiser"),
         ({"optimiser": 3.0}, "optimiser is a float"),
         ({"average": 1.0}, "average is 1.0"),
         ({"patience": 1}, "patience is 1"),

@@ -67,7 +67,7 @@ def test_the_lowest_place_between_two_states():
         one = BodyState(ends.position[..., i], ends.velocity[..., i])
         np.testing.assert_array_equal(lowest_below_ground(ts[:, i], one, RADIUS, MU), depth[i])
     assert bool(ground_warning(np.where(told, lowest, np.inf), RADIUS, "")) == np.any(told)
-    # A state that is saved below the ground is not told until it is deep.
+    # A state that is saved below the surface is not told until it is deep.
     deep = (end < 0.989 * RADIUS) | ((lowest < 0.998 * RADIUS) & (lowest < end - 1.0))
     high = (lowest > 0.9995 * RADIUS) | ((lowest > 0.991 * RADIUS) & (lowest == end))
     assert np.all(told[deep]) and not np.any(told[high])
@@ -77,11 +77,11 @@ def test_the_lowest_place_between_two_states():
 def test_a_run_through_the_planet_is_told():
     """Saved at both ends alone, high above; a landing ends at the ground, and is not told."""
     y, ts = state(6.2e6, 0.1, 3.0), np.array([0.0, 6000.0])
-    with pytest.warns(UserWarning, match=r"below the ground, 6\.\de\+06 m .*Oblateness.radius"):
+    with pytest.warns(UserWarning, match=r"below the surface, 6\.\de\+06 m .*Oblateness.radius"):
         below = simulate(SCENE, y, ts, accuracy=1e-6)
     # Not a failure: its states are there.
     assert Status(int(below.status)) == Status.BELOW_GROUND and Status.BELOW_GROUND.good
-    assert np.all(np.isfinite(below.final.position)) and "below the ground" in repr(below)
+    assert np.all(np.isfinite(below.final.position)) and "below the surface" in repr(below)
     landing = simulate(SCENE, y, ts, accuracy=1e-6, events=(Event(AtAltitude(0.0, RADIUS)),))
     assert int(landing.status) == 1
     # From the ground, along the way on which it came.
@@ -91,7 +91,7 @@ def test_a_run_through_the_planet_is_told():
 
 def test_runs_through_the_planet_are_counted():
     y = state(jnp.array([6.2e6, 6.6e6, 6.3e6]), 0.1, 3.0)
-    with pytest.warns(UserWarning, match="2 of 3 runs pass below the ground"):
+    with pytest.warns(UserWarning, match="2 of 3 runs pass below the surface"):
         batch = simulate_batch(SCENE, y, np.array([0.0, 6000.0]), accuracy=1e-6)
     assert batch.status.tolist() == [Status.BELOW_GROUND, 0, Status.BELOW_GROUND]
 
@@ -100,7 +100,7 @@ def test_the_phase_below_the_ground_has_the_status():
     """And the mission: high above, then through the planet."""
     y = state(6.2e6, 0.1, 0.9 * np.pi)
     mission = Mission([Phase(SCENE, 100.0, name="high"), Phase(SCENE, 6000.0, name="low")])
-    with pytest.warns(UserWarning, match="below the ground"):
+    with pytest.warns(UserWarning, match="below the surface"):
         flight = simulate_mission(mission, y, accuracy=1e-6)
     assert int(flight["high"].status) == 0
     assert int(flight["low"].status) == int(flight.status) == Status.BELOW_GROUND
@@ -145,7 +145,7 @@ def test_the_command_line_says_it_in_a_line(tmp_path, capsys):
         warnings.simplefilter("always")
         assert main(["run", str(path), "--out", str(tmp_path)]) == 0
     (line,) = capsys.readouterr().err.splitlines()
-    assert line.startswith("The run passes below the ground, 6.3e+06 m from the centre")
+    assert line.startswith("The run passes below the surface, 6.3e+06 m from the centre")
 
 
 @pytest.mark.parametrize(

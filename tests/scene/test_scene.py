@@ -154,7 +154,7 @@ def test_explain_names_every_effect():
         ),
         (
             lambda: Scene((MovingMasses(lambda t: t * jnp.ones((3, 1)), [2.0]),)),
-            "MovingMasses needs the mass of the body, which has none",
+            "MovingMasses requires the mass of the body, which has none",
         ),
         (lambda: RigidBody(-5.0), "RigidBody.mass is -5: it must be positive and finite."),
         (lambda: PointGravity(-1.0), "PointGravity.mu is -1"),

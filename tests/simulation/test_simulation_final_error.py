@@ -256,7 +256,7 @@ def test_an_edge_without_a_break_is_met_or_said_not_to_be(precision, some):
         (lambda: FinalError(position="1 m"), "FinalError.position is '1 m': it must be a number"),
         (lambda: FinalError(position=jnp.ones(3)), r"has the shape \(3,\)"),
         (lambda: FinalError(output=len), "must be given together"),
-        (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "has a tolerance"),
+        (lambda: FinalError(1e-9, accuracy=Accuracy(1e-9)), "sets a tolerance"),
         (
             lambda: simulate(ORBIT, start(1.0), TS, accuracy=Accuracy(jnp.full(2, 1e-9))),
             r"Accuracy.rtol has the shape \(2,\): it must be one number.$",

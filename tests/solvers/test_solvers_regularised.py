@@ -224,7 +224,7 @@ def test_it_refuses_what_has_no_regularised_variables():
         Regularised(steps=3)
     with pytest.raises(InputError, match="TwoBody offers no regular"):
         simulate(TwoBody(1.0), y, ts, accuracy=by(10))
-    refused(Scene((Oblateness(1.0, J2, 1.0),)), "one effect as PointGravity, and has 0")
+    refused(Scene((Oblateness(1.0, J2, 1.0),)), "one effect such as PointGravity, and has 0")
     body = RigidBody(mass=1.0, inertia=(1.0, 1.0, 2.0))
     damped = Scene((PointGravity(1.0), JetDamping(lambda t, m: -1.0 * m, 1.0, 0.1)), body)
     refused(damped, "JetDamping reads the omega")

@@ -215,4 +215,4 @@ def test_it_refuses_what_cannot_be_split():
     )
     refused(Scene((PointGravity(1.0), drag)), "more than loads by position and attitude")
     body = BurningBody(1.0, [1.0, 1.0, 1.0], [1.0, 1.0, 1.0])
-    refused(Scene((PointGravity(1.0),), body, carry=("mass",)), "its mass is a part of the state")
+    refused(Scene((PointGravity(1.0),), body, carry=("mass",)), "its mass is part of the state")

@@ -122,16 +122,19 @@ def test_means_leave_infinite_values_out_and_say_so():
     assert row.high == row.max == np.inf and row.min == -np.inf and np.isfinite(row.low)
     (told,) = d.warnings
     assert "x is ∞ in 598, -∞ in 2, not a number in 3 of 3999 good runs" in told
-    assert "leave them out, limits count the infinite ones" in told
+    assert "exclude them, limits count the infinite ones" in told
     for statistic in (d.covariance, d.ellipsoid):
-        with pytest.warns(UserWarning, match="603 of 3999 good runs are left out: x, a must"):
+        with pytest.warns(UserWarning, match="603 of 3999 successful runs are omitted: x, a must"):
             statistic("x", "a")
     assert d.percentile("x", 0.95).value == np.inf
     assert d.violation("x", at_most=1e9).count == 598 + 3 + 1
     assert d.violation("x", at_least=-1e9).count == 2 + 3 + 1
     assert dispersion(x=np.zeros(4000)).warnings == ()
     lost = dispersion(x=np.full(4000, np.nan))
-    assert lost.table()[0].undefined == 3999 and "No statistic counts them" in lost.warnings[0]
+    assert (
+        lost.table()[0].undefined == 3999
+        and "They are excluded from all statistics" in lost.warnings[0]
+    )
     far = dispersion(x=np.full(4000, np.inf)).table()[0]
     assert far.low == far.high == np.inf and np.isnan(far.mean) and np.isnan(far.std)
 

@@ -105,7 +105,7 @@ def test_single_precision_stays():
     "times, values, words",
     [
         (np.zeros(2), np.zeros(2), "needs 5 states"),
-        (np.zeros(6), np.zeros(7), "must fit"),
+        (np.zeros(6), np.zeros(7), "must be compatible with"),
     ],
 )
 def test_what_does_not_fit_is_refused(times, values, words):

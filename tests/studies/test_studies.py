@@ -321,12 +321,12 @@ BAD_COST = [
     ({"tolerances": ()}, "tolerances is empty"),
     ({"tolerances": (-1e-6,)}, "tolerances is -1e-06: it must be positive"),
     ({"tolerances": (1e-17,)}, "tolerances holds 1e-17: it must be at least"),
-    ({"methods": ["euler"]}, "methods holds 'euler': it must hold solvers"),
+    ({"methods": ["euler"]}, "methods contains 'euler': it must contain solvers"),
     ({"methods": [diffrax.Euler()]}, "methods holds Euler.*an error estimate"),
     ({"methods": ["closed_form"]}, "Scene has none"),
     (
         {"precisions": ["float16"]},
-        r"precisions is \('float16',\): it must hold one or both of float64, float32",
+        r"precisions is \('float16',\): it must contain one or both of float64, float32",
     ),
     ({"repeats": 0}, "repeats is 0: it must be positive"),
 ]
@@ -347,7 +347,7 @@ def test_studies_refuse_what_is_no_run():
         )
     with (
         jax.enable_x64(False),
-        pytest.raises(InputError, match=r"it must be float64, for the reference"),
+        pytest.raises(InputError, match=r"the reference requires float64"),
     ):
         accuracy_cost(OBLATE, orbit(), jnp.array([0.0, 60.0]))
 
@@ -612,10 +612,10 @@ def test_a_table_without_a_reference_says_so():
         "",
     ) and "maximum number of steps was reached" in tight.failure
     assert loose.seconds > 0.0 and math.isnan(loose.error) and loose.gradient_error is None
-    assert cost.notes[0].startswith("The errors are not known, because no run ends well")
+    assert cost.notes[0].startswith("The errors are unknown, because no reference run succeeds")
     assert "DOP853 at 1e-11: The maximum number of steps was reached" in cost.notes[0]
     assert "nan" not in str(cost) and cost.notes[0] in str(cost)
-    with pytest.raises(InputError, match="none was measured. The errors are not known"):
+    with pytest.raises(InputError, match="none was measured. The errors are unknown"):
         cost.cheapest(1e-3)
 
 

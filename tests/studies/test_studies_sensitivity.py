@@ -227,8 +227,8 @@ def test_covariance_of_another_size_is_refused():
     ("change", "sentence"),
     [
         ({"order": 3}, "order is 3"),
-        ({"wrt": lambda s, y: ()}, "must return arrays"),
-        ({"wrt": lambda s, y: 2.0}, "must return arrays"),
+        ({"wrt": lambda s, y: ()}, "must return a pytree of arrays"),
+        ({"wrt": lambda s, y: 2.0}, "must return a pytree of arrays"),
     ],
 )
 def test_wrong_calls(change, sentence):

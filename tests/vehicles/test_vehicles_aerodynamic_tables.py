@@ -391,7 +391,7 @@ def test_what_is_no_table_is_refused_in_a_sentence(tmp_path, rasaero):
     assert "angles of sideslip" in refusal("Mach,Alpha,Beta,CA\n0,0,1,1\n1,0,1,1\n")
     bare = refusal("Mach,Alpha,CA,CN\n0,0,1,0\n1,0,1,0\n0,9,1,1\n1,9,1,1")
     assert "neither its centre nor a moment" in bare
-    assert "no axial force" in refusal("Mach,CN\n0,0\n1,0\n")
+    assert "neither an axial force" in refusal("Mach,CN\n0,0\n1,0\n")
     rolled = refusal("Mach,PHI,CA\n0,0,1\n1,0,1\n0,90,2\n1,90,2\n")
     assert f"{path}: the last roll is 1.5708: it must be a period behind the first" in rolled
     with pytest.raises(FileNotFoundError, match=r"none\.csv"):

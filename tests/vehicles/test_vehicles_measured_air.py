@@ -150,14 +150,18 @@ def test_lists_of_the_services_agree(tmp_path):
 @pytest.mark.parametrize(
     ("text", "sentence"),
     [
-        (spc().replace("%END%", ""), "has no line %END%: it must have one below its levels."),
+        (spc().replace("%END%", ""), "has no line %END%: it must end the levels."),
         (spc().replace("    740.00,", ""), "line 9 has 5 numbers: it must have 6, pressure, "),
         (spc().replace("12.40", "  x  "), "line 11: temp is 'x': it must be a finite number."),
         (spc().replace("40.00", "400.0"), "line 13: speed is 205.778: it must be from 0 to 150"),
         (igra().replace("  124B", "  1x4B"), "line 6: temp is '1x4': it must be a finite number."),
         (igra().replace("  315 ", "  515 "), "line 8: direction is 515: it must be from 0 to 360"),
-        (WYOMING.replace("  992.0", "\t992.0"), "line 9 has tabulators: its columns must have 7"),
-        (igra() + igra(), "line 9 begins another sounding, of 2: it must have one. Keep the lines"),
+        (WYOMING.replace("  992.0", "\t992.0"), "line 9 contains tabs: its columns must be 7"),
+        (
+            igra() + igra(),
+            "line 9 begins another sounding, of 2 in total: the file must contain only one. Keep "
+            "the lines",
+        ),
         (igra(()), "has no level of an atmosphere or a wind"),
     ],
 )

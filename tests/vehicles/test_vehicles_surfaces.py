@@ -207,7 +207,7 @@ def test_cold_gas_turns_within_its_limit_for_its_mass():
         ),
         (
             lambda: MovableFins(CANARDS, FOUR[:3]),
-            "MovableFins.azimuths has the length 3: it must be as many as FinSet.count, 4",
+            "MovableFins.azimuths has the length 3: it must be equal to FinSet.count, 4",
         ),
         (
             lambda: ApogeeControl(3e3, 0.0, 0.1),

@@ -34,7 +34,7 @@ def test_the_phases_of_parachutes_with_times():
     assert names == ["rail", "ascent", "parachute 1", "wait 2", "parachute 2"]
     mission, _ = flight(Recovery(1.0, time=9.0), Recovery(9.0, lag=0.5, time=20.0))
     assert [phase.name for phase in mission.phases] == names
-    with pytest.raises(InputError, match=r"Recovery\.time is given beside a height: it must"):
+    with pytest.raises(InputError, match=r"Recovery\.time is given together with a height: omit"):
         Recovery(1.0, height=300.0, time=9.0)
     with pytest.raises(InputError, match=r"Recovery\.time is -1: it must be positive"):
         Recovery(1.0, time=-1.0)
