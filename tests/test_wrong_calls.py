@@ -155,13 +155,13 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate(Other(), {"a": jnp.ones(3)}, SPAN),
-            r"y0 holds \['a'\] \(3,\), and Other.vector_field returns .*\['b'\] \(3,\)",
+            r"y0 contains \['a'\] \(3,\), and Other.vector_field returns .*\['b'\] \(3,\)",
         ),
         (
             lambda: simulate(KEPLER, [jnp.ones(3), jnp.ones(3)], SPAN),
             r"fails for y0, which contains \[0\] \(3,\), \[1\] \(3,\)",
         ),
-        (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which holds an array \(6,\)"),
+        (lambda: simulate(KEPLER, jnp.ones(6), SPAN), r"which contains an array \(6,\)"),
         (
             lambda: simulate(custom(lambda t, y, body: None), Y, SPAN),
             "Custom.function returns NoneType: it must return a Load",
@@ -196,7 +196,10 @@ def test_an_array_without_an_axis_of_runs_is_named():
             r"t0 has the shape \(5,\): it must be a scalar, the start time",
         ),
         (lambda: Phase(KEPLER, "1 day"), "Phase.until is '1 day': it must be a duration in s"),
-        (lambda: Mission([KEPLER]), "Mission.phases holds a Integrated: it must hold phases"),
+        (
+            lambda: Mission([KEPLER]),
+            "Mission.phases contains an object of type Integrated: it must contain phases",
+        ),
         (lambda: Scene(PointGravity(1.0)), "Scene.effects is a PointGravity: it must be a list"),
         (lambda: Scene((3.0,)), "Scene.effects contains an object of type float"),
         (
@@ -242,23 +245,26 @@ def test_an_array_without_an_axis_of_runs_is_named():
         ),
         (
             lambda: simulate(MISSION, Y, SPAN),
-            "^system is of type Mission: simulate_mission runs it.$",
+            "^system is of type Mission: use simulate_mission instead.$",
         ),
         (
             lambda: simulate_batch(MISSION, MANY, SPAN),
-            "^systems is of type Mission: simulate_mission_batch runs it.$",
+            "^systems is of type Mission: use simulate_mission_batch instead.$",
         ),
         (
             lambda: simulate_mission(FREE, Y),
-            "^mission is of type TorqueFreeBody, a system: simulate runs it.$",
+            "^mission is of type TorqueFreeBody, a system: use simulate instead.$",
         ),
         (
             lambda: simulate_mission_batch(KEPLER, MANY),
-            "^missions is of type Integrated, a system: simulate_batch runs it.$",
+            "^missions is of type Integrated, a system: use simulate_batch instead.$",
         ),
         (lambda: simulate_mission([KEPLER], Y), "mission is of type list: it must be a Mission"),
-        (lambda: sensitivity(MISSION, Y, events=(Event(at_x),)), "events is given with a mission"),
-        (lambda: sensitivity(KEPLER, Y, SPAN, num_saved=3), "num_saved is 3: of a system"),
+        (
+            lambda: sensitivity(MISSION, Y, events=(Event(at_x),)),
+            "events is not available for a mission",
+        ),
+        (lambda: sensitivity(KEPLER, Y, SPAN, num_saved=3), "num_saved is 3: for a system"),
         (
             lambda: simulate(
                 KEPLER, Y, SPAN, events=(Event(at_x, terminal=False, then=lambda t, y: None),)

@@ -168,7 +168,7 @@ def test_disperse_prints_a_table_and_keeps_the_runs(dispersed):
         "std dev",
         "0.5 %",
         "99.5 %",
-        "64 of 64 runs ended well",
+        "64 of 64 runs succeeded",
         "runs/s",
         "shares",
     ):
@@ -591,7 +591,7 @@ def test_list_and_schema(capsys):
     # Several tables hold the same one: its fields are written once.
     assert found.count("wind_20_feet") == 1 and "      as in air_drag.air\n" in found
     assert main(["list", "Julian day"]) == 2
-    assert "Julian day is in no entry" in capsys.readouterr().err
+    assert "Julian day matches no entry" in capsys.readouterr().err
     assert main(["schema"]) == 0
     assert json.loads(capsys.readouterr().out)["$schema"].startswith("https://json-schema.org")
 
@@ -654,7 +654,7 @@ outputs = ["semi_major_axis", "final.position.0"]
 """
     )
     assert main(["disperse", str(path), "--runs", "32", "--out", str(tmp_path)]) == 0
-    assert "32 of 32 runs ended well" in capsys.readouterr().out
+    assert "32 of 32 runs succeeded" in capsys.readouterr().out
     kept = open_store(tmp_path / "two_body.zarr")
     altitude = kept.inputs["initial.orbit.periapsis_altitude"]
     np.testing.assert_allclose(

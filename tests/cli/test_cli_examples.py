@@ -46,7 +46,7 @@ def test_a_copy_is_the_scene_and_needs_nothing_beside_it(tmp_path, monkeypatch, 
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [
-        (["new", "kick_stge"], "kick_stge is no example.* Did you mean kick_stage?"),
+        (["new", "kick_stge"], "kick_stge is not a bundled example.* Did you mean kick_stage?"),
         (["new", "top", "there.toml"], "there.toml exists already: give a path"),
         (["new", "top", "no/such.toml"], "no/such.toml: cannot be written or read"),
     ],

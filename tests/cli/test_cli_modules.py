@@ -152,7 +152,7 @@ def test_resume_asks_for_the_same_module(flown, tmp_path, capsys):
     assert main(["resume", store, "--with", str(other)]) == 2
     assert re.search(r"push.py is SHA-256 \w+\.\.\.: it must be", capsys.readouterr().err)
     assert main(["resume", store, "--with", str(flown / "push.py")]) == 0
-    assert "40 of 40 runs ended well" in capsys.readouterr().out
+    assert "40 of 40 runs succeeded" in capsys.readouterr().out
 
 
 BAD = [

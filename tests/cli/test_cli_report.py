@@ -63,7 +63,7 @@ def test_a_picture_that_fails_costs_no_number(folder, capsys, monkeypatch):
     given = ["disperse", str(folder / "coast.toml"), "--runs", "64", "--out", str(folder / "c")]
     assert main(given) == 0
     printed = capsys.readouterr()
-    assert "64 of 64 runs ended well" in printed.out and "coast.html" in printed.out
+    assert "64 of 64 runs succeeded" in printed.out and "coast.html" in printed.out
     assert "coast.png is left out: ValueError: no colour is left" in printed.err
 
 

@@ -178,7 +178,12 @@ def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
     ("old", "new", "head", "words"),
     [
         ("", "", f'title = "{"x" * 10**6}"\n', "must be a single line of at most 200"),
-        ("", "", 'title = "a\\u001b[31mred"\n', r'title is "a\u001b[31mred": it must be text'),
+        (
+            "",
+            "",
+            'title = "a\\u001b[31mred"\n',
+            r'title is "a\u001b[31mred": it must be a single line',
+        ),
         ("", "", '"a\\u009b31m" = 1\n', r"a\x9b31m is not a known key"),
         (
             "OUTPUT",
@@ -193,7 +198,7 @@ def test_a_pipe_is_not_waited_for_without_end(folder, capsys, monkeypatch):
             "OUTPUT",
             '{ output = "speed", at_least = "5 km/s", at_most = "1 km/s" }',
             "",
-            'at_least is "5 km/s" and dispersion.outputs.0.at_most is "1 km/s": the least must',
+            'at_least is "5 km/s" and dispersion.outputs.0.at_most is "1 km/s": the lower',
         ),
     ],
 )

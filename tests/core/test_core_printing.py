@@ -218,7 +218,7 @@ def test_a_dispersion_prints_its_table():
     held = {"mass": runs}, {"range": 10.0 * runs, "time": runs * np.nan}
     result = Dispersion(*held, np.zeros(4, int), np.ones(4), {"range": "km", "mass": "kg"}, 1)
     lines = repr(result).splitlines()
-    assert lines[0] == "Dispersion of 4 runs, 4 of them good"
+    assert lines[0] == "Dispersion of 4 runs, 4 of them successful"
     assert lines[3].split() == ["range", "km", "25.0", "12.9", "10.0", "40.0"]
     many = Dispersion(
         {}, dict.fromkeys(map(str, range(99)), runs), *dataclasses.astuple(result)[2:]

@@ -105,7 +105,7 @@ def test_a_stop_before_the_first_run_leaves_what_is_there(
     assert "resume" not in told
     # Of a campaign that is resumed the runs are its own.
     assert main(["resume", str(store)]) == 130
-    assert "1200 of 1200 runs are kept" in capsys.readouterr().err
+    assert "1200 of 1200 runs are stored" in capsys.readouterr().err
 
 
 RUN = "import sys; from jaxspace.cli import main; sys.exit(main(sys.argv[1:]))"
@@ -363,8 +363,8 @@ def test_tables_tell_what_is_not_finite_and_what_is_violated():
     )
     printed = failures_report(None, kept, 2)
     assert "3 runs succeeded with an output that is not finite:" in printed
-    assert "  run 0: y is not a number." in printed and "  and 1 more (--all" in printed
-    assert "  run 5: x, y are not a number." in failures_report(None, kept)
+    assert "  run 0: y is not finite." in printed and "  and 1 more (--all" in printed
+    assert "  run 5: x, y are not finite." in failures_report(None, kept)
     whole = small(z=np.ones(8))
     assert "requirements" not in dispersion_report(whole, {})
     assert "not a number" not in failures_report(None, whole)

@@ -516,7 +516,7 @@ def test_a_disk_that_fills_up_keeps_what_is_finished(whole, tmp_path, monkeypatc
 
     monkeypatch.setattr(_store_writer, "write_whole", full)
     store = tmp_path / "s.zarr"
-    with pytest.raises(StoreError, match=r"No space left on device.*\d+ of 2200 runs are kept"):
+    with pytest.raises(StoreError, match=r"No space left on device.*\d+ of 2200 runs are stored"):
         fly(store)
     monkeypatch.undo()
     assert 0 < open_store(store).runs < RUNS

@@ -150,7 +150,7 @@ def test_disperse_by_a_method_without_runs():
     with pytest.raises(InputError, match="method is 'guess'"):
         disperse(CAMPAIGN, method="guess")
     for given in ({"store": "s.zarr"}, {"runs": 500}, {"seed": 1}, {"until": StopRule("b")}):
-        with pytest.raises(InputError, match="by the method 'lincov' there are no runs"):
+        with pytest.raises(InputError, match="the method 'lincov' computes no runs"):
             disperse(CAMPAIGN, method="lincov", **given)
 
 

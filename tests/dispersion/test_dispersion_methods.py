@@ -366,7 +366,7 @@ def test_sobol_indices_leave_out_what_is_not_finite():
 
 def test_sobol_indices_of_too_many_inputs():
     many = MultivariateNormal(np.zeros(2), np.ones((2, 10601)))
-    with pytest.raises(InputError, match="Sobol points of 21202 dimensions are needed"):
+    with pytest.raises(InputError, match="Sobol points with 21202 dimensions are required"):
         sobol_indices(Campaign(build, many.inputs("x0", "v0"), outputs), 2)
 
 
@@ -381,7 +381,7 @@ def test_moments_of_inputs_that_move_in_steps():
     edge = Campaign(
         build, CENTRED.inputs, lambda r, s: {"x": 1.0 / jnp.maximum(1.0 - r.final.x, 0.0)}
     )
-    with pytest.warns(UserWarning, match="unscented leaves out x: not finite at a sigma point"):
+    with pytest.warns(UserWarning, match="unscented omits x: not finite at a sigma point"):
         assert np.isnan(moments(edge, "unscented", check=0).std("x"))
 
 

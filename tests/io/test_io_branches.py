@@ -311,8 +311,8 @@ BAD = {
         "coast. Did you mean ascent?"
     ),
     ('after = "ascent"', 'after = "coast"'): (
-        'branch.booster.after is "coast": it must be a phase that another one follows, which takes '
-        "one, which continues with the remaining body."
+        'branch.booster.after is "coast": it must be a phase that is followed by another one, '
+        "which continues with the remaining body."
     ),
     ('after = "booster.up"', 'after = "cap.fall"'): (
         'branch.cap.after = "cap.fall" is not a known phase: it must be one of ascent, '

@@ -158,8 +158,8 @@ def constrained(x):
     [
         (bowl, jnp.array([1, 2]), {}, "start is of type int"),
         (bowl, {"x": 1.0, "n": 2}, {}, r"start\['n'\] is of type int"),
-        (bowl, {}, {}, "start has no numbers"),
-        (bowl, jnp.zeros(0), {}, "start has no numbers"),
+        (bowl, {}, {}, "start contains no numbers"),
+        (bowl, jnp.zeros(0), {}, "start contains no numbers"),
         (lambda x: x @ x, jnp.ones(2), {}, r"an array of shape \(\): it must return a Criterion"),
         (
             lambda x: bare("objective", x),

@@ -174,7 +174,7 @@ def test_degenerate_and_infeasible_cases_are_reported():
     poor = propellant_use(released(100.0, 30.0), 4e5, 1000.0, G)
     # (50 + 1000)^2 / 64.4 = 17119.6; sqrt(64.4 4e5) - 50 = 5025.43.
     assert not poor.feasible and "insufficient" in poor.sentence()
-    assert "gives 1000 m/s, where 5025.43 m/s are needed; the nearest" in poor.sentence()
+    assert "provides 1000 m/s, where 5025.43 m/s are required; the closest" in poor.sentence()
     assert "17119.6 m above" in poor.sentence()
     sinking = propellant_use(jnp.array([500.0, -2000.0]), 4e5, 1000.0, G)
     assert sinking.sentence().endswith("no height is reached this way.")

@@ -287,7 +287,7 @@ def test_what_is_wrong_is_said(path):
         ('share = "99 %"', 'take = ["99 %", "greatest"]', "or one of greatest, least"),
         ('share = "99 %"', 'take = "above 3 kg"', "it must be above a limit, a number in m"),
         ('share = "99 %"', 'take = "above 8000 km"', 'at_least is "8000 km": it must be a number'),
-        ('share = "99 %"', 'share = "99 %"\ntake = "worst"', "it must have one of them"),
+        ('share = "99 %"', 'share = "99 %"\ntake = "worst"', "it must have only one of them"),
         ('share = "99 %"', 'share = "99 %"\nallowed = "1 %"', "allowed is not a known key"),
         (
             'minimise = "specific_energy"',

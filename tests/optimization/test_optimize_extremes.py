@@ -181,7 +181,7 @@ def test_a_circular_orbit_is_three_constraints():
         "semi_major_axis": ("equal", pytest.approx(6678137.0), -1),
     }
     bad = CLIMB.replace("steps = 20", 'steps = 20\ncircular_orbit = "300 km"')
-    with pytest.raises(SceneError, match=r"planet.radius is missing: it must be a length, from"):
+    with pytest.raises(SceneError, match=r"planet.radius is missing: it must be a length, to"):
         load("climb.toml", text=bad)
     bad = CLIMB.replace("steps = 20", 'steps = 20\ncircular_orbit = "300 s"')
     with pytest.raises(SceneError, match=r'optimize.circular_orbit is "300 s": it must be a numb'):

@@ -317,7 +317,7 @@ def test_a_search_that_its_run_refutes_goes_on(settings_stay, tmp_path, capsys, 
     path.write_text(CLIMB)
     assert main(["optimize", str(path), "--out", str(tmp_path)]) == 0
     out, err = capsys.readouterr()
-    assert "does not confirm this: it has altitude 15844" in err and "goes on with 80" in err
+    assert "does not confirm this: it has altitude 15844" in err and "continues with 80" in err
     # The number of its steps, and what is left to do.
     assert bars[0].n >= 2 and "step" in err and "violation 0.0e+00, gradient" in err
     assert load(tmp_path / "climb_optimum.toml").y0.velocity[1] == 7800.0

@@ -73,7 +73,7 @@ def test_the_table_names_requirements_gap_and_tail(assessment):
     text = repr(assessment)
     for part in ("nominal", "robust", "of 5 %: fail", "of 5 %: pass", "failed", "205 of 4096"):
         assert part in text
-    assert "more of the mean + 2 std of y, and fails a limit." in text
+    assert "more of the mean + 2 std of y, and violates a limit." in text
 
 
 def test_a_share_of_all_runs_is_written_as_a_number(best):

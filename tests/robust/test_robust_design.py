@@ -358,10 +358,10 @@ def test_what_is_wrong_is_said_before_anything_is_compiled():
     ):
         with unchecked(), pytest.raises(InputError, match=sentence):
             optimise_design(campaign, x, **wrong)
-    with pytest.raises(InputError, match="The inputs w have the deviation 0"):
+    with pytest.raises(InputError, match="The inputs w have zero standard deviation"):
         still = algebraic(linear_quadratic, {"w": Constant(1.0)})
         optimise_design(still, x, minimise=Mean("y"))
-    with unchecked(), pytest.raises(InputError, match="campaign gives a tuple for the start"):
+    with unchecked(), pytest.raises(InputError, match="campaign returns a tuple for the start"):
         optimise_design(lambda x: (x, x), x, minimise=Mean("y"))
     for wrong, sentence in (
         (lambda: Quantile("y", 1.0), "Quantile.share is 1.0"),

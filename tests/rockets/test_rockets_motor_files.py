@@ -204,7 +204,7 @@ def test_columns_are_found_by_their_headings(tmp_path, kind):
         ("Zeit [ms],Druck [Pa]\n0,0\n1,1\n", "'Druck [Pa]': its unit must be N, or one of n"),
         ("time (fortnights),thrust\n0,0\n1,1\n", "'time (fortnights)': its unit must be s, or"),
         # R writes a column of row names without a heading.
-        ("time,thrust\n1,0,0\n2,1,5\n", "line 1 is 'time,thrust': it must be 3 headings, as many"),
+        ("time,thrust\n1,0,0\n2,1,5\n", "line 1 is 'time,thrust': it must be 3 headings, one for"),
         (",time,thrust\n0,0,0\n1,2\n", "line 3 is '1,2': it must be a time, s, and a thrust, N"),
         ("time,thrust\n0,0\nnan,5\n1,0\n", "line 3 is 'nan,5': it must be a time, s, and"),
         (
@@ -345,7 +345,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
         (HEAD + "1 2\n2 3 4\n", "line 3 is '2 3 4': it must be a time, s, and a thrust, N"),
         (HEAD + "1 2\n0,5 3\n", "line 3 is '0,5 3': it must be a time, s, and a thrust, N"),
         (HEAD + "1 2\nend\n", "line 3 is 'end': it must be a time, s, and a thrust, N"),
-        ("0.1 2\n1 0\n", "line 1 is '0.1 2': it must be a head: name, diameter"),
+        ("0.1 2\n1 0\n", "line 1 is '0.1 2': it must be a header: name, diameter"),
         ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "line 1 has the head 'A 8b 18 70 0 1 2 X': it is"),
     ],
 )

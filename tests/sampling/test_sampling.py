@@ -311,7 +311,7 @@ MEASURED = '{ distribution = "samples", file = "mu.csv", column = "mu", unit = "
         ('"2 deg"', '"2 m"', "a unit of angle"),
         ("[0.6, 1]]", "[0.5, 1]]", "not symmetric"),
         ('inputs = ["initial.position.0"', 'inputs = ["initial.posit.0"', "initial.position.0?"),
-        ('column = "mu"', 'column = "nu"', "holds no numbers in nu"),
+        ('column = "mu"', 'column = "nu"', "contains no numbers in nu"),
         ('file = "mu.csv"', 'file = "no.csv"', "No such file"),
         ('"latin_hypercube"', '"latin"', "Did you mean latin_hypercube?"),
         ('"300 km"', '"300 s"', "dispersion.outputs.0.at_least"),
@@ -464,5 +464,5 @@ def test_sobol_points_beyond_2_24_are_new(key):
 
 
 def test_too_many_dimensions_for_sobol_points(key):
-    with pytest.raises(InputError, match="Sobol points of 21202 dimensions are needed"):
+    with pytest.raises(InputError, match="Sobol points with 21202 dimensions are required"):
         Sobol().uniforms(key, jnp.arange(2), 21202)

@@ -78,7 +78,9 @@ def test_steps_that_run_out_say_how_many_would_do():
         accuracy = Accuracy(1e-6, method=Tsit5(), max_steps=max_steps)
         return simulate(system, jnp.array([1.0, 0.0]), jnp.array([0.0, end]), accuracy=accuracy)
 
-    sentence = r"It got to t = .* Its end at t = 40 s takes about (\d+) steps .*max_steps=(\d+)\)"
+    sentence = (
+        r"It got to t = .* Its end at t = 40 s requires about (\d+) steps .*max_steps=(\d+)\)"
+    )
     with pytest.raises(SimulationError, match=sentence) as failed:
         turned(Turning(False), 40.0, 1000)
     estimate, enough = map(int, re.findall(sentence, str(failed.value))[0])

@@ -239,7 +239,7 @@ def test_what_cannot_be_meant_is_refused():
     with pytest.raises(InputError, match=r"Accuracy.max_step is -1: it must be positive"):
         Accuracy(max_step=-1.0)
     with pytest.raises(
-        InputError, match=r"with Stormer: set the number of steps with Stormer\(steps=...\)"
+        InputError, match=r"for Stormer: set the number of steps with Stormer\(steps=...\)"
     ):
         Accuracy(method=Stormer(8, steps=80), max_step=1.0)
     run = simulate(

@@ -534,7 +534,7 @@ def test_a_scene_of_one_point_takes_the_closed_form():
     ("call", "sentence"),
     [
         (lambda: simulate(3.0, start(), SPAN), "system is of type float"),
-        (lambda: simulate(KEPLER, ["a"], SPAN), "y0 holds 'a' of type str"),
+        (lambda: simulate(KEPLER, ["a"], SPAN), "y0 contains 'a' of type str"),
         (lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="rk4")), '"rk4"'),
         (
             lambda: simulate(KEPLER, start(), SPAN, accuracy=Accuracy(method="closed_form")),

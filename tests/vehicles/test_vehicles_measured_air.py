@@ -287,9 +287,11 @@ def test_wrong_soundings_are_refused_with_file_and_line(tmp_path):
         assert f"line 3: temperature is {number!r}: it must be a finite number." in bad
     assert "line 3: pressure is 'x': it must be a finite number." in changed("898.75", "x")
     assert "line 3: height is 0 after 0: it must be above" in changed("\n1000", "\n0")
-    assert "line 4: pressure is 90000 Pa after 89875: it must fall" in changed("794.95", "900")
+    assert "line 4: pressure is 90000 Pa after 89875: it must decrease" in changed("794.95", "900")
     # A rounding to whole hPa hides no 100 hPa.
-    assert "line 4: pressure is 89875 Pa after 89875: it must fall" in changed("794.95", "898.75")
+    assert "line 4: pressure is 89875 Pa after 89875: it must decrease" in changed(
+        "794.95", "898.75"
+    )
     assert "the unit of speed is 'furlong'" in changed("(m/s)", "(furlong)")
     assert "no heading with a height" in refusal("a,b\n1,2\n")
     assert "no level of an atmosphere or a wind" in refusal("height (m),speed (m/s)\n1,2\n")
