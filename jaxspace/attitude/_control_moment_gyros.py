@@ -6,14 +6,14 @@
 
     symbol    meaning                                                         unit
     g_i, s_i  axes of the gimbal and of the wheel, of length one              1
-    d_i       angle of the gimbal, from the place in which the axis is s0_i   rad
+    d_i       angle of the gimbal, from the position where the axis is s0_i   rad
     h_i       angular momentum of the wheel relative to the body              kg m^2/s
-    t_i       direction of the torque that turning the gimbal takes           1
+    t_i       direction of the torque required to turn the gimbal           1
     J         inertia of all, with the wheels and gimbals locked              kg m^2
 
 Source: Thomson 7.11 (relative momentum); Wie, Space Vehicle Dynamics and Control, 7.4.
-The gimbals turn at given rates. Valid for gimbals and wheels that are small beside the body: J does
-not change with the angles, and the momentum of the gimbals about their axes is left out.
+The gimbals turn at given rates. Valid for gimbals and wheels that are small compared with the body:
+J does not change with the angles, and the momentum of the gimbals about their axes is left out.
 """
 
 from collections.abc import Callable

@@ -29,14 +29,16 @@ def tilt_acceleration(disk: Disk, theta: Scalar, precession: Scalar, spin: Scala
 
 
 def steady_spin(disk: Disk, theta: Scalar, precession: Scalar) -> Scalar:
-    """The spin n, rad/s, that keeps the tilt on a circle; infinite without precession."""
+    """The spin n, rad/s, for which the tilt is constant on a circle; infinite without
+    precession."""
     A, C, mRR, mgR = disk
     balance = A * precession * jnp.cos(theta) - mgR / jnp.tan(theta) / precession
     return balance / (C + mRR)
 
 
 def steady_precession_rates(disk: Disk, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
-    """Both psi', rad/s, that keep the tilt with this spin, the slow one first; NaN without one."""
+    """Both rates psi', rad/s, for which the tilt is constant at this spin, the slow one first; NaN
+    without one."""
     A, C, mRR, mgR = disk
     p, q = (C + mRR) * spin, A * jnp.cos(theta)
     pull = mgR / jnp.tan(theta)
@@ -61,7 +63,7 @@ def tilt_stiffness(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) 
 
 
 def growth_rate(disk: Disk, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
-    """The rate, 1/s, at which a deviation from the circle grows; zero where it does not."""
+    """The rate, 1/s, at which a perturbation of the circle grows; zero if the circle is stable."""
     # All are arguments, because a radicand has no derivative by what it closes over.
     return end_sqrt(_instability, *disk, theta, precession, spin)
 

@@ -24,14 +24,14 @@ rolls towards xi, the motion near a steady circle has
     theta           angle of the normal with the upward vertical; pi/2 is upright   rad
     psi, phi        precession of the tangent xi; turn about the normal             rad
     c, mu           viscous and dry resistance of the contour, along which the      N m s, 1
-                    contact runs: it takes the power c phi'^2 + mu m g R |phi'|
+                    contact runs: it dissipates the power c phi'^2 + mu m g R |phi'|
 
 Source: Thomson 5.16 (with the missing Eqs. 5.16-1..13 derived again, -n for its omega_zeta, and the
 term C omega_zeta psi' theta that 5.16-36 and -43 leave out); Leine (2009), Arch. Appl. Mech. 79,
-1063 (resistance of the contour). Valid without slip, as long as the plane pushes and until the disk
-lies flat: a run that lifts off or passes through the plane has the status `OUTSIDE_MODEL`. Slip
+1063 (resistance of the contour). Valid without slip, while the contact force pushes and until the
+disk is flat: a run that lifts off or passes through the plane has the status `OUTSIDE_MODEL`. Slip
 depends on a coefficient of friction, which the model does not have. The quaternion and omega are
-integrated: only a disk that lies flat is singular, for it has no point of contact.
+integrated: only a flat disk is singular, because it has no point of contact.
 """
 
 from collections.abc import Sequence
@@ -225,9 +225,9 @@ class RollingDisk(AbstractSystem):
         return _disk_circles.steady_spin(self._letters(), as_float(theta), as_float(precession))
 
     def steady_precession_rates(self, theta: Scalar, spin: Scalar) -> tuple[Scalar, Scalar]:
-        """Both psi', rad/s, of the steady circles with the tilt `theta`, rad, and the `spin` n,
-        rad/s: the slow one, and the fast one, which is infinite upright. For theta < pi/2 the slow
-        one has the other sign than n, and the fast one its sign."""
+        """The precession rates psi', rad/s, of the steady circles with the tilt `theta`, rad, and
+        the `spin` n, rad/s: the slow one, and the fast one, which is infinite upright. For theta <
+        pi/2 the slow one has the other sign than n, and the fast one its sign."""
         return _disk_circles.steady_precession_rates(
             self._letters(), as_float(theta), as_float(spin)
         )
@@ -254,8 +254,8 @@ class RollingDisk(AbstractSystem):
         return jnp.sqrt(mgR / (A + mRR))
 
     def growth_rate(self, theta: Scalar, precession: Scalar, spin: Scalar) -> Scalar:
-        """Growth rate of small oscillations, 1/s, zero where they are stable (the rule of ends of
-        `end_sqrt`); arguments as in `tilt_acceleration`."""
+        """Growth rate of small oscillations, 1/s, zero where they are stable (endpoint derivative
+        convention of `end_sqrt`); arguments as in `tilt_acceleration`."""
         return _disk_circles.growth_rate(
             self._letters(), as_float(theta), as_float(precession), as_float(spin)
         )
@@ -289,8 +289,8 @@ class RollingDisk(AbstractSystem):
 def _triad(y: BodyState) -> tuple[Vector, Vector, Scalar, Scalar]:
     """xi and eta in body axes, (3, *runs), and sine and cosine of theta.
 
-    Theta goes on below zero with the height of the centre: the motion through the plane is smooth,
-    so that no step stumbles over a change of the contact, and `outside` reports it."""
+    Theta continues below zero with the height of the centre: the motion through the plane is
+    smooth, so that no step fails at a change of the contact, and `outside` reports it."""
     attitude, _ = attitude_and_omega(y)
     xi, eta, s, c = disk_triad(attitude)
     side = jnp.where(y.position[2] < 0.0, -1.0, 1.0).astype(s.dtype)

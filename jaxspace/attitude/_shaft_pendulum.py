@@ -1,7 +1,7 @@
 """A body that is pinned to a turning shaft: a relative of the top, and the plane pendulum.
 
     A theta'' = [(A - C) Omega^2 cos(theta) - W l] sin(theta)
-    Omega_c^2 = W l/(A - C),   cos(theta) = (Omega_c/Omega)^2     it stands out above Omega_c
+    Omega_c^2 = W l/(A - C),   cos(theta) = (Omega_c/Omega)^2     deflected above Omega_c
 
     symbol     meaning                                                       unit
     A, C       moments of inertia about the pin: across and along the axis   kg m^2
@@ -73,15 +73,15 @@ class ShaftPendulum(AbstractSystem):
 
     @property
     def critical_rate(self) -> Scalar:
-        """Omega_c, rad/s, beyond which it stands out from the shaft; NaN for A <= C, which always
-        hangs."""
+        """Omega_c, rad/s, beyond which the pendulum deflects from the shaft; NaN for A <= C, which
+        always hangs."""
         A, C, Wl, _ = self._letters()
         return jnp.sqrt(Wl / (A - C))
 
     @property
     def equilibrium(self) -> Scalar:
         """The stable angle, rad: zero below the critical rate. At that rate its slope is infinite
-        (the rule of ends in `core/safe.py`)."""
+        (endpoint derivative convention of `core/safe.py`)."""
         A, C, Wl, Omega = self._letters()
 
         def sine_of_half_squared(A, C, Wl, Omega):

@@ -18,7 +18,7 @@ direction, under gravity.
 
 Source: Thomson 5.13 with C n = 0 (the heavy top without spin); Landau and Lifshitz, Mechanics, 14.
 The direction is integrated and not its angles: nothing is singular at the verticals. Dividing
-lambda by u^2 keeps an error in the length of u from growing. Valid for a rigid rod without
+lambda by u^2 prevents an error in the length of u from growing. Valid for a rigid rod without
 friction.
 """
 

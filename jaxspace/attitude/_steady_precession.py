@@ -5,14 +5,15 @@ motions about it. Equations, symbols and units in `_top.py`.
     (C n)^2 >= 4 A W l cos(theta)                    the condition that roots exist
     V'(theta) = (h_Z - C n cos(theta))^2 / (2 A sin^2(theta)) + W l cos(theta)
 
-Each function computes the method of `Top` whose name is, or ends in, its own. Near the least spin
-the radicand is formed from differences of spins: nothing cancels, and it is zero exactly there.
+Each function implements the method of `Top` whose name equals, or ends with, the name of the
+function. Near the least spin the radicand is formed from differences of spins: nothing cancels, and
+it is zero exactly there.
 
 With s and c, sine and cosine of theta / 2, the pseudo-potential is
 
     V' = [(h_Z - C n) c/s + (h_Z + C n) s/c]^2 / (8 A) + W l (1 - 2 s^2)
 
-which keeps its digits near both verticals, and is convex in cos(theta): it has one minimum, the
+which is accurate near both verticals, and is convex in cos(theta): it has one minimum, the
 steady precession of these momenta, or the vertical where a top sleeps.
 
 Source: Thomson 5.14-3, -4 (steady precession), 6.1-5 (small nutation); Harrison and Nettleton 4.11
@@ -32,7 +33,7 @@ from ..core.squares import quotient
 def steady_rates(
     A: Scalar, C: Scalar, Wl: Scalar, theta: Scalar, n: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """The slow and the fast psi', rad/s, for the spin `n`, rad/s."""
+    """The slow and the fast rate psi', rad/s, for the spin `n`, rad/s."""
     least = _constant(least_spin(A, C, Wl, theta))
     # Both from the root of larger magnitude and the product of the roots: nothing cancels for a
     # fast top or near the horizontal.
@@ -42,7 +43,7 @@ def steady_rates(
 
 
 def rates_from_momentum(A: Scalar, Wl: Scalar, theta: Scalar, h_Z: Scalar) -> tuple[Scalar, Scalar]:
-    """The slow and the fast psi', rad/s, for the momentum `h_Z`, kg m^2/s."""
+    """The slow and the fast rate psi', rad/s, for the momentum `h_Z`, kg m^2/s."""
 
     def radicand(A, Wl, theta, h_Z, least):
         return _gyroscopic(A, jnp.ones_like(h_Z), Wl, theta, h_Z, least)

@@ -224,8 +224,8 @@ class Top(AbstractSystem):
 
         **Returns** the two roots of A cos(theta) psi'^2 - C n psi' + W l = 0. NaN where there is
         none (`least_spin`); the fast one is infinite at the horizontal. At theta = 0 they are the
-        two frequencies of a sleeping top. Exactly at `least_spin` both are one, with infinite
-        slopes (the rule of ends in `core/safe.py`).
+        two frequencies of a sleeping top. Exactly at `least_spin` both coincide, with infinite
+        slopes (endpoint derivative convention of `core/safe.py`).
         """
         return steady_rates(*self._letters(), as_float(theta), as_float(n))
 
@@ -239,8 +239,8 @@ class Top(AbstractSystem):
         - `h_Z`: angular momentum about the vertical, kg m^2/s.
 
         **Returns** the two roots of A psi'^2 - h_Z psi' + W l cos(theta) = 0; NaN where there is
-        none. At the least momentum, 2 sqrt(A W l cos(theta)), both are one, with infinite slopes
-        (the rule of ends in `core/safe.py`).
+        none. At the least momentum, 2 sqrt(A W l cos(theta)), both coincide, with infinite slopes
+        (endpoint derivative convention of `core/safe.py`).
         """
         A, _, Wl = self._letters()
         return rates_from_momentum(A, Wl, as_float(theta), as_float(h_Z))
@@ -249,20 +249,20 @@ class Top(AbstractSystem):
         """The least spin n, rad/s, with a steady precession at `theta`, rad (Thomson 5.14-4).
 
         Zero below the horizontal. At theta = 0 a sleeping top is stable above it (Harrison and
-        Nettleton 4.11). Where it becomes zero its slope is infinite (the rule of ends in
-        `core/safe.py`)."""
+        Nettleton 4.11). Where it becomes zero its slope is infinite (endpoint derivative convention
+        of `core/safe.py`)."""
         return least_spin(*self._letters(), as_float(theta))
 
     def sleeping_growth_rate(self, n: Scalar) -> Scalar:
         """Growth rate, 1/s, of a small tilt of the upright top with the spin `n`, rad/s.
 
         Zero where it is stable. At the critical spin, `least_spin` at theta = 0, its slope is
-        infinite (the rule of ends in `core/safe.py`)."""
+        infinite (endpoint derivative convention of `core/safe.py`)."""
         return sleeping_growth_rate(*self._letters(), as_float(n))
 
     def pseudo_potential(self, theta: Scalar, h_Z: Scalar, n: Scalar) -> Scalar:
         """The pseudo-potential V', J: the axis moves as a point of inertia A in this potential, and
-        stays where it lies below T + V - C n^2 / 2 (Harrison and Nettleton 4.11).
+        is confined to where V' is below T + V - C n^2 / 2 (Harrison and Nettleton 4.11).
 
         **Arguments**
 
@@ -280,8 +280,8 @@ class Top(AbstractSystem):
         precession with these momenta, and of small nutations about it (Harrison and Nettleton
         4.11); arguments as in `pseudo_potential`.
 
-        Zero, with derivatives of zero, for the upright top at and above its critical spin, and pi
-        for the one that hangs."""
+        Zero, with zero derivatives, for the upright top at and above its critical spin, and pi for
+        a hanging top."""
         return pseudo_potential_minimum(*self._letters(), as_float(h_Z), as_float(n))
 
     def precession_moment(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
@@ -309,13 +309,13 @@ class Top(AbstractSystem):
         arguments as in `precession_moment`.
 
         NaN where the precession is unstable. Where the frequency becomes zero its slope is infinite
-        (the rule of ends in `core/safe.py`)."""
+        (endpoint derivative convention of `core/safe.py`)."""
         return nutation_frequency(
             *self._letters(), as_float(theta), as_float(precession), as_float(n)
         )
 
     def precession_per_nutation(self, theta: Scalar, precession: Scalar, n: Scalar) -> Scalar:
-        """Deviation of psi' over the deviation of theta, 1/s, in a small nutation about a steady
+        """Amplitude of psi' over the amplitude of theta, 1/s, in a small nutation about a steady
         precession (Thomson 6.1-8); arguments as in `precession_moment`."""
         A, C, _ = self._letters()
         return (C * n - 2.0 * A * precession * jnp.cos(theta)) / (A * jnp.sin(theta))

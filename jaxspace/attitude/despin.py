@@ -42,8 +42,8 @@ def inertia_ratio(I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
 def cord_length(w0: Scalar, w_f: Scalar, I: Scalar, R: Scalar, m: Scalar) -> Scalar:  # noqa: E741
     """The cord l_f, m, that slows the spin from `w0` to `w_f`, rad/s (Thomson 7.5-15).
 
-    At w_f = w0, where no cord is needed, the slopes by the two rates are infinite (the rule of ends
-    in `core/safe.py`), those by the body are zero.
+    At w_f = w0, where no cord is needed, the derivatives with respect to the two rates are infinite
+    (endpoint derivative convention of `core/safe.py`), those with respect to the body are zero.
 
     **Arguments**
 
@@ -73,8 +73,8 @@ class YoYo(AbstractJump):
     """A yo-yo as a jump of the state: called on the state before the unwinding it returns the state
     after the release.
 
-    The unwinding takes the time l / (R w0), `unwinding_time`; the jump takes none and leaves the
-    attitude as it was. The spin axis is z: the rate about it is multiplied by (C - phi^2)/(C +
+    The unwinding takes the time l / (R w0), `unwinding_time`; the jump is instantaneous and does
+    not change the attitude. The spin axis is z: the rate about it is multiplied by (C - phi^2)/(C +
     phi^2) with phi = l/R, and the rates across it stay the same. A mass in the state is reduced by
     the mass released."""
 

@@ -1,6 +1,6 @@
 """Attitude of a thin disk on a horizontal plane: its triad and its tilt.
 
-xi lies horizontal along the tangent at the contact, eta in the disk up from the contact; the normal
+xi is horizontal along the tangent at the contact, eta in the disk up from the contact; the normal
 is z. Equations in `_rolling_disk.py`.
 """
 
@@ -18,7 +18,7 @@ from ._state import vertical
 
 @output("rad")
 def disk_tilt(attitude: Quaternion) -> Scalar:
-    """Angle of the normal, z, with the upward vertical, rad: pi/2 where the disk stands upright."""
+    """Angle of the normal, z, with the upward vertical, rad: pi/2 for an upright disk."""
     Z = vertical(attitude)
     # Not by the arc cosine, which has lost half of its digits near flat.
     return jnp.arctan2(jnp.sqrt(Z[0] * Z[0] + Z[1] * Z[1]), Z[2])
@@ -31,7 +31,7 @@ def lies_flat(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with an attitude."""
     del t
     # Not at zero itself, towards which the precession grows without bound and the steps shrink.

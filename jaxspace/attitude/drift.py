@@ -25,7 +25,8 @@ body turns towards the rotation of least energy.
 
 Source: Thomson 7.6-8 (with the dissipation -dT/dt), 7.6 example 1 (f), Problem 9; 9.8 example 2.
 R = alpha = 0 is the tube, whose damping does not resonate; its drift is fastest at tan^2 = 1/2.
-Valid where the loss of a cycle is small, and up to a right angle, which takes an infinite time.
+Valid where the loss per cycle is small, and up to a right angle, which is reached after an infinite
+time.
 """
 
 __all__ = [
@@ -59,7 +60,7 @@ _HALVINGS = 60
 @formula(A=POSITIVE, C=POSITIVE)
 def drift_energy(theta: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar:
     """Energy of rotation, J, of a symmetric body of the angular momentum `h`, kg m^2/s, whose axis
-    stands at `theta`, rad, to it (Thomson 7.6-6).
+    is at an angle `theta`, rad, to it (Thomson 7.6-6).
 
     **Arguments**
 
@@ -122,7 +123,7 @@ def tube_drift_constant(
     - `A`, `C`: kg m^2.
     - `w0`: h/C, rad/s.
 
-    **Returns** K, 1/s; zero where A = C, for there no load changes.
+    **Returns** K, 1/s; zero where A = C, because no load changes there.
     """
     stress = disk_mass * length * length * radius / section
     size = gamma / (48.0 * math.pi * modulus) * stress * stress * (volume / C)

@@ -1,4 +1,5 @@
-"""An energy sink: a torque in place of the friction of what moves inside a body, such as a liquid.
+"""An energy sink: a torque that models the friction of moving parts inside a body, such as a
+liquid.
 
     M = -c w_h,   w_h = omega - (omega . h) h/(h . h)           h = J omega
     T' = -c w_h . w_h,   (h . h)' = 0
@@ -12,9 +13,9 @@
     theta     angle between that axis and h                                      rad
 
 Source: Thomson 7.6 (the energy falls at a given angular momentum); Hughes, Spacecraft Attitude
-Dynamics, 5.3 (energy sinks). The size of h is conserved exactly, its direction in the mean: being
-an external torque, M makes h circle about its mean by c w_h/(h psi'), small beside theta for a slow
-sink.
+Dynamics, 5.3 (energy sinks). The size of h is conserved exactly, its direction on average: as an
+external torque, M makes h circle about its mean by c w_h/(h psi'), small compared with theta for a
+slow sink.
 """
 
 __all__ = ["energy_sink_angle"]

@@ -1,4 +1,4 @@
-"""The torque that a prescribed rotation takes, and the bearings that carry it.
+"""The torque required for a prescribed rotation, and the reactions of the bearings.
 
     M = J [omega'] + Omega x J omega                               axes that turn with Omega
     F = m (alpha x c + omega x (omega x c))                        body on a shaft through O
@@ -17,7 +17,7 @@
     V, R, g     speed, radius of the turn, acceleration of free fall           m/s, m, m/s^2
 
 Source: Thomson 5.6-4 (body axes), 5.7 (node axes) and Problems 5.9-8 to 5.9-13; Harrison and
-Nettleton 4.81. In Problem 5.9-10 the printed moment, (C - A)/2 V^2/R^2 sin(2 bank), holds for x
+Nettleton 4.81. In Problem 5.9-10 the printed moment, (C - A)/2 V^2/R^2 sin(2 bank), is valid for x
 as the lateral axis.
 """
 
@@ -43,7 +43,7 @@ def required_torque(
     omega_rate: Vector | None = None,
     axes_rate: Vector | None = None,
 ) -> Vector:
-    """The torque that a prescribed rotation takes (Thomson 5.6-4, 5.7).
+    """The torque required for a prescribed rotation (Thomson 5.6-4, 5.7).
 
     **Arguments**
 
@@ -83,7 +83,7 @@ def bearing_reactions(
     rate: Scalar,
     acceleration: Scalar = 0.0,
 ) -> BearingReactions:
-    """Forces with which two bearings hold a body that is mounted askew or off its centre on a shaft
+    """Bearing reactions of a body that is mounted askew or off-centre on a shaft
     (Thomson 5.9-P9, P13).
 
     All vectors are in body axes, from a point O of the shaft.

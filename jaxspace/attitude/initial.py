@@ -39,7 +39,8 @@ def attitude_along(
     lead: Scalar = 0.0,
     tilt: Pair = (0.0, 0.0),
 ) -> Quaternion:
-    """The orientation whose z axis lies along a direction of the orbit, and x along its normal.
+    """The orientation with the z axis along a direction of the orbit and the x axis along its
+    normal.
 
     **Arguments**
 

@@ -1,5 +1,5 @@
-"""Small librations of a body about the local vertical, and what its motion in a circular orbit
-conserves.
+"""Small librations of a body about the local vertical, and the invariant of its motion in a
+circular orbit.
 
     I_2 th_2'' + 3 n^2 (I_1 - I_3) th_2 = 0                                            pitch
     I_1 th_1'' + (I_1 + I_3 - I_2) n th_3' + 4 n^2 (I_2 - I_3) th_1 = 0                roll
@@ -21,9 +21,9 @@ conserves.
 
 Source: Thomson 7.4, Problems 14 and 15; Hughes, Spacecraft Attitude Dynamics, 9.2 (stability,
 Jacobi's integral) and 9.3 (elliptic orbit, to first order in e).
-Stable bodies lie in two regions of the plane of k_1 and k_3: k_1 > k_3 > 0, where I_2 > I_1 > I_3
+Stable bodies occupy two regions of the plane of k_1 and k_3: k_1 > k_3 > 0, where I_2 > I_1 > I_3
 (Lagrange), where the energy has a minimum; and a small one of negative ratios (DeBra and Delp),
-stable by the gyroscopic terms alone: damping makes it unstable.
+stabilised by the gyroscopic terms only: damping makes it unstable.
 """
 
 __all__ = [
@@ -101,7 +101,8 @@ def libration_modes(moments: Vector, mean_motion: Scalar) -> LibrationModes:
     - `moments`: I_1 along the velocity, I_2 along the normal, I_3 outwards, kg m^2, (3, *runs).
     - `mean_motion`: n, rad/s, (*runs,).
 
-    **Returns** the modes. At an edge of stability the slopes are infinite (the rule of ends).
+    **Returns** the modes. At a stability boundary the slopes are infinite (endpoint derivative
+    convention).
     """
     # Roll and yaw are coupled by the turn of the orbit, and obey s^4 + b s^2 + c = 0; pitch does
     # not depend on them.

@@ -32,7 +32,7 @@ class AbstractMotor(AbstractParameters):
 
 @final
 class ConstantTorque(AbstractMotor):
-    """The same torque on every wheel, until a time."""
+    """Equal torques on all wheels until a given time."""
 
     drive: NumberField = quantity("N m", key="torque", doc="on every wheel")
     until: OptionalNumberField = quantity(

@@ -20,7 +20,7 @@ paths as an effect.
     h         angular momentum of the masses in body axes                        kg m^2/s
 
 Source: Thomson 7.11-9 to 7.11-14, with -R0'' x m r_c first and two dots on the relative
-acceleration. The paths are prescribed: what moves the masses is inside the body.
+acceleration. The paths are prescribed: the drives of the masses are inside the body.
 """
 
 __all__ = ["ParticleEquations", "particle_equations"]
@@ -82,7 +82,7 @@ def particle_equations(
     omega_rate: Vector,
     origin_acceleration: Vector,
 ) -> ParticleEquations:
-    """Moment and force that a motion of particles takes, term by term (Thomson 7.11-11, 7.11-14).
+    """Moment and force required for a motion of particles, term by term (Thomson 7.11-11, 7.11-14).
 
     **Arguments**, all in body axes
 

@@ -54,12 +54,12 @@ class Nutation(HashedModule):
     - `alpha_up` = alpha - beta and `alpha_down` = alpha + beta, 1/s^2: the values of alpha - beta u
       where the axis points up and down.
     - `gamma_up` = gamma - N and `gamma_down` = gamma + N, 1/s, likewise.
-    - `start`: a place on the way.
+    - `start`: a position on the path.
 
     Near the separatrix these differences decide: `Top.nutation` forms them from the state without
-    loss, `Nutation.of` from alpha and gamma. Near a steady precession the place decides; without
-    one, the turning angles are right to the root of rounding (1e-8) there, unless psi' vanishes on
-    the way, as it does of a fast top that is let go."""
+    loss, `Nutation.of` from alpha and gamma. Near a steady precession the start matters; without
+    it, the turning angles have errors of the square root of rounding (1e-8) there, unless psi'
+    vanishes during the motion, as for a fast top that is released from rest."""
 
     N: Float[Array, "*#runs"]
     beta: Float[Array, "*#runs"]
@@ -85,7 +85,8 @@ class Nutation(HashedModule):
         """theta_1 and theta_2, rad: the axis swings between them, theta_1 the nearer to the upward
         vertical.
 
-        Each angle from its vertical is right to rounding, also of a nearly steady precession."""
+        Each angle from its vertical is accurate to rounding, also for a nearly steady
+        precession."""
         near, far = self._roots().half_angles
         stands = self.beta >= 0.0
         # A top that hangs is highest at theta = pi: sine and cosine change places.
@@ -190,8 +191,7 @@ class Nutation(HashedModule):
 
     def _means(self, roots: TurningCircles) -> tuple[Scalar, Scalar, Flag]:
         """Sum of the square roots of y3 - beta u1 and y3 - beta u2, 1/s, square root of their
-        product, 1/s^2, and whether it is zero: then the motion takes for ever, and the means are
-        1."""
+        product, 1/s^2, and whether it is zero: then the period is infinite, and the means are 1."""
         b = self._sign() * self.beta
         d = roots.d
         q, r = 2.0 * b * roots.sum_up, 4.0 * b * b * roots.product_up

@@ -18,10 +18,10 @@
     F         thrust, fixed in the body, through the mass centre at z = 0         N
 
 Source: Thomson 7.11, Problem 12 (r0 along x, u along z; with the signs corrected), in the momenta
-of Lagrange's equations: the state holds p and not z', so that its rate holds no acceleration of the
-body, and the momentum of all is conserved to the rounding of the run.
-A thrust pushes the body and not the damper: the damper falls back by m0 F/(m k) and moves the mass
-centre off the line of F. Gravity pushes both alike.
+of Lagrange's equations: the state contains p instead of z', so that its rate contains no
+acceleration of the body, and the momentum of all is conserved to the rounding of the run. A thrust
+pushes the body and not the damper: the damper falls back by m0 F/(m k) and moves the mass centre
+off the line of F. Gravity pushes both alike.
 """
 
 __all__ = ["DamperMotion"]
@@ -144,10 +144,10 @@ class NutationDamper(AbstractEffect):
         - `spin`: rad/s.
 
         **Returns** the real parts (growth rates), 1/s, and the imaginary ones (frequencies),
-        rad/s, each (5,), in no order; one pair is zero, because the rate of the spin is free. A
-        positive real part says that the nutation grows: with a damper, where z is not the axis of
-        the greatest moment. The spin is steady where r0 lies across z or u along it, and r0 . u =
-        r0_z u_z; not under a GPU.
+        rad/s, each (5,), in arbitrary order; one pair is zero, because the spin rate is arbitrary.
+        With a positive real part the nutation grows: with a damper, where z is not the axis of
+        the greatest moment. The spin is steady where r0 is perpendicular to z or u parallel to it,
+        and r0 . u = r0_z u_z; not available on a GPU.
         """
         body = RigidBody(mass, PrincipalInertia(moments))
         spin = jnp.asarray(spin, precision_of(self, moments, mass, spin))

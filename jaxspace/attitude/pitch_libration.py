@@ -47,7 +47,7 @@ def pitch_libration(t: Scalar, amplitude: Scalar, moments: Vector, mean_motion: 
     - `mean_motion`: n, rad/s, (*runs,).
 
     **Returns** the pitch, rad, (*runs,); its period is `pitch_libration_period`. NaN for I_1 < I_3,
-    which stands upside down.
+    where the equilibrium is unstable.
     """
     check_components("pitch_libration: moments", moments, 3)
     along, across, outwards = moments

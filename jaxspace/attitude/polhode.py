@@ -20,8 +20,8 @@ the intermediate axis.
 
 Source: Thomson 5.10 (Poinsot), 5.11-5, -9 (elliptic functions), 5.12 (stability). The differences
 above are not formed from T and h, but as 2TA - h^2 = (A - B) B omega_B^2 + (A - C) C omega_C^2 and
-likewise. Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the motion
-itself does.
+analogously. Only 2TB - h^2 is a true difference, and near the separatrix it loses digits as the
+motion itself does.
 """
 
 __all__ = ["Polhode"]

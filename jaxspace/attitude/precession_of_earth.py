@@ -16,7 +16,7 @@
     L        longitude of the attracting body from that node                      rad
 
 Source: Thomson 5.15-1 to -7 (a rate per unit of the time of tau, not per revolution of the moon).
-Valid for an axis that precesses slowly beside the spin and the orbit, and a circular orbit.
+Valid for an axis that precesses slowly compared with the spin and the orbit, and a circular orbit.
 """
 
 __all__ = ["luni_solar_nutation", "luni_solar_rate", "luni_solar_rates_at"]

@@ -66,7 +66,7 @@ def spin_modes(moments: Vector, rate: Scalar) -> tuple[Vector, Vector]:
 
     **Returns** the frequencies, rad/s, with which stable spins wobble in the body, and the rates,
     1/s, with which departures from an unstable spin grow, both (3, *runs); zero for the other kind.
-    Where p_k^2 is zero their slopes follow the rule of ends of `end_sqrt`.
+    Where p_k^2 is zero their slopes follow the endpoint derivative convention of `end_sqrt`.
     """
 
     # Arguments and no closure, because the rule of ends takes its slopes from the arguments.
@@ -91,8 +91,8 @@ def cone_bounds(moments: Vector, omega: Vector) -> tuple[Vector, Vector]:
 
     **Returns** both angles, rad, (3, *runs). The axis that the polhode circles stays on its side;
     the other two swing from one side of h to the other. On the separatrix the bounds are those of
-    the polhodes beside it. Derivatives hold where all three axes move; at a steady spin, where a
-    tilt of either sign widens the cone, they are zero.
+    the adjacent polhodes. Derivatives are valid where all three axes move; at a steady spin, where
+    a tilt of either sign widens the cone, they are zero.
     """
     check_components("cone_bounds: moments", moments, 3)
     check_components("cone_bounds: omega", omega, 3)

@@ -1,5 +1,5 @@
 """A spinning symmetric body under a transverse moment, by closed forms for small angles: thrust
-misalignment, a pulse or any moment, and a body whose principal axis stands askew.
+misalignment, a pulse or any moment, and a body with a tilted principal axis.
 
     w' - i lam w = M/A                                   w = omega_1 + i omega_2, body axes
     Th' = w e^(i n t),       Th = theta e^(i psi)        inertial axes, small angles
@@ -17,9 +17,9 @@ misalignment, a pulse or any moment, and a body whose principal axis stands aske
                 principal one, as a vector (x + i y)
 
 Source: Thomson 7.2-5 to 7.2-9, 7.3-5 to 7.3-9, 7.4-2, 7.4-18, Problems 6, 10 and 13 of 7.4.
-Complex numbers are (2, *runs): real and imaginary part. w is exact for a symmetric body; Th holds
-for small angles, to their third power. E and D have no singular place: they are written so that
-resonance, nu = lam, a body that does not spin and one with C = A are ordinary.
+Complex numbers are (2, *runs): real and imaginary part. w is exact for a symmetric body; Th is
+valid for small angles, to third order. E and D have no singularities: resonance, nu = lam, a body
+without spin and one with C = A are regular cases.
 """
 
 __all__ = ["principal_tilt"]

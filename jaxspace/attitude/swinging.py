@@ -1,5 +1,5 @@
 """Masses that swing out from a spinning body: on unwound cords hinged to the drum, or on arms that
-first lie along the spin axis.
+are initially along the spin axis.
 
     (I + m R^2) w' + m R l cos(g) q' = m R l q^2 sin(g)            cords, q = w + g'
     R cos(g) w' + l q' = -R w^2 sin(g)
@@ -64,11 +64,11 @@ def radial_release_spin(
 
     **Arguments**, each (*runs,)
 
-    - `w0`: first spin, rad/s.
+    - `w0`: initial spin, rad/s.
     - `cord`: l, m, positive.
     - `I`, `R`, `m`: axial inertia, kg m^2, radius of the drum, m, all masses, kg.
 
-    **Returns** the spin: zero for the cord of `zero_spin_radial_cord`, whatever the first spin.
+    **Returns** the spin: zero for the cord of `zero_spin_radial_cord`, whatever the initial spin.
     """
     whole, reach = I + m * R * R, R + cord
     out = safe_sqrt(whole * cord * (cord + 2.0 * R) / I)
@@ -185,7 +185,7 @@ class SwingOutArms(AbstractSystem):
     @staticmethod
     @constructor(spin=argument("rad/s", doc="w_0, with the arms along the axis"))
     def state(spin: Scalar) -> SwingState:
-        """The state in which the arms lie along the axis at rest, at the `spin` w_0, rad/s."""
+        """The state with the arms at rest along the axis and the `spin` w_0, rad/s."""
         spin = as_float(spin)
         return SwingState(spin, 0.0 * spin, 0.0 * spin)
 
@@ -194,11 +194,12 @@ class SwingOutArms(AbstractSystem):
         return self.axial_inertia + self.mass * self._reach(theta) ** 2
 
     def spin_rate(self, theta: Scalar, w0: Scalar) -> Scalar:
-        """w, rad/s, with the arms at `theta`, rad, from the first spin `w0`, rad/s."""
+        """w, rad/s, with the arms at `theta`, rad, from the initial spin `w0`, rad/s."""
         return w0 * self.moment(0.0 * theta) / self.moment(theta)
 
     def angle_rate(self, theta: Scalar, w0: Scalar) -> Scalar:
-        """theta', rad/s, with the arms at `theta`, rad, from rest at the first spin `w0`, rad/s."""
+        """theta', rad/s, with the arms at `theta`, rad, from rest at the initial spin `w0`,
+        rad/s."""
         first, now = self.moment(0.0 * theta), self.moment(theta)
         # J - J_0 as a product: of small angles both are equal to many digits.
         reach = self._reach(theta) + self.hinge_radius
@@ -207,9 +208,9 @@ class SwingOutArms(AbstractSystem):
         return w0 / self.arm_length * safe_sqrt(square)
 
     def swing_time(self, theta: Scalar, w0: Scalar) -> Scalar:
-        """Time, s, from the axis to `theta`, rad, (*runs,), up to a right angle, by 48 points of
-        Gauss; from the first spin `w0`, rad/s. At the axis its slope is infinite (the rule of ends
-        in `core/safe.py`)."""
+        """Time, s, from the axis to `theta`, rad, (*runs,), up to a right angle, by Gauss
+        quadrature with 48 points; from the initial spin `w0`, rad/s. At the axis its slope is
+        infinite (endpoint derivative convention of `core/safe.py`)."""
         theta = jnp.asarray(theta)
         kind = precision_of(self, theta, w0)
         # Several bodies, or several first spins, may share an angle.

@@ -61,9 +61,10 @@ class TopMotion(AbstractClosedForm):
     """The motion of a heavy top with the `transverse_inertia` A and the `axial_inertia` C, kg m^2,
     and the `weight_moment` W l, N m.
 
-    It holds for every start and any time: steady, cusped or looping, upright, hanging, through the
-    vertical and on the separatrix. Compared with 18 digits the state is right to about 1e-14 in
-    units of its turns, and its first derivatives to a relative 1e-14."""
+    It is valid for every initial state and any time: steady, cusped or looping, upright, hanging,
+    through the vertical and on the separatrix. Compared with an 18-digit reference, the error of
+    the state is about 1e-14 in units of its revolutions, and that of its first derivatives a
+    relative 1e-14."""
 
     transverse_inertia: Float[Array, "*#runs"]
     axial_inertia: Float[Array, "*#runs"]
@@ -110,7 +111,7 @@ class TopMotion(AbstractClosedForm):
         **Arguments**
 
         - `duration`: s, (*runs,).
-        - `y`: the start; not on a vertical, which has no psi.
+        - `y`: the initial state; not on a vertical, where psi is undefined.
 
         **Returns** (psi, theta, phi), rad, (3, *runs); psi and phi count the turns since the start.
         """

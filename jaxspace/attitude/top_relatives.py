@@ -41,8 +41,8 @@ from ..core.types import as_float
 def sprung_flywheel_frequencies(
     inertia: Scalar, momentum: Scalar, first: Scalar, second: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """The slow and the fast frequency of a flywheel whose axis two springs hold: A theta'' + H psi'
-    + K1 theta = 0, A psi'' - H theta' + K2 psi = 0 (Thomson 5.14-P13).
+    """The slow and the fast frequency of a flywheel whose axis is supported by two springs: A
+    theta'' + H psi' + K1 theta = 0, A psi'' - H theta' + K2 psi = 0 (Thomson 5.14-P13).
 
     **Arguments**
 
@@ -178,7 +178,7 @@ def gyro_on_a_string(
     - `string`, `arm`: l1 and l2, m.
     - `gravity`: g, m/s^2.
 
-    **Returns** b, rad, T, N, and the spin n, rad/s, that they take.
+    **Returns** b, rad, T, N, and the required spin n, rad/s.
     """
 
     def lack(b):

@@ -62,8 +62,8 @@ from ._state import attitude_and_omega
 class TorqueFreeBody(AbstractSystem):
     """A free rigid body.
 
-    State: `BodyState` with attitude and omega only. A batch of bodies takes an inertia whose last
-    axis is the run."""
+    State: `BodyState` with attitude and omega only. For a batch of bodies the last axis of the
+    inertia is the batch axis."""
 
     inertia: AbstractInertia = quantity(
         "kg m^2",
@@ -145,7 +145,7 @@ def space_cone_angle(omega: Vector, A: Scalar, C: Scalar) -> Scalar:
 
     **Returns** the angle, rad, (*runs,), with a sign: negative for a slender body, A > C, whose
     precession is direct (the cones roll on their outsides), and positive for a flat one, C > A,
-    whose precession is retrograde (the space cone lies within the body cone). Zero at omega = 0.
+    whose precession is retrograde (the space cone is inside the body cone). Zero at omega = 0.
     """
     check_components("space_cone_angle: omega", omega, 3)
     # The angle is the same at any rate.

@@ -18,8 +18,8 @@ satellite, a damping wheel.
                locked; its rate about the axis                                      rad/s
 
 Source: Thomson 7.11, example 1 and Problem 4; Hughes, Spacecraft Attitude Dynamics, 3.4 and 6.
-The state holds h_i and not the speed: its rate is the torque alone, so that no acceleration of the
-body enters, and the momentum of all is conserved to the rounding of the run.
+The state contains h_i instead of the speed: its rate is the torque only, so that no acceleration of
+the body enters, and the momentum of all is conserved to the rounding of the run.
 """
 
 __all__ = ["gyrostat_nutation_rate", "rotor_moment"]
@@ -72,8 +72,8 @@ def gyrostat_nutation_rate(n: Scalar, A: Scalar, C: Scalar, h: Scalar) -> Scalar
 def rotor_moment(
     omega: Vector, axis: Vector, inertia: Scalar, speed: Scalar, acceleration: Scalar
 ) -> Vector:
-    """M_p = [h_1'] + omega x h_1 that a rotor takes; the torque on the body is -M_p (Thomson 7.11,
-    example 1).
+    """M_p = [h_1'] + omega x h_1 that acts on a rotor; the torque on the body is -M_p (Thomson
+    7.11, example 1).
 
     **Arguments**
 

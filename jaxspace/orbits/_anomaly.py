@@ -1,7 +1,7 @@
 """The universal anomaly a given duration after any start.
 
 The anomaly counts from periapsis, so that no large terms cancel. The functions here are not
-differentiated: `kepler.py` holds the derivative rule.
+differentiated: `kepler.py` defines the derivative rule.
 
     G_n(x) = x^n c_n(beta x^2)               c_n: Stumpff functions
     t = q x + e G3(x)                        time since periapsis
@@ -66,7 +66,7 @@ class _Conic(NamedTuple):
 
 
 def anomaly_after(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Anomaly:
-    """Anomaly and radius a duration `tau` later, in the symbols of the module, each (*runs,).
+    """Anomaly and radius after a duration `tau`, in the symbols of the module, each (*runs,).
 
     `p` follows from sigma and beta, but loses digits when it is computed from them."""
     closed = beta > 0.0

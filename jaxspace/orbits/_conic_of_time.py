@@ -11,7 +11,8 @@
 Symbols and units: `_transfer_time.py`.
 
 Source: Izzo (2015), Celestial Mechanics 121, 1, for the derivatives and the iteration. The starting
-values are our own: exact at the ends of every branch, with the slopes there.
+values are specific to this implementation: exact at the ends of every branch, with the slopes
+there.
 """
 
 import functools
@@ -217,13 +218,13 @@ def _root(
     size: Callable[[Scalar], Scalar],
     order: int,
 ) -> Scalar:
-    """The root of an increasing function, each run by itself.
+    """The root of an increasing function, for each run separately.
 
     **Arguments**
 
     - `correction`: the value of the function at x, and the step from x to the root.
-    - `low`, `high`: ends of an interval that holds the root.
-    - `start`: where the iteration begins; a run that begins at NaN takes no step.
+    - `low`, `high`: ends of an interval that contains the root.
+    - `start`: start of the iteration; a run that starts at NaN makes no step.
     - `size`: the unit in which a step at x is measured.
     - `order`: the order of convergence of the step.
     """

@@ -13,8 +13,8 @@ Source: Broucke and Cefola (1972), Celestial Mechanics 5, 303, whose letters the
 p, q are g, f, k, h of the modified equinoctial elements.
 
 The mean longitude grows linearly with time, and the other elements are constant. A parabola has no
-mean motion and so no such elements; close to one, a place near the periapsis depends on the last
-digits of the mean longitude. The modified elements have no such limit.
+mean motion and therefore no such elements; close to one, a position near the periapsis depends on
+the last digits of the mean longitude. The modified elements do not have this limitation.
 """
 
 import functools
@@ -85,8 +85,8 @@ class EquinoctialElements(AbstractParameters):
     def state(self, mu: Scalar) -> tuple[Vector, Vector]:
         """Position, m, and velocity, m/s, each (3, *runs), for the parameter `mu`, m^3/s^2.
 
-        By `kepler_flow` from a place near by, so that derivatives of every order are those of the
-        motion."""
+        Computed with `kepler_flow` from a nearby point, so that derivatives of every order are
+        those of the motion."""
         return in_blocks(_state, (0, 0), self, mu)
 
 

@@ -26,7 +26,7 @@ class KeplerMotion(AbstractClosedForm):
         return BodyState(position=position, velocity=velocity)
 
     def outside(self, duration: Scalar, y: BodyState) -> Flag:
-        """Whether the motion is along a straight line through the centre, and passes it."""
+        """Whether the motion is along a straight line through the centre and passes the centre."""
         assert y.position is not None and y.velocity is not None
         # A truth value has no derivative.
         args = jax.lax.stop_gradient((y.position, y.velocity, self.mu, duration))

@@ -1,6 +1,6 @@
 """Motion about a point mass in the variables of Kustaanheimo and Stiefel, perturbed by a potential.
 
-The energy of the whole motion is constant, and that of the two bodies follows from the position:
+The energy of the whole motion is constant, and the two-body energy follows from the position:
 the parameters then obey an equation of second order by themselves. The time is a quadrature whose
 large part follows from the variables: the rest is as small as the perturbation, and so is the error
 of its quadrature.
@@ -61,7 +61,7 @@ class SecondOrderKS(AbstractSecondOrderForm):
         return rest.invariants(jnp.zeros((), r.dtype), at_rest)["energy"]
 
     def _of_two_bodies(self, z: Array) -> Array:
-        """The same with the energy E in the place of H."""
+        """The same with the energy E instead of H."""
         energy = z[8] - self._potential(ks_map(z[:4], z[:4]))
         return jnp.concatenate([z[:8], energy[None], z[9:]])
 

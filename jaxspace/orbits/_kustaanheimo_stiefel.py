@@ -12,7 +12,7 @@ They are regular on every orbit, and through a collision.
     u       four parameters of the position, first three rows of L(u) u    m^(1/2)
     w       u'                                                             m^(3/2)/s
     E       energy of the two-body motion, v^2/2 - mu/|r|                  m^2/s^2
-    p       acceleration by all that is not the point mass                 m/s^2
+    p       acceleration other than that of the point mass                 m/s^2
     t       time                                                           s
 
 Source: Stiefel, Scheifele, Linear and Regular Celestial Mechanics, sections 8, 9, 19.
@@ -124,7 +124,7 @@ def _state_of(z: Array) -> BodyState:
 
 @once_per_structure
 def _has_potential(rest: AbstractSystem, z: jax.ShapeDtypeStruct) -> bool:
-    """Whether the accelerations of `rest` conserve an energy and depend on the position alone.
+    """Whether the accelerations of `rest` conserve an energy and depend on the position only.
 
     The effects declare the first; the second is read from the traced functions."""
     y = jax.eval_shape(_state_of, z)

@@ -14,9 +14,9 @@
 
 Source: Walker, Ireland and Owens (1985), Celestial Mechanics 36, 409.
 
-They hold for every conic, and nothing is singular at the circle and at the equator: state to
-elements and back is the identity in its derivatives too. At i = 180 degrees h and k are infinite;
-the retrograde elements are singular at i = 0 instead.
+They are valid for every conic and regular on circular and equatorial orbits: the round trip from
+state to elements and back is the identity, including its derivatives. At i = 180 degrees h and k
+are infinite; the retrograde elements are singular at i = 0 instead.
 """
 
 import functools
@@ -81,9 +81,9 @@ class ModifiedEquinoctialElements(AbstractParameters):
 
         - `position`, m, and `velocity`, m/s: (3, *runs).
         - `mu`: gravitational parameter, m^3/s^2, (*runs,).
-        - `retrograde`: whether i = 180 degrees is to be regular, and not i = 0.
+        - `retrograde`: whether the elements are regular at i = 180 degrees instead of i = 0.
 
-        **Raises** `InputError` for a known state at the one singular place.
+        **Raises** `InputError` for a concrete state at the singular inclination.
         """
         elements = functools.partial(_of_state, retrograde)
         return in_blocks(elements, (1, 1, 0), position, velocity, mu)

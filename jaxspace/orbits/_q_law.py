@@ -12,31 +12,33 @@
     d        thrust over the full thrust                                         1
     b        softening: the thrust is full where |D| is larger                   m/s
     a, e, i  semi-major axis, eccentricity, inclination; of the target with _T   m, 1, rad
-    a_x, e_x, tau_x   fastest change of an element by an acceleration of one,    its own
-             over all directions of the thrust and all places on the orbit       per m/s
-    S        keeps the orbit from growing without end                            1
-    p, r_p   semi-latus rectum, periapsis radius p/(1 + e)                       m
-    r_min    lowest periapsis; k = 100 says how steep the penalty below it is    m
-    W        weights                                                             1
+    a_x, e_x, tau_x   fastest change of an element by an acceleration of one,    its unit over all
+    directions of the thrust and all positions on the orbit       per m/s S        keeps the orbit
+    bounded                            1 p, r_p   semi-latus rectum, periapsis radius p/(1 + e)
+                     m r_min    lowest periapsis; k = 100 sets the steepness of the penalty below it
+
+    m W        weights
+         1
 
 Source: Petropoulos (2004), AIAA 2004-5089, and (2005), AAS 05-162; elements that are regular at the
 equator: Varga and Perez (2016), AIAA/AAS Astrodynamics Specialist Conference. Their Q is this one
 over the square of the acceleration, which leaves the direction as it is.
 
-Q depends on the orbit and not on the place there, and a thrust changes the orbit through the
-velocity alone (the equations of Gauss): so Q falls fastest against its slope over the velocity.
-Node, line of apsides and place on the orbit are free. Close to the target sqrt(Q) is the increment
-of speed that is left; far from it, it is several times as much.
+Q depends on the orbit but not on the position on it, and a thrust changes the orbit through the
+velocity only (Gauss' equations): Q therefore falls fastest against its gradient with respect to the
+velocity. Node, line of apsides and position on the orbit are free. Close to the target sqrt(Q) is
+the remaining increment of speed; far from it, it is several times larger.
 
 Three things differ from the papers, so that nothing is singular:
 
-- for e in a_x, tau_x and r_p stands sqrt(e^2 + 0.05^2) - 0.05, which is smooth at e = 0;
-- tau_x is that of an orbit with its periapsis on the line of nodes, for at i = 0 there is no node;
+- e is replaced in a_x, tau_x and r_p by sqrt(e^2 + 0.05^2) - 0.05, which is smooth at e = 0;
+- tau_x is that of an orbit with its periapsis on the line of nodes, because there is no node at i =
+  0;
 - the thrust is softened: in full, its direction would flip ever faster close to the target.
 
-The law is not optimal: a transfer takes some percent longer than the best one. It never coasts. It
-does not tilt an orbit that lies in the equator exactly, where all nodes are alike; at i = 180
-degrees tau is infinite.
+The law is not optimal: a transfer takes a few percent longer than the optimum. It never coasts. It
+does not tilt an exactly equatorial orbit, where all nodes are equivalent; at i = 180 degrees tau is
+infinite.
 """
 
 from collections.abc import Callable
@@ -62,8 +64,8 @@ STEEPNESS = 100.0
 
 @final
 class QLaw(AbstractEffect):
-    """A thrust that the Q-law steers to an orbit of a given size, shape and, where it is given,
-    inclination. `AtTargetOrbit` is the event of its arrival."""
+    """A thrust steered by the Q-law to an orbit of given size, shape and, optionally, inclination.
+    `AtTargetOrbit` is the event of its arrival."""
 
     thrust: NumberField = quantity("N", non_negative=True, doc="full thrust")
     semi_major_axis: NumberField = quantity("m", positive=True, doc="a_T, of the target")
@@ -108,12 +110,12 @@ class QLaw(AbstractEffect):
 
     def increment_left(self, y: BodyState) -> Scalar:
         """The root of Q without its penalty, m/s, (*runs,), in the state `y`: close to the target
-        the increment of speed that is left, and zero on a target orbit alone."""
+        the remaining increment of speed, and zero only on a target orbit."""
         return sqrt(self._distance(self._gaps(_Orbit.of_state(y.position, y.velocity, self.mu)))[0])
 
     def direction(self, y: BodyState) -> Vector:
         """The thrust over the full thrust, d, in inertial axes, (3, *runs), in the state `y`: a
-        unit vector but close to a target orbit, where it falls to zero."""
+        unit vector except close to a target orbit, where it decreases to zero."""
         return self._thrust_direction(self._slope(y))
 
     def load(self, t: Scalar, y: BodyState, body: AbstractBody) -> Load:
@@ -161,7 +163,7 @@ class QLaw(AbstractEffect):
         return jnp.tan(0.5 * self.inclination)
 
     def _to_target(self, x: Vector, length: Scalar) -> Vector:
-        """From the nearest vector of this length to `x`."""
+        """The difference between `x` and the nearest vector of this length."""
         return x - scale(length * jnp.ones_like(x[0]), unit(x))
 
     def _distance(self, x: "_Gaps") -> tuple[Scalar, Scalar]:
@@ -185,7 +187,7 @@ class QLaw(AbstractEffect):
 
 
 class _Gaps(eqx.Module):
-    """What Q depends on, each (*runs,): p, m, 1/a, 1/m, e^2, the squares of e - e_T and of
+    """Arguments of Q, each (*runs,): p, m, 1/a, 1/m, e^2, the squares of e - e_T and of
     tau - tau_T, and tau^2; the last two where the target has an inclination."""
 
     p: Scalar
@@ -199,7 +201,8 @@ class _Gaps(eqx.Module):
 class _Orbit(eqx.Module):
     """The orbit of a state: p, 1/a, and vectors whose lengths are e and tau.
 
-    By vectors, which are smooth where the angles of node and periapsis are none."""
+    Vectors are used because they are smooth where the angles of node and periapsis are
+    undefined."""
 
     r: Vector
     v: Vector
@@ -238,11 +241,11 @@ class _Orbit(eqx.Module):
 
 @final
 class AtTargetOrbit(AbstractCondition):
-    """A thrust that steers to a target orbit has arrived: the increment of speed that is left
-    falls to a tolerance, m/s.
+    """Arrival of a steered thrust at its target orbit: the remaining increment of speed falls to a
+    tolerance, m/s.
 
-    It is made by `AtTargetOrbit(law.increment_left)`, of a `QLaw`. In a scene file the law is
-    found: the first effect of the phase that has a target."""
+    Created as `AtTargetOrbit(law.increment_left)` for a `QLaw`. In a scene file the law is the
+    first effect of the phase that has a target."""
 
     direction: ClassVar[int] = -1
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})

@@ -1,4 +1,4 @@
-"""Motion about a centre of no attraction: a straight line, and how it bends as mu leaves zero.
+"""Motion about a centre without attraction: a straight line, and its first-order change with mu.
 
     r = r0 + t v0 - mu (G2/|r0| r0 + G3 v0)
     v = v0 - (mu/R) (G1/|r0| r0 + G2 v0)         R = |r0 + t v0|
@@ -14,8 +14,8 @@
 Source: Danby, Fundamentals of Celestial Mechanics, 6.9, in the limit mu = 0, where the universal
 anomaly s is the potential of a rod: tanh(|v0| s/2) = |v0| T.
 
-On a line through the centre any attraction makes a collision: beyond it the derivatives by mu do
-not exist, and are zero here.
+On a line through the centre any attraction causes a collision: beyond it the derivatives with
+respect to mu do not exist and are set to zero.
 """
 
 import jax.numpy as jnp
@@ -29,7 +29,7 @@ from ..core.vectors import dot
 def rectilinear_motion(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
-    """The state a duration later for a `mu` that is zero, with the first derivatives by it.
+    """The state after a duration for `mu` = 0, with the first derivatives with respect to `mu`.
 
     **Arguments**
 

@@ -1,9 +1,9 @@
-"""Motion relative to axes that turn uniformly: the forces of inertia.
+"""Motion relative to uniformly rotating axes: the inertial forces.
 
     a = -2 w x v - w x (w x r)                        relative to the turning axes
     U = -|w x r|^2 / 2
-    a = -2 w x v,  U = 0                              beside the gravity of a plumb line (2.6-4)
-    J = v^2/2 + U + other potentials                  the integral of Jacobi
+    a = -2 w x v,  U = 0                              in addition to the gravity along a plumb line
+    (2.6-4) J = v^2/2 + U + other potentials                  the integral of Jacobi
 
     symbol  meaning                                                  unit
     r, v    position, velocity relative to the turning axes          m, m/s
@@ -12,8 +12,8 @@
 
 Source: Thomson 2.5-7, 2.6; Goldstein, Classical Mechanics, 4.10. Coriolis' force does no work.
 
-The origin of the axes does not accelerate. `MovingFrame` of `rotations` turns states into inertial
-ones and back: with w along z, V = v + w x r and both turned by the angle w t.
+The origin of the axes does not accelerate. `MovingFrame` of `rotations` converts states to inertial
+axes and back: with w along z, V = v + w x r and both turned by the angle w t.
 """
 
 from typing import ClassVar, final
@@ -29,12 +29,12 @@ from ..core.vectors import cross, dot
 
 @final
 class RotatingFrame(AbstractEffect):
-    """The forces of inertia in uniformly turning axes, which are then the axes of the scene's
-    state.
+    """Inertial forces in uniformly rotating axes, which are then the axes of the scene's state.
 
-    The energy of such a scene is the integral of Jacobi. The forces act on the orbit alone: the
-    attitude of a body remains relative to inertial axes. `centrifugal=False` leaves Coriolis' force
-    alone, for a gravity that includes the centrifugal force, as that along a plumb line does."""
+    The energy of such a scene is the integral of Jacobi. The forces act on the orbit only: the
+    attitude of a body remains relative to inertial axes. `centrifugal=False` includes only the
+    Coriolis force, for a gravity that already contains the centrifugal force, such as gravity along
+    a plumb line."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy"})
     felt: ClassVar[bool] = False

@@ -1,4 +1,4 @@
-"""Why a transfer of Lambert's problem does not exist, or is not the only one."""
+"""Reasons why a transfer of Lambert's problem does not exist or is not unique."""
 
 import enum
 
@@ -11,7 +11,7 @@ from ..core.vectors import axis, cross, dot
 
 
 class TransferStatus(enum.IntEnum):
-    """Whether `lambert` has one answer; `sentence` says why not, and what to do."""
+    """Whether `lambert` has a unique solution; `sentence` explains why not, and how to proceed."""
 
     FOUND = 0
     INVALID = 1
@@ -22,7 +22,7 @@ class TransferStatus(enum.IntEnum):
 
     @property
     def sentence(self) -> str:
-        """Explanation of the status, and what to do about it."""
+        """Explanation of the status, and how to proceed."""
         return _SENTENCES[self]
 
 
@@ -52,8 +52,8 @@ _SENTENCES = {
 
 
 def rounding_of_directions(x: Scalar) -> float:
-    """The bound below which the sine of the angle between two directions is rounding, and the two
-    define no plane."""
+    """The bound below which the sine of the angle between two directions is rounding error, so that
+    they do not define a plane."""
     return 4.0 * float(jnp.finfo(x.dtype).eps)
 
 
@@ -75,7 +75,7 @@ def geometry_status(
     mu: Scalar,
     normal: Vector | None,
 ) -> Int[Array, "*runs"]:
-    """The `TransferStatus` that places, duration and plane decide.
+    """The `TransferStatus` that follows from positions, duration and plane.
 
     **Arguments**
 

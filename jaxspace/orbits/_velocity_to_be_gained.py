@@ -10,9 +10,9 @@
     a        required semi-major axis                                           m
 
 Valid for a burn along the velocity, or close to it: it then only has to raise the energy, while
-plane and shape of the orbit follow from the steering. Beyond r = 2 a no speed is on the orbit:
-v_r^2 is negative there, v_g = -(|v_r|^2 + v^2) / (|v_r| + |v|), and the sign still says that the
-energy is beyond the required one.
+plane and shape of the orbit follow from the steering. Beyond r = 2 a the orbit is out of reach:
+v_r^2 is negative there, v_g = -(|v_r|^2 + v^2) / (|v_r| + |v|), and the sign still indicates that
+the energy exceeds the required one.
 
 Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics, chapter 11 (v_g =
 v_r - v, cut-off where it vanishes); vis-viva: Thomson 4.7.
@@ -34,8 +34,8 @@ class VelocityToBeGained(AbstractCondition):
     """The velocity to be gained, m/s, of a burn along the velocity into an orbit of given
     semi-major axis: zero, from either side, at the cut-off.
 
-    At rest at r = 2 a, which is on the orbit, it is not differentiable: its derivatives are zero
-    there."""
+    At rest at r = 2 a, which is on the orbit, it is not differentiable: its derivatives are set to
+    zero."""
 
     direction: ClassVar[int] = 0
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})

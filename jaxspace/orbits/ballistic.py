@@ -16,7 +16,7 @@
     psi     eccentric anomaly from the highest point                 rad
 
 Source: Thomson 4.17-1..6.
-Without air, about a sphere whose attraction is that of a point. Its rotation enters through the
+Valid in vacuum, about a sphere that attracts like a point mass. Its rotation enters through the
 velocity of the site and the motion of the ground during the flight.
 """
 
@@ -80,7 +80,7 @@ def ballistic_flight(
     - `mu`: gravitational parameter, m^3/s^2.
 
     **Returns** range angle, rad, up to 2 pi, height, m, and duration, s. NaN where the flight does
-    not come back, from the escape speed on.
+    not return, from the escape speed on.
     """
     r = as_float(radius)
     lam = quotient(r * speed * speed, mu)
@@ -123,7 +123,7 @@ def ballistic_angles(
 
     **Returns** the low and the high angle, rad, (*runs,). NaN beyond the longest range, and for the
     low one above the circular speed, where it would lead through the sphere. At the longest range
-    both are one, and their derivatives are infinite.
+    both coincide, and their derivatives are infinite.
     """
     r = as_float(radius)
     lam = quotient(r * speed * speed, mu)

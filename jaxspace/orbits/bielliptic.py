@@ -1,4 +1,4 @@
-"""When three impulses are cheaper than two: the break-even of the bi-elliptic transfer.
+"""Break-even of the bi-elliptic transfer: where three impulses are cheaper than two.
 
     Q(u, x) = (dv of three impulses - dv of two) b / (b - x),  b = x / u:  zero at break-even
 
@@ -8,9 +8,9 @@
 
 Source: the three impulses from Thomson 4.11; Curtis, Orbital Mechanics, 6.4, has the limits.
 
-Q is written with the factor b - x of every difference taken out, so that its root is not lost
-beside b = x, where both transfers are the same. Below x = 11.938765 two impulses always win, above
-15.581718 three win for every b > x.
+The factor b - x is divided out of every difference in Q, so that its root is not lost next to b =
+x, where both transfers coincide. Below x = 11.938765 two impulses are always cheaper, above
+15.581718 three are cheaper for every b > x.
 """
 
 __all__ = ["bielliptic_break_even"]

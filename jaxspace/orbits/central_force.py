@@ -74,8 +74,8 @@ def power_law_potential(r: Scalar, k: Scalar, n: Scalar, zero_at: Scalar = 1.0) 
 
     - `r`: distance from the centre, m, (*runs,).
     - `k`, `n`: as in `power_law`.
-    - `zero_at`: distance r_0 at which the potential is zero, m. One close to the motion keeps the
-      digits of the energy.
+    - `zero_at`: distance r_0 at which the potential is zero, m. A value close to the motion
+      preserves the digits of the energy.
 
     **Returns** U, m^2/s^2, (*runs,).
     """
@@ -148,7 +148,7 @@ def sphere_potential(r: Scalar, mu: Scalar, radius: Scalar) -> Scalar:
 class PowerLawForce(AbstractEffect):
     """Attraction (k > 0) or repulsion (k < 0) by the origin with k / r^n per unit mass.
 
-    `Scene([PowerLawForce(k, n)])` is the textbook's system of a point."""
+    `Scene([PowerLawForce(k, n)])` is the textbook system of a point mass."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
     felt: ClassVar[bool] = False
@@ -179,8 +179,8 @@ class PowerLawForce(AbstractEffect):
 
 @final
 class SphereGravity(AbstractEffect):
-    """Attraction by a uniform sphere at the origin, outside and inside it: through a tunnel, or
-    through a body without a hard surface."""
+    """Attraction by a uniform sphere at the origin, outside and inside: through a tunnel, or
+    through a body without a solid surface."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
     felt: ClassVar[bool] = False
@@ -214,9 +214,9 @@ class SphereGravity(AbstractEffect):
 class CentralPotential(AbstractEffect):
     """Any central force, from its potential energy per unit mass.
 
-    `function`, of the distance, m, (*runs,), acts on each run alone and returns U, m^2/s^2,
-    (*runs,); best an `equinox.Module` with a `__call__`, whose parameters are then part of the
-    scene. The force is minus its derivative, and zero at the centre itself."""
+    `function`, of the distance, m, (*runs,), acts elementwise on the runs and returns U, m^2/s^2,
+    (*runs,); preferably an `equinox.Module` with a `__call__`, whose parameters are then part of
+    the scene. The force is minus its derivative, and zero at the centre itself."""
 
     keeps: ClassVar[frozenset[str]] = KEEPS
     felt: ClassVar[bool] = False

@@ -1,4 +1,5 @@
-"""Motion relative to a body on a circle, to first order in the distance: Clohessy and Wiltshire.
+"""Motion relative to a body on a circular orbit, to first order in the distance: Clohessy and
+Wiltshire.
 
     x'' - 2 n y' - 3 n^2 x = 0,  y'' + 2 n x' = 0,  z'' + n^2 z = 0
     x = (1 + 3 n q2) x0 + q1 u0 + 2 q2 v0
@@ -43,7 +44,7 @@ _SMALL = 9.0
 def clohessy_wiltshire_flow(
     position: Vector, velocity: Vector, duration: Scalar, mean_motion: Scalar
 ) -> tuple[Vector, Vector]:
-    """The relative state a given duration later.
+    """The relative state after a given duration.
 
     **Arguments**
 
@@ -77,7 +78,7 @@ def clohessy_wiltshire_flow(
 def clohessy_wiltshire_transfer(
     start: Vector, end: Vector, duration: Scalar, mean_motion: Scalar
 ) -> tuple[Vector, Vector]:
-    """The relative velocities at both ends of the motion from one place to another.
+    """The relative velocities at both ends of the motion from one position to another.
 
     **Arguments**
 
@@ -86,7 +87,7 @@ def clohessy_wiltshire_transfer(
 
     **Returns** the velocities at `start` and at `end`, m/s, (3, *runs): their differences from the
     velocities before and after are the two impulses of a rendezvous. Infinite or NaN where the
-    places do not decide them: for no duration, after whole and (normal to the plane) half
+    positions do not determine them: for zero duration, after whole and (normal to the plane) half
     revolutions, and where 8 (1 - cos(n t)) = 3 n t sin(n t).
     """
     t, n = as_float(duration), as_float(mean_motion)
@@ -137,7 +138,7 @@ class RelativeMotion(AbstractClosedForm):
 
 @final
 class ClohessyWiltshire(AbstractSystem):
-    """Motion relative to a body on a circle, to first order in the distance.
+    """Motion relative to a body on a circular orbit, to first order in the distance.
 
     State: `BodyState` with position and velocity in the rotating axes: outwards, along the motion,
     normal."""

@@ -94,7 +94,7 @@ def true_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
 def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
     """Kepler's equation: the mean anomaly, rad, of an eccentric or a hyperbolic one.
 
-    Keeps its digits near the parabola and the periapsis. Its inverse is `true_anomaly_after`.
+    Accurate near the parabola and the periapsis. Its inverse is `true_anomaly_after`.
 
     **Arguments**
 
@@ -113,7 +113,7 @@ def mean_anomaly(eccentric_anomaly: Scalar, eccentricity: Scalar) -> Scalar:
 
 @formula(eccentricity=NOT_NEGATIVE)
 def turning_angle(eccentricity: Scalar) -> Scalar:
-    """The angle, rad, between the velocities far before and far after a flyby on a hyperbola of
-    this eccentricity, (*runs,); half a turn on the parabola, NaN on an ellipse."""
+    """The angle, rad, between the asymptotic velocities before and after a flyby on a hyperbola of
+    this eccentricity, (*runs,); pi on the parabola, NaN on an ellipse."""
     e = as_float(eccentricity)
     return 2.0 * jnp.arctan2(1.0, jnp.sqrt((e - 1.0) * (e + 1.0)))

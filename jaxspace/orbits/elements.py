@@ -17,24 +17,24 @@
 
 Source: Thomson 4.7 to 4.10; Danby, Fundamentals of Celestial Mechanics, 6.15.
 
-An angle without meaning is zero, and so is its derivative: the node of an equatorial orbit lies on
-the x axis, the periapsis of a circle at the node. The other elements then still lead back to the
-state, but their derivatives do not: state to elements and back is not the identity in its
-derivatives on a circle or at the equator. There the elements of a neighbouring orbit are no smooth
-function of its state, and a zero stands where no derivative exists. Vary the state instead, or
-`ModifiedEquinoctialElements`, which are smooth there.
+An undefined angle is zero, and so is its derivative: the node of an equatorial orbit is on the x
+axis, the periapsis of a circle at the node. The other elements then still lead back to the state,
+but their derivatives do not: state to elements and back is not the identity in its derivatives on a
+circle or at the equator. There the elements are not smooth functions of the state, and derivatives
+that do not exist are set to zero. Vary the state instead, or `ModifiedEquinoctialElements`, which
+are smooth there.
 
 The eccentricity vector of a state is a difference of vectors of length one, and has an error of
-some roundings. One shorter than 8 of them (2e-15 in double precision) is taken as zero: its
-direction is noise, which would split the angle from the node into argument and anomaly at random,
-with derivatives of 1/e. Above, the two angles have errors of about 1e-16/e. The node has no such
-limit: z and z' of the state decide it, however small they are; its derivatives grow as 1/i.
+some rounding errors. A vector shorter than 8 of them (2e-15 in double precision) is treated as
+zero: its direction is noise, which would split the angle from the node into argument and anomaly at
+random, with derivatives of 1/e. Above, the two angles have errors of about 1e-16/e. The node has no
+such limit: z and z' of the state determine it, however small they are; its derivatives grow as 1/i.
 
-The semi-latus rectum is among the elements, and not the semi-major axis, because it is
-finite and smooth through the parabola.
+The elements contain the semi-latus rectum instead of the semi-major axis because it is finite and
+smooth through the parabola.
 
 The functions take `position`, m, and `velocity`, m/s, both (3, *runs), and the gravitational
-parameter `mu`, m^3/s^2; the runs broadcast, and times may stand before them.
+parameter `mu`, m^3/s^2; the batch axes broadcast, and a time axis may precede them.
 """
 
 __all__ = [
@@ -229,7 +229,8 @@ class ClassicalElements(AbstractParameters):
         argument_of_periapsis: Scalar = 0.0,
         true_anomaly: Scalar = 0.0,
     ) -> "ClassicalElements":
-        """The elements from the radius of periapsis, m, which every conic has, and the others."""
+        """The elements from the radius of periapsis, m, which is defined for every conic, and the
+        other elements."""
         radius = as_float(radius)
         e = as_float(eccentricity)
         return cls(radius * (1.0 + e), e, inclination, node, argument_of_periapsis, true_anomaly)
@@ -239,10 +240,10 @@ class ClassicalElements(AbstractParameters):
 def elements_from_state(position: Vector, velocity: Vector, mu: Scalar) -> ClassicalElements:
     """The classical elements of the orbit through a state, with angles within (-pi, pi].
 
-    An eccentricity below 8 roundings is noise and counts as zero. Angles without a meaning, and
-    their derivatives, are zero: on a circle and at the equator the derivatives of the elements do
-    not lead back to those of the state (see the module and "Singular places" in the manual). Those
-    of `ModifiedEquinoctialElements` do.
+    An eccentricity below 8 roundings is noise and counts as zero. Undefined angles and their
+    derivatives are zero: on a circle and at the equator the derivatives of the elements do not lead
+    back to those of the state (see the module and the manual on singularities). Those of
+    `ModifiedEquinoctialElements` do.
 
     **Arguments**
 

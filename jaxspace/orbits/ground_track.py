@@ -1,4 +1,4 @@
-"""Latitude, longitude and altitude on the turning ellipsoid of a planet: the ground track.
+"""Latitude, longitude and altitude on the rotating ellipsoid of a planet: the ground track.
 
     x = (N + h) cos(phi) cos(lam)          N = a / sqrt(1 - e2 sin^2(phi)),  e2 = f (2 - f)
     y = (N + h) cos(phi) sin(lam)          lam: from the prime meridian, which turns with the planet
@@ -41,7 +41,7 @@ _STEPS = 5
 
 @printed(latitude="rad", longitude="rad", altitude="m")
 class GroundPoint(NamedTuple):
-    """A place by its `latitude` and `longitude`, rad, and its `altitude`, m, each (*runs,).
+    """A point given by its `latitude` and `longitude`, rad, and its `altitude`, m, each (*runs,).
 
     The latitude is geodetic: the angle of the normal of the ellipsoid with the equator. The
     longitude is positive to the east, from -pi to pi."""
@@ -55,7 +55,7 @@ class GroundPoint(NamedTuple):
 def ground_point(
     position: Vector, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> GroundPoint:
-    """Ground point below a position over a planet that turns about the z axis.
+    """Sub-satellite point on a planet that rotates about the z axis.
 
     Along a run it is the ground track: `ground_point(run.states.position, rate * run.ts, ...)`.
 
@@ -92,7 +92,8 @@ def ground_point(
 def position_of(
     place: GroundPoint, angle: Scalar, radius: Scalar, flattening: Scalar = 0.0
 ) -> Vector:
-    """The inertial position of a place on or above a turning planet; undoes `ground_point`.
+    """The inertial position of a point on or above a rotating planet; the inverse of
+    `ground_point`.
 
     **Arguments**
 

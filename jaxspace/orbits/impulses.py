@@ -12,8 +12,8 @@ out of the plane; and the impulse as a jump of a mission.
     p, a    semi-latus rectum, semi-major axis                 m
     v, dv   speed, its increment                               m/s
 
-Source: Thomson 4.13-1..11 (finite impulses), 4.14-1..8 (small ones). The exact differences here are
-formed as such: they keep their digits for the smallest impulse.
+Source: Thomson 4.13-1..11 (finite impulses), 4.14-1..8 (small ones). The exact differences are
+computed without cancellation: they are accurate for the smallest impulse.
 """
 
 __all__ = [
@@ -55,15 +55,16 @@ class OrbitChange(NamedTuple):
 def tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
-    """The exact change of an orbit by an impulse along the path.
+    """Exact change of an orbit due to an impulse along the path.
 
     **Arguments**, each (*runs,)
 
     - `semi_latus_rectum`: m; `eccentricity`; `true_anomaly`: rad.
     - `gain`: increment of the speed over the speed, above -1.
 
-    **Returns** the changes. On a circle the anomaly has no meaning: its change is that from the
-    direction of `true_anomaly` to the new periapsis; no derivative by `eccentricity` exists there.
+    **Returns** the changes. On a circle the anomaly is undefined: its change is measured from the
+    direction of `true_anomaly` to the new periapsis; the derivative with respect to `eccentricity`
+    does not exist there.
     """
     p, e = as_float(semi_latus_rectum), as_float(eccentricity)
     cosine, sine = jnp.cos(true_anomaly), jnp.sin(true_anomaly)
@@ -88,7 +89,7 @@ def tangential_impulse(
 def small_tangential_impulse(
     semi_latus_rectum: Scalar, eccentricity: Scalar, true_anomaly: Scalar, gain: Scalar
 ) -> OrbitChange:
-    """The change by a small impulse along the path, to first order (Thomson 4.14-5..7).
+    """First-order change of an orbit due to a small impulse along the path (Thomson 4.14-5..7).
 
     The change of the anomaly is infinite on a circle.
 
@@ -179,8 +180,8 @@ def plane_change_impulse(speed: Scalar, new_speed: Scalar, angle: Scalar) -> Sca
 
 @final
 class Impulse(AbstractJump):
-    """An instant change of the velocity, as a jump between two phases of a mission: the sum of its
-    components. Position, attitude and mass stay what they were."""
+    """An instantaneous change of the velocity, as a jump between two phases of a mission: the sum
+    of its components. Position, attitude and mass are unchanged."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 

@@ -94,7 +94,7 @@ def interception(
     revolutions: int = 0,
     low: bool = True,
 ) -> Interception:
-    """The transfer that leaves the chaser's orbit at one time and meets the target at another.
+    """Transfer that leaves the chaser's orbit at one time and reaches the target at another.
 
     **Arguments**
 
@@ -130,7 +130,7 @@ class Porkchop(NamedTuple):
 
     @property
     def total(self) -> Float[Array, "departures arrivals"]:
-        """Their sum, m/s."""
+        """Sum of both impulses, m/s."""
         return self.departure + self.arrival
 
 
@@ -196,8 +196,8 @@ def _porkchop(
 
 
 def _sense(chaser: tuple[Vector, Vector], start: Vector, end: Vector) -> Vector:
-    """The normal of the chaser's plane, which it keeps until it departs; of a chaser on a line
-    through the centre that of the short way from `start` to `end`."""
+    """The normal of the chaser's plane, constant until the departure; for a chaser on a line
+    through the centre, the normal of the short way from `start` to `end`."""
     way = cross(start, end)
     sense = with_rank(cross(*chaser), way.ndim - 1)
     return jnp.where(dot(sense, sense) > 0.0, sense, way)

@@ -19,17 +19,18 @@
 Source: Danby, Fundamentals of Celestial Mechanics, 6.9. Thomson 4.13 has the classical forms, which
 lose their digits at e = 1.
 
-The error is that of the rounding of the inputs, of each vector by its length. This holds for a
-flyby from afar too, where the terms of Kepler's equation above nearly cancel: the anomaly is
-computed from the form about periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to two
-digits more.
+The error is that of the rounding of the inputs, of each vector by its length. This also applies to
+a flyby from afar, where the terms of Kepler's equation above nearly cancel: the anomaly is computed
+from the form about periapsis (`_anomaly.py`). Derivatives of such a flyby lose up to two digits
+more.
 
 Near the parabola the inputs determine the energy to few digits: at periapsis beta = 1 - e is the
 small difference 2 - v0^2 |r0|/mu, and half a unit in the last place of v0 changes the energy by a
-relative 1e-16/(1 - e). So at e = 1 - 1e-8 the energy of a state later has a relative error of 2e-8,
-period and semi-major axis likewise, and after a revolution the place along the orbit. More digits
-in beta would follow one rounded state more closely, not the motion that was meant; for an orbit of
-a given small 1 - e, start away from periapsis, where |r0| is of the order of a and v0 is small.
+relative 1e-16/(1 - e). So at e = 1 - 1e-8 the energy of a propagated state has a relative error of
+2e-8, as have the period, the semi-major axis and, after a revolution, the position along the orbit.
+More digits in beta would follow one rounded state more closely, not the motion that was meant; for
+an orbit of a given small 1 - e, start away from periapsis, where |r0| is of the order of a and v0
+is small.
 
 Not valid through a collision (h = 0 and past the centre): there the motion of two points has no
 continuation.
@@ -59,7 +60,7 @@ from ._rectilinear import rectilinear_motion
 def kepler_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
-    """Position and velocity a given duration later.
+    """Position and velocity after a given duration.
 
     **Arguments**
 
@@ -67,16 +68,16 @@ def kepler_flow(
     - `duration`: s, (*runs,), of either sign.
     - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
 
-    **Returns** the position, m, and the velocity, m/s, (3, *runs). The runs broadcast: one state
-    may meet many durations or centres.
+    **Returns** the position, m, and the velocity, m/s, (3, *runs). The batch axes broadcast: one
+    state can be combined with many durations or centres.
 
-    Without a loop. Derivatives of every order, forward and reverse, follow from the implicit
-    function theorem. Whole revolutions are subtracted first, so that the error grows in proportion
-    to their number, as the sensitivity of the problem does. Where `mu` is zero, the motion is a
-    straight line, with its first derivative by mu.
+    Computed without a loop. Derivatives of every order, forward and reverse, follow from the
+    implicit function theorem. Whole revolutions are subtracted first, so that the error grows in
+    proportion to their number, as the sensitivity of the problem does. Where `mu` is zero, the
+    motion is a straight line, with its first derivative by mu.
 
     **Raises** `InputError` for a position at the centre, a duration that is not finite and a
-    negative `mu`; under `jit`, where they are not known, the result is NaN.
+    negative `mu`; under `jit`, where they are not concrete, the result is NaN.
     """
     if is_concrete(position):
         place = np.asarray(position)
@@ -89,8 +90,7 @@ def kepler_flow(
 def conic_flow(
     position: Vector, velocity: Vector, duration: Scalar, mu: Scalar
 ) -> tuple[Vector, Vector]:
-    """`kepler_flow` about a centre that is known to attract: a smaller program, and NaN where `mu`
-    is not positive."""
+    """`kepler_flow` for a positive `mu`: a smaller program, and NaN where `mu` is not positive."""
     return in_blocks(_conic, (1, 1, 0, 0), position, velocity, duration, mu)
 
 
@@ -159,7 +159,7 @@ def _motion(
 
 
 def universal_anomaly(sigma: Scalar, beta: Scalar, tau: Scalar, p: Scalar) -> Scalar:
-    """The anomaly chi a duration `tau` later, whole revolutions included.
+    """The anomaly chi after a duration `tau`, including whole revolutions.
 
     All arguments and the result are in the symbols and units of the module, (*runs,)."""
     end = _anomaly(sigma, beta, tau, jax.lax.stop_gradient(p))

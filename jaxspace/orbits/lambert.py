@@ -1,4 +1,4 @@
-"""Lambert's problem: the conic that leads from one place to another in a given time.
+"""Lambert's problem: the conic that connects two positions in a given time.
 
 Short way or long way, with or without whole revolutions.
 
@@ -15,9 +15,9 @@ Short way or long way, with or without whole revolutions.
 
 Source: Thomson 4.16 states the problem; Izzo (2015), Celestial Mechanics 121, 1.
 
-Not unique where both places are the same, and where they lie opposite each other: there a `normal`
-must select the plane, and derivatives are those within it. Where the plane of the places contains
-the `normal`, the sense of the motion is undecided.
+Not unique where both positions coincide or are opposite each other: there a `normal` must select
+the plane, and derivatives are restricted to it. Where the plane of the positions contains the
+`normal`, the sense of the motion is undefined.
 """
 
 __all__ = ["TransferStatus", "lambert", "least_duration", "transfer_status"]
@@ -85,19 +85,19 @@ def lambert(
     - `duration`: s, (*runs,).
     - `mu`: gravitational parameter of the centre, m^3/s^2, (*runs,).
     - `normal`: the axis about which the motion turns counterclockwise, (3, *runs); the third axis
-      by default. It selects the short or the long way, for which it must not lie in the plane of
-      the places. For places half a turn apart it selects the plane, and must be given.
+      by default. It selects the short or the long way, for which it must not be in the plane of the
+      positions. For positions half a revolution apart it selects the plane and is required.
     - `revolutions`: whole revolutions before the arrival.
     - `low`: with one or more revolutions there are two transfers; whether to take the one that
       leaves lower above the horizon.
 
     **Returns** the velocities at `start` and at `end`, m/s, (3, *runs); the runs broadcast. In a
-    batch and under a transformation, a run without one transfer is NaN and changes no other:
-    `transfer_status` says why. Derivatives of every order, forward and reverse, follow from the
-    implicit function theorem.
+    batch and under a transformation, a run without a unique transfer is NaN and does not affect the
+    others: `transfer_status` gives the reason. Derivatives of every order, forward and reverse,
+    follow from the implicit function theorem.
 
-    **Raises** `InputError` for `revolutions` below zero, for a `mu` that is not positive, and for a
-    single transfer whose known inputs have none, or more than one (`TransferStatus`).
+    **Raises** `InputError` for `revolutions` below zero, for a `mu` that is not positive, and for
+    concrete inputs of a single transfer that does not exist or is not unique (`TransferStatus`).
     """
     check(revolutions >= 0, "lambert: revolutions", revolutions, "zero or more")
     v1, v2, status = _transfer(start, end, duration, mu, normal, revolutions, low)
@@ -117,7 +117,7 @@ def transfer_status(
     normal: Vector | None = None,
     revolutions: int = 0,
 ) -> Int[Array, "*runs"]:
-    """Why `lambert` has no answer, where it has none.
+    """The reason why `lambert` has no solution, for each run.
 
     **Arguments** as in `lambert`.
 
@@ -165,10 +165,10 @@ def least_duration(
     **Arguments** as in `lambert`.
 
     **Returns** the duration, s, (*runs,); NaN in a batch and under a transformation where the
-    `normal` does not decide the way.
+    `normal` does not determine the way.
 
     **Raises** `InputError` for `revolutions` below one, for a `mu` that is not positive, and for
-    known places and a `normal` that do not decide the way.
+    concrete positions and a `normal` that do not determine the way.
     """
     check(revolutions >= 1, "least_duration: revolutions", revolutions, "one or more")
     normal = _direction(normal)
@@ -223,7 +223,7 @@ def _directions_of_motion(
 ) -> tuple[Vector, Vector, Scalar]:
     """Directions along the motion at both places, and 1 for the short way, -1 for the long one.
 
-    `toward`: i2, or what is left of it without its component along i1."""
+    `toward`: i2, or its remainder without the component along i1."""
     up = axis(2, i1[0]) if normal is None else with_rank(normal, i1.ndim - 1)
     n = barrier(cross(i1, toward))
     n2, turn = barrier((dot(n, n), dot(n, up)))

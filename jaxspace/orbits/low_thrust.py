@@ -1,4 +1,4 @@
-"""A small thrust along the path, and the slow spiral that it makes of a circle.
+"""A small thrust along the path, and the slow spiral that results from a circular orbit.
 
     v' = ... + a(t) v/|v|,      a(t) = a_0 / (1 - a_0 t / u)
     r = mu / (v_0 - dv)^2       quasi-circular, dv = a_0 t, or -u ln(1 - a_0 t/u)
@@ -28,7 +28,7 @@ from .burnout import circular_speed
 
 @final
 class LowThrust(AbstractEffect):
-    """A small thrust along the velocity, or against it, from t = 0 on; any body, any mass."""
+    """A small thrust along the velocity, or against it, from t = 0 on; for any body and mass."""
 
     acceleration: NumberField = quantity(
         "m/s^2", doc="along the velocity at t = 0; negative against it"
@@ -64,7 +64,7 @@ class LowThrust(AbstractEffect):
 
 @formula(radius=POSITIVE, mu=POSITIVE)
 def spiral_radius(radius: Scalar, increment: Scalar, mu: Scalar) -> Scalar:
-    """The radius of a slow spiral after an increment of speed was spent along the path.
+    """Radius of a slow spiral after an increment of speed has been spent along the path.
 
     **Arguments**, each (*runs,)
 

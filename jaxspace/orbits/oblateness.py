@@ -35,7 +35,7 @@ from .secular_rates import secular_rates
 
 @formula(r=AWAY, radius=POSITIVE)
 def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
-    """Acceleration by J2 alone.
+    """Acceleration due to J2 only.
 
     **Arguments**
 
@@ -61,7 +61,7 @@ def oblateness(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Vector:
 
 @formula(r=AWAY, radius=POSITIVE)
 def oblateness_potential(r: Vector, mu: Scalar, j2: Scalar, radius: Scalar) -> Scalar:
-    """Potential energy per unit mass U, m^2/s^2, of J2 alone, zero at infinity.
+    """Potential energy per unit mass U, m^2/s^2, of J2 only, zero at infinity.
 
     **Arguments**
 
@@ -119,7 +119,7 @@ def apsidal_rate(
 
 @final
 class Oblateness(AbstractEffect):
-    """Attraction by the bulge of an oblate body about the z axis."""
+    """Attraction by the oblateness (J2) of a body about the z axis."""
 
     keeps: ClassVar[frozenset[str]] = frozenset({"energy", "axial_angular_momentum"})
     felt: ClassVar[bool] = False

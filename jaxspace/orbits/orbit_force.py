@@ -29,9 +29,9 @@ def force_of_orbit(
 
     **Arguments**
 
-    - `orbit`: the distance from the centre, m, as a function of the polar angle, rad, that acts on
-      each run alone.
-    - `angle`: where on the curve, rad, (*runs,).
+    - `orbit`: the distance from the centre, m, as a function of the polar angle, rad, that acts
+      elementwise on the runs.
+    - `angle`: polar angle on the curve, rad, (*runs,).
     - `angular_momentum`: per unit mass, m^2/s, (*runs,).
 
     **Returns** the acceleration outwards, m/s^2, (*runs,): negative for an attraction.

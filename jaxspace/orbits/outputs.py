@@ -83,7 +83,7 @@ def speed(velocity: Vector) -> Scalar:
 @formula
 @output("m/s")
 def speed_error(velocity: Vector, nominal: State) -> Scalar:
-    """Speed less that of the `nominal` state, m/s.
+    """Difference of the speed from that of the `nominal` state, m/s.
 
     **Arguments**
 
@@ -111,7 +111,7 @@ def periapsis(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a position and a velocity."""
     del t
     # Not the radial speed, which has the same zeros and divides by the distance.
@@ -125,7 +125,7 @@ def apoapsis(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a position and a velocity."""
     del t
     return dot(y.position, y.velocity)
@@ -138,7 +138,7 @@ def ascending_node(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a position."""
     del t
     return y.position[2]
@@ -151,7 +151,7 @@ def descending_node(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a position."""
     del t
     return y.position[2]

@@ -1,4 +1,4 @@
-"""Paths that are given: where another body is at a time.
+"""Prescribed paths: the position of another body as a function of time.
 
     circle  s = d (cos u, sin u cos i, sin u sin i) turned by the node,  u = phase + rate t
     conic   s = the two-body motion of a state at t = 0
@@ -8,7 +8,7 @@
     s, d    position from the centre of the scene, its length        m
     u, i    angle from the ascending node, inclination to z = 0      rad
 
-Any function of the time that returns a position, (3, *runs), serves as a path in Python.
+Any function of the time that returns a position, (3, *runs), can be used as a path in Python.
 """
 
 __all__ = ["AbstractPath"]
@@ -74,7 +74,7 @@ class CircularPath(AbstractPath):
 
 @final
 class KeplerPath(AbstractPath):
-    """Two-body motion from a state at the time zero, on any conic."""
+    """Two-body motion from a state at t = 0, on any conic."""
 
     position: Float[Array, "3 *#runs"] = quantity("m", doc="from the centre at t = 0")
     velocity: Float[Array, "3 *#runs"] = quantity("m/s", doc="at t = 0")
@@ -90,9 +90,9 @@ class KeplerPath(AbstractPath):
 class TabulatedPath(AbstractPath):
     """Positions at times, with a natural cubic spline between them.
 
-    The nodes are breaks of every integration. The spline is straight at its ends: let the table
-    begin and end some nodes outside of the run. Raises `InputError` for times that do not ascend,
-    or another number of positions."""
+    The nodes are breaks of every integration. The spline is straight at its ends: extend the table
+    some nodes beyond the run. Raises `InputError` for times that do not ascend, or another number
+    of positions."""
 
     # The spline of x. Of y and z only values and curvatures are stored, so that each node is one
     # break and not three.

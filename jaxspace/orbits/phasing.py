@@ -1,4 +1,4 @@
-"""Phasing: a rendezvous within one orbit, by a detour that comes back to the same place.
+"""Phasing: a rendezvous within one orbit, with a phasing orbit that returns to the same point.
 
     T' = T (m - L / T) / k,   a' = a ((m - L/T) / k)^(2/3),   dv = v(r, a') - v(r, a)
 
@@ -56,7 +56,7 @@ def phasing(
     revolutions: Scalar = 1.0,
     target_revolutions: Scalar | None = None,
 ) -> Phasing:
-    """The detour after which chaser and target are at the same place of the same orbit.
+    """The phasing orbit after which chaser and target are at the same point of the same orbit.
 
     **Arguments**, each (*runs,)
 

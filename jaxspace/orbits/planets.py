@@ -1,4 +1,4 @@
-"""Planets on circles in one plane: the synodic period, and the phase at which a transfer can leave.
+"""Planets on coplanar circles: the synodic period, and the departure phase of a transfer.
 
     1/S = |1/T1 - 1/T2|
     phi = pi (1 - ((1 + r1/r2)/2)^(3/2))

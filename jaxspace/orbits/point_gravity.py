@@ -1,4 +1,4 @@
-"""Gravity of a point mass, or of any body whose mass lies in spherical shells.
+"""Gravity of a point mass, or of any body whose mass is distributed in spherical shells.
 
     a = -mu r / |r|^3 = -grad U
     U = -mu / |r|

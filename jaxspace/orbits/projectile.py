@@ -1,4 +1,4 @@
-"""Flight in uniform gravity: over a plane at rest, and over the turning planet to first order.
+"""Flight in uniform gravity: over a plane at rest, and over a rotating planet to first order.
 
     y = v^2/(2g) - g x^2/(2 v^2)                                         envelope of all flights
     tan(a) = (v^2 +- sqrt(v^4 - g (g x^2 + 2 y v^2))) / (g x)            both angles to (x, y)
@@ -29,7 +29,7 @@ from ..core.vectors import cross
 
 @formula(speed=POSITIVE, gravity=POSITIVE)
 def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Scalar:
-    """The greatest height, m, that a launch at this speed reaches over a horizontal distance.
+    """The greatest height, m, that a launch with this speed reaches at a horizontal distance.
 
     **Arguments**
 
@@ -44,7 +44,7 @@ def projectile_envelope(distance: Scalar, speed: Scalar, gravity: Scalar) -> Sca
 def projectile_angles(
     distance: Scalar, height: Scalar, speed: Scalar, gravity: Scalar
 ) -> tuple[Scalar, Scalar]:
-    """Both angles of a launch that reaches a target.
+    """Both launch angles that reach a target.
 
     **Arguments**, each (*runs,)
 

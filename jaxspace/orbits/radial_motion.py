@@ -17,11 +17,11 @@
 
 Source: Thomson 4.5-6 to -10, 4.15-3 to -5; Harrison and Nettleton 5.20 to 5.24.
 
-The phase takes the square roots from both ends, so that the integrand is smooth and periodic; in
-the logarithm it has no singularity near, whatever the ratio of the radii. The divided differences
-are means of derivatives where the points are close, so that circles lose no digits. Motions
-between far radii keep the digits of the potential: its zero belongs at the outer one, or at
-infinity.
+The phase removes the square roots at both ends, so that the integrand is smooth and periodic; in
+terms of the logarithm it has no nearby singularity for any ratio of the radii. The divided
+differences are means of derivatives where the points are close, so that circles lose no digits.
+Motions between distant radii are as accurate as the potential: choose its zero at the outer radius
+or at infinity.
 """
 
 __all__ = [
@@ -78,7 +78,7 @@ class RadialMotion(eqx.Module):
 
 
 def _slope(f: Potential, x: Scalar) -> Scalar:
-    """Derivative of a function that acts on each element alone."""
+    """Derivative of a function that acts elementwise."""
     return jax.jvp(f, (x,), (jnp.ones_like(x),))[1]
 
 
@@ -114,7 +114,7 @@ def effective_potential(potential: Potential, r: Scalar, h: Scalar) -> Scalar:
 
     **Arguments**
 
-    - `potential`: U, m^2/s^2, a function of the distance that acts on each element alone.
+    - `potential`: U, m^2/s^2, a function of the distance that acts elementwise.
     - `r`: distance from the centre, m, (*runs,).
     - `h`: angular momentum per unit mass, m^2/s, (*runs,).
 
@@ -152,17 +152,17 @@ def radial_frequency_squared(potential: Potential, r: Scalar) -> Scalar:
 
 @formula(inner=POSITIVE, outer=POSITIVE)
 def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialMotion:
-    """The motion that turns at two given radii, to rounding error, circles included.
+    """The motion between two given turning radii, accurate to rounding error, including circles.
 
     **Arguments**
 
-    - `potential`: U, m^2/s^2, a function of the distance, m, that acts on each element alone and
+    - `potential`: U, m^2/s^2, a function of the distance, m, that acts elementwise and
       is smooth between the radii.
     - `inner`, `outer`: turning radii, m, (*runs,).
 
-    **Returns** a `RadialMotion`, with derivatives by the radii and by whatever the potential holds;
-    NaN where no motion goes from one of the radii to the other. For an unstable circle the angle
-    and the period are NaN.
+    **Returns** a `RadialMotion`, with derivatives with respect to the radii and to the parameters
+    of the potential; NaN where no motion goes from one of the radii to the other. For an unstable
+    circle the angle and the period are NaN.
     """
     inner, outer = jnp.broadcast_arrays(jnp.asarray(inner), jnp.asarray(outer))
     # Relative to the inner radius, so that no power of the distance leaves the range of float32.
@@ -211,11 +211,11 @@ def radial_motion(potential: Potential, inner: Scalar, outer: Scalar) -> RadialM
 
 @formula
 def turning_points(potential: Potential, r: Vector, v: Vector) -> tuple[Scalar, Scalar]:
-    """The radii between which a motion goes to and fro.
+    """The turning radii of a motion.
 
     **Arguments**
 
-    - `potential`: U, m^2/s^2, a function of the distance, m, that acts on each element alone.
+    - `potential`: U, m^2/s^2, a function of the distance, m, that acts elementwise.
     - `r`, `v`: a state of the motion, m and m/s, (3, *runs).
 
     **Returns** the inner and the outer radius, m, (*runs,): the nearest on either side. The inner

@@ -1,4 +1,4 @@
-"""Frames of a planet that turns about the z axis, and the plumb line on it.
+"""Frames of a planet that rotates about the z axis, and its plumb line.
 
     local frame: x south, y east, z up      w = W (-cos(lat), 0, sin(lat))
     navigation frame: x east, y north, z up
@@ -14,7 +14,7 @@
     d          plumb line against the line to the centre                  rad
 
 Source: Thomson 2.6, problem 2.6-1, problems 3-9 to 3-12.
-The planet is a sphere: the plumb line follows from its attraction and rotation alone.
+The planet is a sphere: the plumb line follows from its attraction and rotation only.
 """
 
 __all__ = ["local_frame", "navigation_rates", "planet_frame", "plumb_line_deviation"]
@@ -30,7 +30,7 @@ from ..rotations import MovingFrame, Quaternion
 
 @formula
 def planet_frame(angle: Scalar, rate: Scalar) -> MovingFrame:
-    """The frame fixed in a planet that turns about the z axis.
+    """The frame fixed to a planet that rotates about the z axis.
 
     **Arguments**
 
@@ -46,7 +46,7 @@ def planet_frame(angle: Scalar, rate: Scalar) -> MovingFrame:
 
 @formula(radius=POSITIVE)
 def local_frame(latitude: Scalar, longitude: Scalar, radius: Scalar, rate: Scalar) -> MovingFrame:
-    """The frame of a place on a turning planet: x south, y east, z up (Thomson 2.6).
+    """The frame of a place on a rotating planet: x south, y east, z up (Thomson 2.6).
 
     **Arguments**, each (*runs,)
 

@@ -18,7 +18,7 @@
     J2, J4, R   zonal harmonics, the equatorial radius they refer to          1, 1, m
 
 Source: Brouwer, Solution of the problem of artificial satellite theory without drag, AJ 64 (1959),
-378, p. 394. The terms in k alone are Curtis 4.52, 4.53 and Thomson 4.18-12.
+378, p. 394. The terms in k only are Curtis 4.52, 4.53 and Thomson 4.18-12.
 
 The elements are Brouwer's mean ones; the mean of an osculating element over whole revolutions
 differs from them by the second order in J2. The odd harmonics have no part in the mean rates to
@@ -121,8 +121,8 @@ def sun_synchronous_inclination(
     - `semi_major_axis`: m; `eccentricity`; `mu`, m^3/s^2; `j2`; `radius`, m.
     - `rate`: of the node, rad/s; one turn in a tropical year of 365.24219 days by default.
 
-    **Returns** the inclination, rad: cos i = -rate / (3/2 n J2 (R/p)^2); NaN where no orbit of that
-    size keeps up."""
+    **Returns** the inclination, rad: cos i = -rate / (3/2 n J2 (R/p)^2); NaN where no orbit of this
+    size is sun-synchronous."""
     # Over the equator: to first order every other inclination has the share cos i of this rate.
     along = secular_rates(semi_major_axis, eccentricity, 0.0, mu, j2, radius).node
     return jnp.arccos(rate / along)

@@ -1,5 +1,4 @@
-"""Shadow of a spherical planet in the light of the sun: when an orbit enters it, and how much light
-is left.
+"""Shadow of a spherical planet: when an orbit enters it, and the remaining fraction of sunlight.
 
     a = asin(R_s / |s - r|),  b = asin(R / |r|)         apparent radii of sun and planet
     c = angle between s - r and -r                      between their centres
@@ -10,14 +9,14 @@ is left.
     symbol       meaning                                                      unit
     r, s         position, that of the sun, both from the planet's centre     m
     R, R_s       radius of the planet, of the sun                             m
-    f            part of the sun's disk that is seen, by area                 1
+    f            visible fraction of the sun's disk, by area                 1
     alpha, beta  half the angle of the common chord, from each centre         rad
 
 Source: Montenbruck and Gill, Satellite Orbits, 3.4.2 (cone), 3.4.1 (light of parallel rays); f is
 the area of two overlapping plane disks.
 
 Parallel light is the case a = 0, where c is measured from s: the shadow is a cylinder, and f jumps
-from one to zero. Air that bends or absorbs the light, and the planet's flattening, are left out.
+from one to zero. Refraction and absorption by air, and the planet's flattening, are neglected.
 """
 
 __all__ = ["shadow", "shadow_event", "sunlight"]
@@ -66,7 +65,7 @@ def shadow(
     sun_radius: Scalar | None = None,
     part: Literal["penumbra", "umbra"] = "penumbra",
 ) -> Scalar:
-    """Angle by which the sun is clear of the planet: zero where the shadow begins and ends.
+    """Angular separation of the sun and the shadow's edge: zero where the shadow begins and ends.
 
     The condition of an eclipse for events: it falls at the entry and rises at the exit.
 
@@ -89,7 +88,7 @@ def shadow(
 def sunlight(
     position: Vector, sun: Vector, radius: Scalar, sun_radius: Scalar | None = None
 ) -> Scalar:
-    """Part of the sun's disk that is seen, from 0 in the umbra to 1 in full light.
+    """Visible fraction of the sun's disk, from 0 in the umbra to 1 in full light.
 
     **Arguments** as in `shadow`.
 

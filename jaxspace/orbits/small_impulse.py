@@ -1,4 +1,4 @@
-"""Changes of the elements by any impulse, exactly and to first order.
+"""Changes of the elements due to any impulse, exactly and to first order.
 
     change = elements(r, v + dv) - elements(r, v)        exact
     change = d(elements)/dv dv                           first order
@@ -29,7 +29,7 @@ _ANGLES = ("inclination", "node", "argument_of_periapsis", "true_anomaly")
 def impulse_change(
     position: Vector, velocity: Vector, impulse: Vector, mu: Scalar, *, first_order: bool = False
 ) -> dict[str, Scalar]:
-    """The changes of the classical elements by an impulse.
+    """Changes of the classical elements due to an impulse.
 
     **Arguments**
 
@@ -38,7 +38,7 @@ def impulse_change(
     - `first_order`: whether to give the derivative times the impulse.
 
     **Returns** the changes by the names of `ClassicalElements`, each (*runs,): m, 1, rad; angles
-    from -pi to pi. Where an angle has no meaning (circle, equator) neither has its change. The
+    from -pi to pi. Where an angle is undefined (circle, equator), so is its change. The
     exact change is a difference: for an impulse of s times the speed its relative error is 1e-16/s.
     Below s = 1e-8 the change to first order is more accurate.
     """

@@ -9,8 +9,8 @@
     C       coefficient: 1 for light absorbed, 2 for light reflected       1
     A/m     lit area over mass                                             m^2/kg
 
-Source: Montenbruck and Gill, Satellite Orbits, 3.4 (3.75). Pushes away from the sun whatever the
-attitude is. Not conservative: the shadow opens and closes.
+Source: Montenbruck and Gill, Satellite Orbits, 3.4 (3.75). The force points away from the sun,
+independent of the attitude. It is not conservative because of the shadow.
 """
 
 __all__ = ["solar_pressure"]
@@ -55,8 +55,8 @@ def solar_pressure(
 class SolarPressure(AbstractEffect):
     """Pressure of sunlight, with the shadow of the planet: a cylinder, or cones with a penumbra.
 
-    At the edge of the cylinder the acceleration jumps, and no step ends there: for accuracies below
-    1e-6 give the sun its radius."""
+    At the edge of the cylinder the acceleration is discontinuous, and no step ends there: for
+    accuracies below 1e-6 specify the radius of the sun."""
 
     area_per_mass: NumberField = quantity("m^2/kg", non_negative=True, doc="lit area over mass")
     # The checker takes the quantity above for a default.

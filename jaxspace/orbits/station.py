@@ -1,4 +1,5 @@
-"""A station on a turning planet: azimuth, elevation and range of what it sees, and passes over it.
+"""A station on a rotating planet: azimuth, elevation and range of a satellite, and passes over the
+station.
 
     d = R - R_s
     tan(A) = d_east / d_north,  sin(El) = d_up / |d|
@@ -31,7 +32,7 @@ from .ground_track import GroundPoint, position_of
 
 @printed(azimuth="rad", elevation="rad", distance="m")
 class LookAngles(NamedTuple):
-    """Direction and distance of something seen from a station: `azimuth` from the north to the
+    """Direction and distance of an object seen from a station: `azimuth` from the north to the
     east, from -pi to pi, and `elevation`, rad; `distance`, m; each (*runs,)."""
 
     azimuth: Scalar
@@ -41,7 +42,7 @@ class LookAngles(NamedTuple):
 
 @final
 class Station(AbstractParameters):
-    """A place on a planet that turns about the z axis.
+    """A place on a planet that rotates about the z axis.
 
     `look_angles` gives azimuth, elevation and range. For passes, `above` is the condition of an
     event: `Event(station.above(jnp.radians(5.0)), terminal=False)` collects every rise and set."""
@@ -70,7 +71,7 @@ class Station(AbstractParameters):
         return LookAngles(safe_atan2(east, north), jnp.arctan2(up, across), distance)
 
     def above(self, elevation: Scalar = 0.0) -> "AboveElevation":
-        """The condition that rises through zero where something rises above this `elevation`,
+        """The condition that rises through zero where an object rises above this `elevation`,
         rad."""
         return AboveElevation(self, elevation)
 
@@ -78,7 +79,7 @@ class Station(AbstractParameters):
         return self.angle + self.rate * t
 
     def _seen(self, t: Scalar, position: Vector) -> Vector:
-        """The way from the station to the position in axes east, north, up, m, (3, *runs)."""
+        """The vector from the station to the position in east, north, up axes, m, (3, *runs)."""
         meridian = jnp.asarray(self.longitude + self._angle(t))
         station = self.position(t)
         rank = max(position.ndim, station.ndim, meridian.ndim + 1) - 1
@@ -94,8 +95,7 @@ class Station(AbstractParameters):
 class AboveElevation(AbstractParameters):
     """The condition (t, y) of an event: sin(El) less that of an elevation, seen from a station.
 
-    Smooth in the zenith, too, where its derivatives vanish: what is left of them there is a
-    rounding of the sine."""
+    Also smooth in the zenith, where its derivatives vanish up to the rounding error of the sine."""
 
     station: Station
     elevation: NumberField = quantity("rad", doc="of the mask above the horizon")

@@ -1,4 +1,4 @@
-"""The number of equal steps that an orbit requires.
+"""Number of equal steps required for an orbit.
 
     mu = -(a . r) |r|       1/A = 2/|r| - v^2/mu       n = sqrt(mu/A^3)
     steps = n duration / (2 pi) x steps per revolution
@@ -28,7 +28,7 @@ from ..core.vectors import dot, norm
 
 @quick_jit
 def _mean_motion(system: AbstractSystem, y: State, t: Scalar) -> Scalar:
-    """Mean motion, rad/s, (*runs,): zero on an open orbit, NaN where nothing attracts."""
+    """Mean motion, rad/s, (*runs,): zero on an open orbit, NaN without an attracting force."""
     a = system.vector_field(t, y).velocity
     r = norm(y.position)
     mu = -dot(a, y.position) * r
@@ -45,9 +45,9 @@ def steps_for(
     per_revolution: int,
     t0: Scalar = 0.0,
 ) -> int:
-    """The number of equal steps for at least `per_revolution` in each revolution.
+    """Number of equal steps such that each revolution has at least `per_revolution` steps.
 
-    `Stormer(steps=steps_for(scene, y0, ts[-1], 90))` takes 90 steps or more in a revolution.
+    `Stormer(steps=steps_for(scene, y0, ts[-1], 90))` takes at least 90 steps per revolution.
 
     **Arguments**
 
@@ -55,15 +55,15 @@ def steps_for(
     - `y0`: the initial state; of many runs, on the last axis, the fastest counts.
     - `duration`: s, of either sign. For `Stormer` that of the run; for `Splitting` and
       `Regularised` the time between two saved states.
-    - `per_revolution`: steps in a revolution of the osculating orbit. An orbit that does not come
-      back counts as one revolution.
+    - `per_revolution`: steps in a revolution of the osculating orbit. An open orbit counts as one
+      revolution.
     - `t0`: the time of `y0`, s.
 
     **Returns** the number, rounded up to the next even number of 2, 2 sqrt(2), 4, ..., so that
     similar orbits share a compiled program.
 
-    **Raises** `InputError` for a state without position or velocity, for a traced state, and where
-    nothing attracts.
+    **Raises** `InputError` for a state without position or velocity, for a traced state, and
+    without an attracting force.
     """
     parts = (getattr(y0, "position", None), getattr(y0, "velocity", None))
     if is_traced((system, y0, duration)) or any(part is None for part in parts):

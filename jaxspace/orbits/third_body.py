@@ -12,8 +12,8 @@
 Source: Battin, An Introduction to the Mathematics and Methods of Astrodynamics, 8.4 (f); Thomson
 4.6 (relative motion).
 
-No digit is lost where both attractions nearly cancel, close to the centre. Singular in the other
-body. The motion of the other body does work: the energy is not conserved.
+Accurate close to the centre, where both attractions nearly cancel. Singular at the other body. The
+motion of the other body does work: the energy is not conserved.
 """
 
 __all__ = ["third_body", "third_body_potential"]
@@ -34,7 +34,7 @@ from .paths import Path
 
 @formula(s=AWAY)
 def third_body(r: Vector, s: Vector, mu: Scalar) -> Vector:
-    """Acceleration by another body, less that of the centre.
+    """Acceleration due to another body, minus that of the centre.
 
     **Arguments**
 
@@ -76,7 +76,7 @@ def _same_rank(r: Vector, s: Vector) -> tuple[Vector, Vector]:
 
 @final
 class ThirdBody(AbstractEffect):
-    """Attraction by another body that moves on a given path, as the moon or the sun does."""
+    """Attraction by another body that moves on a given path, such as the moon or the sun."""
 
     mu: NumberField = quantity(
         "m^3/s^2", positive=True, doc="gravitational parameter of the other body"

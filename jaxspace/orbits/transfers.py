@@ -11,7 +11,7 @@
 Source: Thomson 4.11-3..9 (in 4.11-9 the left side is the total of both impulses), 4.12-1..6.
 
 Increments have a sign: positive along the velocity. They are computed as differences without
-cancellation, so that a small change of orbit keeps its digits.
+cancellation, so that small changes of the orbit are accurate.
 """
 
 __all__ = [

@@ -58,7 +58,7 @@ def to_relative(m1: Scalar, m2: Scalar, first: Vector, second: Vector) -> tuple[
 def from_relative(
     m1: Scalar, m2: Scalar, barycentre: Vector, separation: Vector
 ) -> tuple[Vector, Vector]:
-    """The two bodies, from what `to_relative` returns.
+    """The two bodies, from the result of `to_relative`.
 
     **Arguments**
 

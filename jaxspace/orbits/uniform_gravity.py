@@ -24,7 +24,7 @@ from ..core.vectors import dot
 
 @final
 class UniformGravity(AbstractEffect):
-    """The same acceleration everywhere."""
+    """Uniform gravity: the same acceleration everywhere."""
 
     acceleration: Float[Array, "3 *#runs"] = quantity(
         "m/s^2", doc="g, in inertial axes; the third axis points up by convention"
@@ -49,7 +49,7 @@ def touchdown(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a position."""
     del t
     return y.position[2]

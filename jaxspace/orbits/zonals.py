@@ -15,8 +15,8 @@ Source: Vallado, Fundamentals of Astrodynamics, 8.6.1 (there by degrees); the su
 follows from (n + 1) P_n + s P'_n = P'_(n+1). The first term is that of Thomson 4.18.
 
 J_n is minus the unnormalised coefficient C_n0: J_n = -sqrt(2 n + 1) times the normalised one. The
-axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point; for J2
-alone `Oblateness` is the same field by fewer operations.
+axis of symmetry is the inertial z axis. Add `PointGravity` for the field of the point; for J2 only,
+`Oblateness` computes the same field with fewer operations.
 """
 
 __all__ = ["zonal_potential", "zonals"]
