@@ -8,7 +8,7 @@
     g_i, s_i  axes of the gimbal and of the wheel, of length one              1
     d_i       angle of the gimbal, from the position where the axis is s0_i   rad
     h_i       angular momentum of the wheel relative to the body              kg m^2/s
-    t_i       direction of the torque required to turn the gimbal           1
+    t_i       direction of the torque required to turn the gimbal             1
     J         inertia of all, with the wheels and gimbals locked              kg m^2
 
 Source: Thomson 7.11 (relative momentum); Wie, Space Vehicle Dynamics and Control, 7.4.

@@ -9,7 +9,7 @@ magnetic dipole in a field.
 
     symbol     meaning                                                     unit
     M          torque about the centre of mass, body axes                  N m
-    C_BN       matrix from inertial to body components    1
+    C_BN       matrix from inertial to body components                     1
     c, k       resistance and stiffness along the body's axes              N m s, N m
     m, B       dipole moment in body axes; field in inertial axes          A m^2, T
     r          position                                                    m

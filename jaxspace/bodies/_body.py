@@ -4,7 +4,7 @@
 
     symbol  meaning                                                          unit
     m, m_d  mass, dry mass                                                   kg
-    m_p     propellant left                                                  kg
+    m_p     remaining propellant                                             kg
     J_d     inertia of the dry body about its own centre of mass             kg m^2
     k       radii of gyration of the propellant about its own centre         m
     d       distance of the propellant's centre from the dry centre, along z m
@@ -34,7 +34,8 @@ def _as_optional_inertia(x: object) -> AbstractInertia | None:
 class AbstractBody(AbstractParameters):
     """Mass properties as functions of the mass that is left.
 
-    Shapes: masses (*runs,), vectors (3, *runs). `None` means that the body has no such property."""
+    Shapes: masses (*runs,), vectors (3, *runs). `None` means that the body does not have the
+    property."""
 
     @abstractmethod
     def constant_mass(self) -> Scalar | None:
@@ -69,8 +70,8 @@ class AbstractBody(AbstractParameters):
 class RigidBody(AbstractBody):
     """A body with constant mass properties: `RigidBody(mass, inertia)`.
 
-    Either may be absent: a point needs no inertia, and the mass drops out of motion under gravity
-    alone."""
+    Either may be absent: a point needs no inertia, and the mass cancels in motion under gravity
+    only."""
 
     mass: OptionalNumberField = quantity("kg", positive=True, optional=True, doc="mass")
     moment_of_inertia: AbstractInertia | None = quantity(

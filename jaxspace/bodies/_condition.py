@@ -9,7 +9,7 @@ from .state import BodyState
 
 
 class AbstractCondition(AbstractParameters):
-    """A condition whose zero ends a phase, for an `Event` and in scene files. A concrete one is
+    """A condition whose zero ends a phase, for an `Event` and for scene files. A concrete one is
     final. A condition without parameters is a function, declared by `core.event`.
 
     - `direction`: 1 for a rise, -1 for a fall, 0 for both.

@@ -64,7 +64,7 @@ def _by_energy_tangent(
     h = norm(start)
 
     def twist(n: Vector, of_n: Vector) -> Scalar:
-        """Angle about n of the least turn from e_z to n, for a change of n."""
+        """Angle about n of the smallest rotation from e_z to n, for a change of n."""
         return (n[1] * of_n[0] - n[0] * of_n[1]) / (1.0 + n[2])
 
     along = (duration * dot(start, of_omega) + dot(end, later) * of_duration) / h

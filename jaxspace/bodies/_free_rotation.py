@@ -15,8 +15,8 @@ omega(t) its value a duration t later.
     omega_2(t) = (omega_2 c d + a_2 omega_3 omega_1 S) / D
     omega_3(t) = (omega_3 c + a_3 omega_1 omega_2 S d) / D
 
-The attitude is the least turn that takes the third axis to h, a turn chi about h, and the least
-turn back, later:
+The attitude is composed of the smallest rotation from the third axis to h, a rotation chi about h,
+and the smallest rotation back at the later time:
 
     R(t) = F(0) R_z(chi) F(t)^-1,   F e_z = h/|h|
     chi = psi + arg(z(t) / z(0)),   z = L_2 + i L_1,   L = I omega
@@ -74,14 +74,14 @@ def free_rotation(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Qua
     **Returns** the turn in the axes of the body at the start, (4, *runs), and the angular velocity
     after the duration, rad/s, (3, *runs).
 
-    Near the turn about the intermediate axis, which flips again and again, the result is right to
-    1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller one counts as none. The
-    rounding of the inputs alone changes the result over 1e4 flips by about 1e-10 for a tilt of 0.1,
-    and by 1e-8 for one of 1e-100.
+    Near the rotation about the intermediate axis, with its repeated flips, the error of the result
+    is 1e-12 over a flip for every tilt of the spin down to 1e-150; a smaller tilt counts as zero.
+    The rounding of the inputs already changes the result over 1e4 flips by about 1e-10 for a tilt
+    of 0.1, and by 1e-8 for one of 1e-100.
 
     The derivative by the tilt is of the size 1/tilt during a flip, because the tilt moves the flip
-    in time, and of order one where the spin rests between two. The derivatives keep their digits in
-    both cases."""
+    in time, and of order one where the spin rests between two. The derivatives are accurate in both
+    cases."""
     runs = jnp.broadcast_shapes(moments.shape[1:], omega.shape[1:], jnp.shape(duration))
     moments, omega = (
         jnp.stack([jnp.broadcast_to(component, runs) for component in v]) for v in (moments, omega)
@@ -101,8 +101,9 @@ def _rotated(duration: Scalar, moments: Vector, omega: Vector) -> tuple[Quaterni
 def _rotated_tangent(
     primals: tuple[PyTree, ...], tangents: tuple[PyTree, ...]
 ) -> tuple[PyTree, ...]:
-    """By the initial state and the duration, with the angle about h from the identity of the
-    module's docstring; by the moments through the formula itself, which loses no digits."""
+    """With respect to the initial state and the duration, with the angle about h from the identity
+    of the module's docstring; with respect to the moments through the formula itself, which has no
+    cancellation."""
     duration, moments, omega = primals
     of_duration, of_moments, of_omega = (
         None if isinstance(x, SymbolicZero) else x for x in tangents
@@ -133,8 +134,8 @@ _rotated.defjvp(_rotated_tangent, symbolic_zeros=True)
 def _formula(
     duration: Scalar, moments: Vector, omega: Vector, *, moments_stay: bool
 ) -> tuple[Quaternion, Vector]:
-    """R and omega(t), as the module's docstring writes them. Where `moments_stay`, the derivatives
-    are those for given moments, and keep all digits."""
+    """R and omega(t), as the module's docstring writes them. With `moments_stay`, the derivatives
+    are those for constant moments, to full accuracy."""
     middle, mirrored = axis_order(moments, omega)
     # The exchange of two axes is a reflection, under which an angular velocity changes its sign.
     sign = jnp.where(mirrored, -1.0, 1.0).astype(omega.dtype)

@@ -65,8 +65,8 @@ def _spline(values: np.ndarray, slopes: np.ndarray) -> Float[np.ndarray, "4 inte
 
 
 def _pieces() -> tuple[Float[np.ndarray, " joints"], Float[np.ndarray, "9 pieces"]]:
-    """Where each piece but the first begins, km above 80 km, and the numbers of each: the height
-    from which it counts, and the coefficients of the change of ln rho and of M / M_0."""
+    """Start of each segment except the first, km above 80 km, and its numbers: the reference
+    height, and the coefficients of the change of ln rho and of M / M_0."""
     start = _NODES[0]
     logarithms = np.log(_NODES[:, 1] / start[1])
     ratios = 1.0 - _LOSSES[-1] + (_NODES[:, 2] - start[2]) / MOLAR_MASS

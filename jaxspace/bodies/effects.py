@@ -1,4 +1,4 @@
-"""The interface of an effect: what acts on a body, and what it contributes to its motion."""
+"""The interface of an effect: an influence on a body and its contribution to the motion."""
 
 __all__ = ["with_parts"]
 
@@ -62,12 +62,12 @@ class Load(eqx.Module):
 class AbstractEffect(AbstractParameters):
     """Something that acts on a body. A concrete effect is final.
 
-    A scene learns what an effect reads and adds by tracing its load in states without some of their
+    A scene determines what an effect reads and adds by tracing its load in states with missing
     parts: a part whose absence (`None`) the load accepts is optional, and one whose absence raises
     is required.
 
-    - `keeps`: the quantities that motion under it alone conserves, of "energy", "angular_momentum"
-      (of the orbit, all components), "axial_angular_momentum" (its z component),
+    - `keeps`: the quantities conserved by the motion under this effect only, out of "energy",
+      "angular_momentum" (of the orbit, all components), "axial_angular_momentum" (its z component),
       "rotational_momentum" (of the body and its moving parts: of effects whose torques are
       internal); by default none. They are declared, because tracing does not show them.
     - `felt`: whether a body feels its acceleration; not that of gravity and of axes that turn,
@@ -87,8 +87,8 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def constrained(self, t: Scalar, y: BodyState, rate: BodyState) -> BodyState:
-        """The rate of the state under a constraint, from the `rate` under all loads: a rail holds a
-        body on its line. By default there is no constraint, which costs nothing."""
+        """The rate of the state under a constraint, from the `rate` under all loads: a rail keeps a
+        body on its line. By default there is no constraint, at no cost."""
         del t, y
         return rate
 
@@ -104,9 +104,9 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def closed_form(self) -> AbstractClosedForm | None:
-        """The exact motion of a position and a velocity under this effect alone, or `None`.
+        """The exact motion of a position and a velocity under this effect only, or `None`.
 
-        For effects that depend on the position alone."""
+        For effects that depend on the position only."""
         return None
 
     def regularised(self, rest: AbstractSystem | None) -> AbstractRegularised | None:
@@ -140,7 +140,7 @@ class AbstractEffect(AbstractParameters):
         return None
 
     def outside(self, t: Scalar, y: BodyState, body: AbstractBody) -> Flag | None:
-        """Whether the state lies outside the range of the effect, such as that of a table, for each
+        """Whether the state is outside the range of the effect, such as that of a table, for each
         run; `None`, the default, where every state is inside (`AbstractSystem.outside`)."""
         del t, y, body
         return None
@@ -148,8 +148,8 @@ class AbstractEffect(AbstractParameters):
     def scaled(self, factor: Scalar) -> "AbstractEffect | None":
         """The same effect with its load multiplied by `factor`, or `None`.
 
-        For effects with a parameter that the whole load is proportional to: they keep their other
-        capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
+        For effects with a parameter to which the whole load is proportional: they retain their
+        other capabilities when they are scaled. `jaxspace.scene.scaled` scales every effect."""
         del factor
         return None
 
@@ -159,7 +159,7 @@ def with_parts(y: BodyState, effects: Iterable[AbstractEffect], body: AbstractBo
 
     **Arguments**
 
-    - `y`: the state; parts that it already holds are left unchanged.
+    - `y`: the state; existing parts are left unchanged.
     - `effects`, `body`: of the scene.
 
     **Raises** `InputError` where two effects integrate a part of the same name."""

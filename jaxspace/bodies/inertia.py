@@ -5,7 +5,7 @@
 
     symbol   meaning                                     unit
     A, B, C  principal moments of inertia                kg m^2
-    J        inertia tensor; off the diagonal stands     kg m^2
+    J        inertia tensor; off-diagonal elements are   kg m^2
              minus the product of inertia, -int xy dm
     h        angular momentum                            kg m^2/s
 

@@ -16,7 +16,7 @@
     w_0, w   angular velocity before and after                                rad/s
 
 Source: Thomson 5.3 (tensor), 5.4 (turned axes), 5.5 (ellipsoid, parallel axes) and Problem 5.5-10
-(impact), whose printed signs hold for a v_x along -x.
+(impact), whose printed signs apply to a v_x along -x.
 """
 
 __all__ = [
@@ -87,7 +87,8 @@ class MassProperties(HashedModule):
         return MassProperties(self.mass, _sum(self.centre, offset), self.tensor)
 
     def turned(self, attitude: Quaternion) -> "MassProperties":
-        """The same part, turned about the origin; `attitude` maps its own axes to the new ones."""
+        """The same part, rotated about the origin; `attitude` maps the part's axes to the new
+        ones."""
         tensor = turned_tensor(self.tensor, attitude)
         return MassProperties(self.mass, attitude.rotate(self.centre), tensor)
 
@@ -109,7 +110,7 @@ def combined(*parts: MassProperties) -> MassProperties:
 
 @formula
 def turned_tensor(tensor: Matrix, attitude: Quaternion) -> Matrix:
-    """C J C^T: the tensor in the axes to which `attitude` maps its own (Thomson 5.4).
+    """C J C^T: the tensor in the axes to which `attitude` maps the original axes (Thomson 5.4).
 
     **Arguments**
 
@@ -186,7 +187,7 @@ def pivot_impact(
 
     **Returns** omega, velocity, impulse and the loss of energy. Where the pivot is the centre of
     mass omega does not change, and where the body already turned about the pivot nothing changes. A
-    rod that is caught at a point of its own axis keeps its rate about that axis.
+    rod that is caught at a point of its axis keeps its rate about that axis.
 
     **Raises** `InputError` for a tensor that is not positive definite.
     """

@@ -7,10 +7,10 @@
     symbol   meaning                                             unit
     v        velocity of the centre of mass                      m/s
     a, F     acceleration by gravity, other forces               m/s^2, N
-    m        mass that is left                                   kg
-    J        inertia of what is left, about its centre of mass   kg m^2
+    m        remaining mass                                      kg
+    J        inertia of the remaining body, about its centre of mass  kg m^2
     h        angular momentum of parts that move in the body     kg m^2/s
-    M        moment about the centre of mass, less the changes   N m
+    M        moment about the centre of mass, minus the changes  N m
              of h and J by moving parts, in body axes
 
 Source: Thomson 5.6 (Euler's equations), 7.1-2, 7.7-3 (varying mass), 7.11 (moving parts).

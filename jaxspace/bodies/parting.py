@@ -73,21 +73,21 @@ class Detached(AbstractJump):
         )
 
     def as_point(self) -> Callable[[Scalar, BodyState], BodyState]:
-        """The same part as a point, whose state holds no rotation."""
+        """The same part as a point, whose state has no rotation."""
         return _AsPoint(self)
 
 
 @final
 class _Released(eqx.Module):
-    """One of the `parts` that a body releases, by its `number`, or what is left (`None`): the state
-    of it from that of the whole (`release`)."""
+    """One of the `parts` that a body releases, by its `number`, or the remaining body (`None`): its
+    state from that of the whole (`release`)."""
 
     parts: tuple[Detached, ...]
     number: int | None = eqx.field(static=True, default=None)
 
     def __call__(self, t: Scalar, y: BodyState) -> BodyState:
-        """The state of the part, or of what is left. Raises `InputError` for a state without a
-        mass."""
+        """The state of the part, or of the remaining body. Raises `InputError` for a state without
+        a mass."""
         if y.mass is None:
             raise InputError("A body that releases parts must have a mass: BodyState(mass=...).")
         rank = jnp.ndim(y.mass)
@@ -105,7 +105,7 @@ class _Released(eqx.Module):
         return Detached(mass, offset, kick)(t, y)
 
     def as_point(self) -> Callable[[Scalar, BodyState], BodyState]:
-        """The same part as a point, whose state holds no rotation."""
+        """The same part as a point, whose state has no rotation."""
         return _AsPoint(self)
 
 
@@ -154,15 +154,15 @@ def come_apart(
 
 
 def release(*parts: Detached) -> tuple[_Released, tuple[_Released, ...]]:
-    """What is left of a body that releases parts, and these parts, so that its momentum stays.
+    """The remaining body after a release of parts, and these parts, with conservation of momentum.
 
     The mass of the whole is that of its state, so that more or less propellant may be left.
 
     **Arguments**
 
-    - `parts`: one or more; their `offset` and `kick` are relative to what is left.
+    - `parts`: one or more; their `offset` and `kick` are relative to the remaining body.
 
-    **Returns** the jump of what is left, `Phase.then`, and the `Mission.start` of each part.
+    **Returns** the jump of the remaining body, `Phase.then`, and the `Mission.start` of each part.
 
     **Raises** `InputError` without a part."""
     if not parts:
@@ -180,8 +180,8 @@ def _mean(masses: Sequence[Scalar], vectors: Sequence[Vector], whole: Scalar) ->
 def spring_speed(energy: Scalar, mass: Scalar, other: Scalar) -> Scalar:
     """Relative speed of two masses, m/s, after springs between them have released their energy.
 
-    At zero energy the slope by the energy is infinite (the rule of ends in `core/safe.py`), those
-    by the masses are zero.
+    At zero energy the derivative with respect to the energy is infinite (endpoint derivative
+    convention of `core/safe.py`), those with respect to the masses are zero.
 
     **Arguments**, each (*runs,)
 

@@ -13,7 +13,8 @@ axes.
     D        divided differences of f, taken element by element           of f per kg m^2
 
 Source: Thomson 5.5 (principal axes); Kato, Perturbation Theory for Linear Operators, II.2 (E, K);
-Higham, Functions of Matrices, 3.2 (Daleckii and Krein: D). K has no limit at equal moments, D has.
+Higham, Functions of Matrices, 3.2 (Daleckii and Krein: D). At equal moments K has no limit, but D
+has.
 """
 
 __all__ = ["principal_axes", "tensor_function"]
@@ -40,11 +41,11 @@ def principal_axes(inertia: AbstractInertia) -> tuple[Vector, Matrix]:
     matrix (Thomson 5.5).
 
     The derivative of an axis exists only where its moment differs from the others: where two are
-    equal to rounding, those of their axes are not finite, in both modes, while the third axis has
-    its own. For equal moments the derivative of their sum is right, and that of each one is along
-    the axis that happens to be returned. Functions that do not depend on the choice of axes have
-    derivatives there, too: `tensor_function` for a function of the tensor, `FreeRotation` for the
-    motion."""
+    equal to rounding, the derivatives of their axes are not finite, in both modes, while that of
+    the third axis exists. For equal moments the derivative of their sum is right, and that of each
+    one is along the axis that happens to be returned. Functions that do not depend on the choice of
+    axes have derivatives there, too: `tensor_function` for a function of the tensor, `FreeRotation`
+    for the motion."""
     return _principal_axes(inertia.matrix())
 
 
@@ -58,9 +59,10 @@ def tensor_function(f: Callable[[Scalar], Scalar], inertia: AbstractInertia) -> 
 
     **Returns** the tensor V diag(f(I)) V^T, in the unit of f.
 
-    It is smooth for every inertia, unlike the axes: first derivatives hold at equal moments and
-    near them. Those of second order hold where the moments differ, and are not finite where two are
-    equal. What `f` closes over is taken as constant: derivatives are those along the tensor.
+    It is smooth for every inertia, unlike the axes: first derivatives are valid at and near equal
+    moments. Second derivatives are valid where the moments differ, and not finite where two are
+    equal. Closed-over values of `f` are treated as constant: derivatives are with respect to the
+    tensor.
     """
     return InertiaTensor(_tensor_function(f, inertia.matrix()))
 

@@ -3,8 +3,8 @@
     J' = V^T J V = diag(I) + E,     E = 0 as a number, but with a derivative
 
     I_i != I_j:   E_ij turns the frame through theta_k = E_ij / (I_i - I_j), (i, j, k) cyclic;
-                  what the turn leaves of E has no first derivative,
-                  what a second turn leaves has none below the fourth
+                  the remainder of E after the turn has no first derivative, that after a second
+                  turn none below the fourth
     I_i = I_j:    E_ij splits the moments along the axes at 45 degrees: I_i + E_ij, I_j - E_ij;
                   right to first order in E
 
@@ -47,11 +47,12 @@ def free_turn(
     """The rotation of a body after a `duration`, s, in its axes at the start, and its angular
     velocity then, rad/s.
 
-    Shapes (4, *runs) and (3, *runs). First derivatives hold for every inertia; where two moments of
-    a tensor differ by the relative gap g > 0, the one by the element that couples them has an error
-    of about eps/g, or of g where that is less. Derivatives of second order hold for principal
-    moments of any kind, and for a tensor whose moments differ, where the error is about eps/g^2;
-    where g < eps^(1/4) (1e-4 in double precision), the second derivatives by the tensor are NaN.
+    Shapes (4, *runs) and (3, *runs). First derivatives are valid for every inertia; where two
+    moments of a tensor differ by the relative gap g > 0, the derivative with respect to the element
+    that couples them has an error of about eps/g, or g if smaller. Derivatives of second order are
+    valid for any principal moments, and for a tensor whose moments differ, where the error is about
+    eps/g^2; where g < eps^(1/4) (1e-4 in double precision), the second derivatives with respect to
+    the tensor are NaN.
 
     **Arguments**
 
@@ -176,8 +177,8 @@ def _near_principal(duration: Scalar, local: Matrix, omega: Vector) -> tuple[Qua
 
 def _diagonal(local: Matrix) -> tuple[Matrix, Quaternion, Array]:
     """The tensor in its principal axes, the turn to them from the given axes, and the pairs of
-    equal moments, which keep their element off the diagonal. Right to third order; for close
-    moments to first order, and NaN beyond."""
+    equal moments, whose off-diagonal element remains. Right to third order; for close moments to
+    first order, and NaN beyond."""
     eps = float(jnp.finfo(local.dtype).eps)
     gap = jax.lax.stop_gradient(jnp.stack([jnp.abs(local[i, i] - local[j, j]) for i, j in _PAIRS]))
     largest = jax.lax.stop_gradient(local[2, 2])

@@ -62,7 +62,7 @@ def particles(
 
     **Returns** the mass properties in the axes of `places`.
 
-    **Raises** `InputError` where the first axis of `places` does not hold three components.
+    **Raises** `InputError` where the first axis of `places` does not have three components.
     """
     check_components("particles: places", places, 3)
     rank = max(masses.ndim - 1, places.ndim - 2)
@@ -237,7 +237,7 @@ def _triaxial(name: str, mass: Scalar, lengths: Vector, share: float) -> MassPro
 
 
 def _part(mass: Scalar, across: Scalar, axial: Scalar, height: Scalar = 0.0) -> MassProperties:
-    """A body of revolution, whose centre of mass lies on z."""
+    """A body of revolution, whose centre of mass is on z."""
     mass, across, axial, height = jnp.broadcast_arrays(
         *(as_float(x) for x in (mass, across, axial, height))
     )

@@ -120,7 +120,7 @@ def _mixed_air(
 def _every_air(
     height: Scalar, logarithm: Scalar, temperature: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """The same at every height."""
+    """Constant air: the same at every height."""
     rarer, ratio = upper_changes(height)
     upper = _upper_temperature((height - TOP) * 1e-3)
     # T itself, and not T_M M / M_0: its slope is small in the thin air, where that of M is not.

@@ -44,11 +44,11 @@ class BodyState(HashedModule):
     body; also their rates.
 
     Vectors are (3, *runs), along a trajectory (3, times, *runs); the mass is (*runs,) or
-    (times, *runs). `parts` holds whatever else an effect integrates, by name. A part that is `None`
-    is absent: it is not a leaf of the tree, and so takes no part in an integration, a batch or a
-    gradient.
+    (times, *runs). `parts` contains further quantities that effects integrate, by name. A part that
+    is `None` is absent: it is not a leaf of the pytree, and therefore not part of an integration, a
+    batch or a gradient.
 
-    Raises `InputError` for an array whose first axis does not hold the components."""
+    Raises `InputError` for an array whose first axis does not have the components."""
 
     position: VectorPart = quantity(
         "m", optional=True, converter=as_part, doc="of the centre of mass, in inertial axes"
@@ -83,7 +83,7 @@ class BodyState(HashedModule):
             self.attitude.check_start()
 
     def part(self, name: str) -> PyTree:
-        """The extra part of this name. Raises `InputError` where the state does not hold it."""
+        """The extra part of this name. Raises `InputError` where the state does not have it."""
         if self.parts is None or name not in self.parts:
             raise InputError(
                 f"The state has no part {name!r}: Scene.start adds the parts that the effects "
@@ -94,7 +94,7 @@ class BodyState(HashedModule):
     @property
     @no_method
     def present(self) -> tuple[str, ...]:
-        """The names of the parts that this state holds."""
+        """The names of the parts of this state."""
         return tuple(name for name in PARTS if getattr(self, name) is not None)
 
 

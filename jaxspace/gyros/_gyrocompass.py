@@ -23,14 +23,13 @@ Small motions, with a = H W_N and b = wl + H W_N:
     W           angular velocity of east, north and up: of the earth and the ship    rad/s
     f           gravity minus the acceleration of the ship                           m/s^2
 
-Source: Thomson 6.4, 6.5 (in 6.5-11 the first root holds (C phi')^4); the heading error: problems
+Source: Thomson 6.4, 6.5 (in 6.5-11 the first root contains (C phi')^4); the heading error: problems
 6.5-5 and -6.
 Valid for a constant spin momentum, gimbals without friction, and an axis away from the vertical,
 where the azimuth does not exist (gimbal lock): a run whose axis passes it has the status
-`OUTSIDE_MODEL`. The pin of the bail pushes the axis along u alone,
-and a follow-up ring carries the rest of its weight: gravity alone has no moment about the vertical,
-and would not damp. The ship keeps latitude, speed and course; at a pole the compass has no meridian
-to seek.
+`OUTSIDE_MODEL`. The pin of the bail pushes the axis along u only, and a follow-up ring supports the
+rest of its weight: gravity itself has no moment about the vertical and would not damp. Latitude,
+speed and course of the ship are constant; at a pole the meridian is undefined.
 """
 
 from typing import final

@@ -2,13 +2,13 @@
 
     [y(t), 1] = exp([[A, b], [0, 0]] t) [y(0), 1]
 
-The exponential holds for every A, also where it is singular, and so do its derivatives. An
+The exponential is valid for every A, including singular ones, and so are its derivatives. An
 instrument whose fast and slow motions differ by a factor of 1e6 costs no more than any other. The
 relative error is that of the phase of the fastest motion, eps |A t|.
 
 Of an angle and its rate A has entries of 1 and of w^2: the norm is w^2, where the phase is w t, and
-single precision would lose its digits to the squarings. So each component has a unit of its own, a
-power of two, in which rows and columns of A are of one size:
+single precision would lose its digits to the squarings. Each component therefore has a separate
+unit, a power of two, in which rows and columns of A are balanced:
 
     exp(A) = D exp(D^-1 A D) D^-1
 

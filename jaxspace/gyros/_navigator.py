@@ -7,10 +7,10 @@
     gimballed   the same with instruments that a table keeps level; e turns the table
 
     symbol              meaning                                                   unit
-    phi, lambda, h      latitude, longitude, height that the navigator computes   rad, m
+    phi, lambda, h      computed latitude, longitude, height                      rad, m
     v                   velocity over the ground: east, north, up                 m/s
-    C                   attitude that it computes; for a table, its tilt
-    f_B, omega_B        what perfect accelerometers and gyros measure             m/s^2, rad/s
+    C                   computed attitude; for a table, its tilt
+    f_B, omega_B        readings of ideal accelerometers and gyros                m/s^2, rad/s
     b, e                bias of the accelerometers, drift of the gyros            m/s^2, rad/s
     S_a, S_g            errors of scale                                           1
     Omega, rho          rate of the earth, of level axes over it                  rad/s
@@ -67,8 +67,8 @@ class InertialNavigator(AbstractSystem):
       parameters.
     - `anomaly`: a function from latitude, longitude, rad, and height, m, to the difference of the
       real gravity from that of the ellipsoid, m/s^2, (3, *runs) in level axes: deflections of the
-      vertical times -g, and anomaly. The navigator does not know it.
-    - `gimballed`: whether a table keeps the instruments level."""
+      vertical times -g, and anomaly. It is unknown to the navigator.
+    - `gimballed`: whether the instruments are on a levelled table."""
 
     latitude: NumberField = quantity("rad", doc="of the vehicle at t = 0")
     longitude: NumberField = quantity("rad", default=0.0, doc="of the vehicle at t = 0")
@@ -182,7 +182,7 @@ class InertialNavigator(AbstractSystem):
 
     def error_equations(self, t: Scalar = 0.0) -> NavigationErrors:
         """The linear error equations of 6.11 with the coefficients of the time `t`, s: exact to
-        first order for a body that keeps its heading on a parallel of a sphere."""
+        first order for a body with constant heading on a parallel of a sphere."""
         felt = self.felt(t)
         p, z = self.earth.from_axis(felt.place.latitude, felt.place.height)
         radius = sqrt(p * p + z * z)
@@ -216,8 +216,8 @@ class InertialNavigator(AbstractSystem):
         )
 
     def _measured(self, felt: Felt, attitude: Quaternion) -> tuple[Vector, Vector]:
-        """The specific force in the computed level axes, and the rate of what `attitude` turns, in
-        its own axes."""
+        """The specific force in the computed level axes, and the rate of the axes that `attitude`
+        rotates, in these axes."""
         force = felt.specific_force
         if self.anomaly is not None:
             place = felt.place

@@ -116,7 +116,7 @@ class RateGyro(AbstractSystem):
 
     @property
     def steady_angle(self) -> Scalar:
-        """The angle at which the spring holds the gimbal, rad."""
+        """The equilibrium angle of the gimbal against the spring, rad."""
         torque = self.spin_momentum * (1.0 + self.scale_factor_error) * self.input_rate
         stiffness = self.spring + self.spin_momentum * self.spin_axis_rate
         return (torque + self.error_torque) / stiffness

@@ -6,8 +6,8 @@ from jaxtyping import Array
 from ..core import Scalar
 
 SMALL_ANGLE = 1.0
-"""The angle, rad, from which a linear model is out of its range: its sine is 0.84, and nothing that
-such a model says of it is a measurement."""
+"""The angle, rad, beyond which a linear model is invalid: its sine is 0.84, so that results of such
+a model are meaningless."""
 
 
 def beyond_small(angle: Scalar) -> Array:

@@ -17,12 +17,11 @@
     h_Z            angular momentum of everything about Z                             kg m^2/s
 
 Source: Thomson 6.2 (massless gimbals: 6.2-1), 6.3-1 to -14 (with mass), 6.3-22 (drift). In 6.3-5
-the spin is phi' + psi' cos(theta); the expansion 6.3-16 lacks
--H cos(theta_0) (theta - theta_0)^2 / 2, which changes no drift. Change of attitude: problems 6.2-5
-to -7, where atan(2M/Cn) is 2 atan(M/Cn).
-Valid for rigid gimbals with axes at right angles.
+the spin is phi' + psi' cos(theta); the expansion 6.3-16 omits -H cos(theta_0) (theta - theta_0)^2 /
+2, which does not affect the drift. Change of attitude: problems 6.2-5 to -7, where atan(2M/Cn) is 2
+atan(M/Cn). Valid for rigid gimbals with axes at right angles.
 
-Gimbal lock: at theta = 0 the rotor's axis lies along Z. With gimbals without mass I_Z is then zero,
+Gimbal lock: at theta = 0 the rotor's axis is along Z. With gimbals without mass I_Z is then zero,
 so that psi, its rate and the vector field are undefined. With C_i + C_0 > 0 nothing is singular.
 The event `near_gimbal_lock` reports it before.
 """
@@ -48,7 +47,7 @@ from .gimbal_walk import GimbalWalk
 
 @final
 class TwoGimbalGyro(AbstractSystem):
-    """A rotor in two gimbals, which have no mass by default.
+    """A rotor in two gimbals, massless by default.
 
     State: `GimbalState`, best made by `TwoGimbalGyro.state`."""
 
@@ -113,8 +112,8 @@ class TwoGimbalGyro(AbstractSystem):
         )
 
     def outside(self, t: Scalar, y: GimbalState) -> Flag | None:
-        """Whether a bearing with dry friction turns against its slip, or is stuck under more than
-        the friction can hold: the event of `friction_margin` was left out."""
+        """Whether a bearing with dry friction turns against its slip, or sticks under a moment
+        beyond the friction limit: the event of `friction_margin` is missing."""
         del t
         # With a margin above the error of a state at that event: in moments a part of the friction,
         # in rates of the precession that it makes.
@@ -157,8 +156,8 @@ class TwoGimbalGyro(AbstractSystem):
     ) -> GimbalState:
         """The state from the angles, rad, and the rates, rad/s, of the gimbals.
 
-        The state holds the momentum about the outer axis, which includes H cos(theta) of the spin:
-        an outer rate far below H cos(theta)/A has an error of a rounding of the latter."""
+        The state contains the momentum about the outer axis, which includes H cos(theta) of the
+        spin: an outer rate far below H cos(theta)/A has the rounding error of the latter."""
         h = self.outer_inertia(theta) * psi_rate + self.spin_momentum() * jnp.cos(theta)
         y = GimbalState(theta, psi, theta_rate, h)
         if self.motor is not None:
@@ -286,7 +285,7 @@ class TwoGimbalGyro(AbstractSystem):
         - `t`: time since the impulse, s.
         - `impulse`: N m s.
 
-        **Returns** both deviations, rad.
+        **Returns** both differences, rad.
         """
         p = self.spin_momentum() / self.transverse_inertia
         # Without mass of the gimbals the nutation is a circle of this size.
@@ -374,7 +373,7 @@ class TwoGimbalGyro(AbstractSystem):
 
 
 def _less_sine(x: Scalar) -> Scalar:
-    """x - sin(x), right to rounding also for a small x."""
+    """x - sin(x), accurate to rounding for small x as well."""
     small = jnp.abs(x) < 1.0
     # Where the closed form is used, the series gets zero, because its powers may overflow.
     near = jnp.where(small, x, 0.0)

@@ -63,8 +63,8 @@ class BearingFriction(AbstractParameters):
         return jnp.where(slip == 0.0, self.dry - jnp.abs(applied), slip * rate)
 
     def slip_at_rest(self, applied: Scalar) -> Scalar:
-        """The slip of a bearing at rest: that of the moment `applied`, N m, or 0 where the friction
-        holds it."""
+        """The slip of a bearing at rest: the sign of the moment `applied`, N m, or 0 where the
+        bearing sticks."""
         return jnp.where(jnp.abs(applied) < self.dry, 0.0, jnp.sign(applied))
 
 

@@ -75,10 +75,10 @@ class DuffingOscillator(AbstractSystem):
     def resonance_frequencies(self, amplitude: Scalar) -> tuple[Scalar, Scalar]:
         """The angular frequencies p, rad/s, below and above the backbone p^2 = K/m at which the
         motion has the amplitude a, m, by harmonic balance with the damping: the whole resonance
-        curve, its unstable part included. The oscillator's own `frequency` plays no role.
+        curve, its unstable part included. The `frequency` of the oscillator is not used.
 
-        NaN where there is none: beyond the peak, and below p = 0. Where both meet, at the peak,
-        their slopes are infinite (the rule of ends in `core/safe.py`)."""
+        NaN where there is none: beyond the peak, and below p = 0. Where both coincide, at the peak,
+        their slopes are infinite (endpoint derivative convention of `core/safe.py`)."""
         a = as_float(amplitude)
         stiffness = self.stiffness - 0.75 * self.softening * a * a
 
@@ -94,7 +94,7 @@ class DuffingOscillator(AbstractSystem):
         return root[0] / scale, root[1] / scale
 
     def harmonic_balance(self, guess: Scalar | None = None) -> Scalar:
-        """The amplitude a, m, of sin(p t) alone without damping: (k - m p^2) a - 3/4 b a^3 = F.
+        """The amplitude a, m, of the sin(p t) term without damping: (k - m p^2) a - 3/4 b a^3 = F.
 
         **Arguments**
 

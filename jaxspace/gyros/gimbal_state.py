@@ -19,9 +19,8 @@ LOCK = 1e-3  # rad
 class GimbalState(eqx.Module):
     """Angles of both gimbals, rate of the inner one, momentum of the outer one; also their rates.
 
-    The momentum takes the place of the rate of psi: it is constant or grows linearly, so that no
-    error of the integration adds to the drift of the outer gimbal, which is 1e-5 of the nutation
-    rates.
+    The momentum replaces the rate of psi: it is constant or grows linearly, so that integration
+    errors do not add to the drift of the outer gimbal, which is 1e-5 of the nutation rates.
     """
 
     theta: NumberField = quantity(
@@ -50,7 +49,7 @@ def near_gimbal_lock(t: Scalar, y: GimbalState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state of the gyro."""
     del t
     return jnp.abs(jnp.sin(y.theta)) - LOCK

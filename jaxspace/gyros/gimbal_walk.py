@@ -22,7 +22,7 @@ periodic.
     I', s, c     slope of I_Z at theta_0; sine and cosine of theta_0                  kg m^2, 1
 
 Source: Thomson 6.3-12 to -14 (energy integral), 6.3-22 (the line before it has a wrong sign),
-problem 1 (second harmonic; 6.3-16 lacks -(1/2) C n cos(theta_0) of the expansion), problem 5 (mean
+problem 1 (second harmonic; 6.3-16 omits -(1/2) C n cos(theta_0) of the expansion), problem 5 (mean
 of theta).
 Valid as long as theta turns back before 0 and 180 deg, that is for |theta_0'| < H (1 -
 |cos(theta_0)|) / sqrt(J I_1), which is X at the nearer of the two. A faster gimbal passes over the
@@ -184,7 +184,7 @@ class GimbalWalk(HashedModule):
         return 2.0 * jnp.sin(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
 
     def _rise(self, deviation: Scalar) -> Scalar:
-        """sin(theta_0 + deviation) - sin(theta_0), likewise."""
+        """sin(theta_0 + deviation) - sin(theta_0), without cancellation."""
         return 2.0 * jnp.cos(self.theta + 0.5 * deviation) * jnp.sin(0.5 * deviation)
 
     def _bend(self, deviation: Scalar) -> Scalar:
@@ -204,7 +204,7 @@ class GimbalWalk(HashedModule):
         return scale * self._fall(deviation), slope
 
     def _newton_step(self, deviation: Scalar, target: Scalar) -> Scalar:
-        """A better root of X(theta_0 + deviation) = target."""
+        """A refined root of X(theta_0 + deviation) = target."""
         x, slope = self._map(deviation)
         return deviation - (x - target) / slope
 
@@ -227,7 +227,7 @@ class GimbalWalk(HashedModule):
 
 
 def _converged(walk: GimbalWalk, deviation: Scalar, target: Scalar) -> Scalar:
-    """The root of X(theta_0 + deviation) = target but for two steps of Newton, without
+    """The root of X(theta_0 + deviation) = target before the final two Newton steps, without
     derivatives."""
     walk, deviation, target = jax.lax.stop_gradient((walk, deviation, target))
     # A loop: written out, its steps and their derivatives take two minutes to compile.

@@ -163,7 +163,7 @@ def coupled_rates(schuler: Scalar, rate: Scalar) -> tuple[Scalar, Scalar]:
 def table_rates(
     latitude: Scalar, north_speed: Scalar, east_speed: Scalar, radius: Scalar, earth_rate: Scalar
 ) -> tuple[Scalar, Scalar, Scalar]:
-    """Rates that keep a table level over the earth (Thomson 6.11, problem 12).
+    """Rates of a table that remains level over the earth (Thomson 6.11, problem 12).
 
     **Arguments**
 

@@ -12,8 +12,8 @@
     K_p, K_d, K_i   gains of the servo                                        N m, N m s, N m/s
 
 Without servo the platform nutates at h / sqrt(J I), and a steady torque makes the gyro precess,
-theta = T t / h in the mean. With a gain K_p alone the loop is unstable for every gain: it needs the
-lead K_d or the damping c.
+theta = T t / h in the mean. With proportional gain K_p only, the loop is unstable for every gain:
+it requires the lead K_d or the damping c.
 
 Source: Thomson 6.8-1 to -5, 6.11 problems 5 and 6; 6.9 (signals onto the gimbals).
 Valid for small angles of the gyro: a run with more than `SMALL_ANGLE` has the status

@@ -25,7 +25,7 @@ the yaw stays small (K_4 times yaw times the cosine of roll), which avoids the l
 
 Source: Thomson 6.8, 6.9.
 Valid for small angles of the gyros (a run with more than `SMALL_ANGLE` has the status
-`OUTSIDE_MODEL`); of a gimbal only the inertia about its own axis counts.
+`OUTSIDE_MODEL`); only the inertia of a gimbal about its own axis is modelled.
 """
 
 __all__ = ["gimbal_axes"]

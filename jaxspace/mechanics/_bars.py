@@ -11,7 +11,7 @@
     ph, th   angles of string or spring, and of the bar, from the      rad
              downward vertical
 
-Small swings: a b w^4/12 - g (a/2 + b/3) w^2 + g^2/2 = 0, with r at rest, l0 + m g/k, for a.
+Small oscillations: a b w^4/12 - g (a/2 + b/3) w^2 + g^2/2 = 0, with r at rest, l0 + m g/k, for a.
 
 Source: Thomson 9.10 problems 9, 10. Valid while the string is taut, and while the spring has a
 length, r > 0: a run with a slack string, or through r = 0, has the status `OUTSIDE_MODEL`.

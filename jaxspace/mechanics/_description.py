@@ -1,6 +1,6 @@
 """Description of a Lagrangian system: its coordinates, its Lagrangian, and further forces.
 
-The equations, the constraints and the symmetries of a system follow from its description alone;
+The equations, the constraints and the symmetries of a system follow from its description;
 `AbstractLagrangian` makes a system of it.
 """
 
@@ -43,7 +43,7 @@ class AbstractDescription(AbstractSystem):
         return None
 
     def dissipation(self, t: Scalar, q: Array, v: Array) -> Scalar | None:
-        """Rayleigh's function D, W, (*runs,), or `None`: half the power that friction takes."""
+        """Rayleigh's function D, W, (*runs,), or `None`: half the power dissipated by friction."""
         del t, q, v
         return None
 

@@ -103,16 +103,16 @@ class FlexibleMissile(AbstractSystem):
         return rate, self.mean_turn(y, force, place) - self.engine["turn"] * rate[0]
 
     def mean_turn(self, y: MissileState, force: Scalar = 0.0, place: Scalar = 0.0) -> Scalar:
-        """The angular acceleration of the mean axis, rad/s^2, on which that of the engine has no
-        effect; arguments as in `accelerations`."""
+        """The angular acceleration of the mean axis, rad/s^2, which is independent of that of the
+        engine; arguments as in `accelerations`."""
         shapes, slopes, _ = (with_rank(x, y.engine.ndim) for x in self.hinge)
         bent = jnp.sum((self.lever * slopes + shapes) * y.bending, axis=0)
         turning = -self.thrust * ((self.lever + self.engine["shift"]) * y.engine + bent)
         return (turning + place * force) / self.inertia
 
     def across(self, place: Scalar) -> Float[Array, "n *#runs"]:
-        """How far a place on the straight beam, m before the mass centre and before the hinge,
-        moves across the mean axis with the engine's angle, m, and with the bending, 1."""
+        """Displacement across the mean axis of a point on the straight beam, m before the mass
+        centre and before the hinge, per angle of the engine, m, and per bending, 1."""
         engine = self.engine
         shapes = self._shapes_at(place, 0)
         lean = engine["shift"] - engine["turn"] * place

@@ -14,9 +14,9 @@ derivatives give the equations of motion.
     lambda   multipliers, one for each constraint
     k        rate at which an error of a constraint decays      1/s
 
-The index of a constrained system is reduced: constraints hold for the accelerations, and each step
-of an integration ends on the nearest state that meets g and c, in the metric of M. Within a step,
-and under integrators that do not project, an error decays as e^(-k t), by terms that are zero
+The index of a constrained system is reduced: constraints are imposed on the accelerations, and each
+integration step ends at the nearest state that satisfies g and c, in the metric of M. Within a
+step, and under integrators that do not project, an error decays as e^(-k t), by terms that are zero
 where there is none:
 
     A v' = (...) - k c,      q' = v - k M^-1 A^T S^-1 g,     S = A M^-1 A^T
@@ -90,7 +90,7 @@ class AbstractLagrangian(AbstractDescription):
     def consistent(self, y: GeneralisedState, t: Scalar = 0.0) -> GeneralisedState:
         """The state nearest to `y`, in the metric of the mass matrix, that meets the constraints.
 
-        **Raises** `InputError` where known constraints depend on each other or have no slope."""
+        **Raises** `InputError` where concrete constraints are dependent or have zero gradient."""
         return GeneralisedState(*consistent(self, t, y.coordinates, y.rates))
 
     @property
@@ -112,11 +112,10 @@ class Lagrangian(AbstractLagrangian):
     - `names`: of the coordinates.
     - `parameters`: any tree of numbers, each a scalar or (*runs,).
     - `forces`: Q(t, q, v, parameters), (n, *runs); `rayleigh`: D(t, q, v, parameters), W.
-    - `fixed`: g(t, q, parameters), (m, *runs), which holonomic constraints keep at zero.
-    - `rolling`: c(t, q, v, parameters), (m, *runs), linear in v, of nonholonomic constraints.
-    - `decay`: k, 1/s, of an error of a constraint: about the rate of the motion.
-    - `redundant`: whether constraints may depend on each other; multipliers are then the
-      shortest ones.
+    - `fixed`: g(t, q, parameters), (m, *runs), holonomic constraints, kept at zero.
+    - `rolling`: c(t, q, v, parameters), (m, *runs), linear in v, nonholonomic constraints. -
+      `decay`: k, 1/s, decay rate of constraint errors: about the rate of the motion.
+    - `redundant`: whether constraints may be dependent; the multipliers then have minimum norm.
 
     The invariants list the energy and the momenta of cyclic coordinates, which follow from L."""
 

@@ -16,7 +16,7 @@ The feet slide outwards without friction and do not bounce: the impact dissipate
 energy.
 
 Source: Thomson 9.10 (impulsive motion of linked bars).
-Valid for a level lander that stays level, while the feet press on the ground and until the legs lie
+Valid for a level lander that stays level, while the feet press on the ground and until the legs are
 flat: a run that lifts off as the legs close, or whose legs pass pi/2 or the vertical, has the
 status `OUTSIDE_MODEL`. While heavy legs still spread from a fast touchdown the ground would have to
 pull for a moment: as in the impact, the feet are taken to stay.
@@ -110,7 +110,7 @@ class LandingLegs(AbstractLagrangian):
         return self.state(self.rest_angle, lever * speed / self.moment(self.rest_angle))
 
     def touchdown_loss(self, speed: Scalar) -> Scalar:
-        """The energy that the impact takes, J."""
+        """The energy dissipated by the impact, J."""
         s = jnp.sin(self.rest_angle)
         legs = self.legs * self.leg_mass
         # The difference of both energies, without the part that body and legs have in common.
@@ -119,7 +119,7 @@ class LandingLegs(AbstractLagrangian):
 
     def greatest_spread(self, speed: Scalar) -> Scalar:
         """The angle, rad, to which legs without dampers spread after a touchdown at this `speed`,
-        m/s; pi/2 where they come to lie flat."""
+        m/s; pi/2 where they become flat."""
         height = self._height(speed)
         lower = self.rest_angle + 0.0 * height
         return increasing_root(
@@ -128,7 +128,7 @@ class LandingLegs(AbstractLagrangian):
 
     def spreading_time(self, speed: Scalar) -> Scalar:
         """The time, s, from a touchdown at this `speed`, m/s, to the greatest spread of legs
-        without dampers that do not come to lie flat, by quadrature."""
+        without dampers that do not become flat, by quadrature."""
         end = self.greatest_spread(speed)
         start = self.rest_angle
         root_before = self._root_before(speed)

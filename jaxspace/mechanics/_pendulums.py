@@ -112,7 +112,8 @@ class ElasticPendulum(AbstractLagrangian):
         return kinetic + self.mass * self.gravity * r * jnp.cos(theta) - stretch
 
     def outside(self, t: Scalar, y: GeneralisedState) -> Flag:
-        """Whether the spring has no length any more, which these coordinates do not describe."""
+        """Whether the length of the spring has become zero, where these coordinates are
+        singular."""
         del t
         return y.coordinates[0] < -1e-6 * self.free_length
 

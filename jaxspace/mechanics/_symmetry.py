@@ -33,7 +33,8 @@ class Symmetries(NamedTuple):
 
 
 def symmetries(system: AbstractDescription) -> Symmetries:
-    """The symmetries of a system, by its structure alone; the same under every transformation."""
+    """The symmetries of a system, determined from its structure only; the same under every
+    transformation."""
     arrays, static = eqx.partition(system, eqx.is_array_like)
     leaves, structure = jax.tree.flatten(arrays)
     axes = jax.tree.leaves(component_axes_of(arrays))

@@ -54,7 +54,7 @@ class ArmPendulum(AbstractSystem):
         return ArmState(y.velocity, jnp.stack(jnp.broadcast_arrays(ax, ay)))
 
     def invariants(self, t: Scalar, y: ArmState) -> dict[str, Array]:
-        """Nothing is conserved: the damping takes energy, and the arm does work."""
+        """Nothing is conserved: the damping dissipates energy, and the arm does work."""
         del t, y
         return {}
 

@@ -21,7 +21,7 @@ which stay small for modes of any order. Shapes have the mean square 1 along the
 beam has |phi| = 2 at its ends.
 
 The roots of two spans are those of sum phi_i(c)^2 / (b_i^4 - b^4) = 0 over the modes of the beam
-without its pin at c, between whose roots they lie.
+without its pin at c; they are located between the roots of that beam.
 
 Source: Thomson 9.8, 9.12-5 and -6, 9.12 problems 6 (assumed modes) and 7 (beam on a pin); Rayleigh,
 Theory of Sound, 8.

@@ -220,7 +220,7 @@ def degrees_of_freedom(system: AbstractDescription, y: GeneralisedState, t: Scal
 
 
 def check_independent(system: AbstractDescription, t: Scalar, q: Array, v: Array) -> None:
-    """Raise `InputError` where known constraints depend on each other, or one has no gradient."""
+    """Raise `InputError` where concrete constraints are dependent, or one has no gradient."""
     result = constraints_of(system, t, q, v)
     if result is None or system.stabilisation()[1] or not is_concrete(result.matrix):
         return

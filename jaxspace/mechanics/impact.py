@@ -17,8 +17,8 @@
     A, t      area of the pad, duration of the crushing                m^2, s
 
 Source: Thomson 4.2-2, example 4.2-1 (pad), 4.4 (dumbbell).
-The contact is smooth: there is no impulse along its plane. The velocity changes by J n / M and the
-angular velocity by I^-1 (r x J n); the other body has the opposite impulse.
+The contact is frictionless: there is no impulse along its plane. The velocity changes by J n / M
+and the angular velocity by I^-1 (r x J n); the other body has the opposite impulse.
 """
 
 __all__ = ["contact_impulse", "contact_inverse_mass", "crushable_pad", "impact_energy_loss"]
@@ -66,7 +66,7 @@ def contact_impulse(approach: Scalar, inverse_mass: Scalar, restitution: Scalar)
 
 @formula(inverse_mass=POSITIVE, restitution=UP_TO_ONE)
 def impact_energy_loss(approach: Scalar, inverse_mass: Scalar, restitution: Scalar) -> Scalar:
-    """Energy, J, (*runs,), that the impact of `contact_impulse` takes away.
+    """Energy, J, (*runs,), dissipated by the impact of `contact_impulse`.
 
     **Arguments**
 

@@ -10,9 +10,9 @@
     h_0, M_0    angular momentum of the motion relative to the point; moment of   kg m^2/s, N m
                 all forces about it
 
-Source: Thomson 4.4-3 to -5. M_0 = h_0' holds about a point at rest or in uniform motion, about the
-centre of mass, and about one whose acceleration points to the centre of mass or away from it: in
-cases c and d it is the second derivative of R_0 that is parallel to r, not the first.
+Source: Thomson 4.4-3 to -5. M_0 = h_0' is valid about a point at rest or in uniform motion, about
+the centre of mass, and about one whose acceleration points to the centre of mass or away from it:
+in cases c and d it is the second derivative of R_0 that is parallel to r, not the first.
 """
 
 __all__ = ["moment_about_moving_point", "momentum_about"]

@@ -57,8 +57,8 @@ def routh(system: AbstractLagrangian, y: GeneralisedState, t: Scalar = 0.0) -> L
     - `system`: without forces, friction and constraints.
     - `y`, `t`: the state and the time, s, that give the momenta.
 
-    **Returns** the reduced system; its state holds the coordinates of `y` that are not cyclic, in
-    their order.
+    **Returns** the reduced system; its state contains the non-cyclic coordinates of `y`, in their
+    order.
 
     **Raises** `InputError` where no coordinate is cyclic, or all are."""
     cyclic = set(system.cyclic)

@@ -10,7 +10,7 @@
     a        its parameter: horizontal tension over weight        m
     r, p     radius of the cycloid's circle, angle rolled         m, rad
 
-Source: Thomson 9.7, appendix C (C-9, C-10, C-12, which give stationarity alone).
+Source: Thomson 9.7, appendix C (C-9, C-10, C-12, which give stationarity only).
 """
 
 __all__ = ["action", "brachistochrone", "hanging_chain"]

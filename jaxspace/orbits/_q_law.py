@@ -12,13 +12,12 @@
     d        thrust over the full thrust                                         1
     b        softening: the thrust is full where |D| is larger                   m/s
     a, e, i  semi-major axis, eccentricity, inclination; of the target with _T   m, 1, rad
-    a_x, e_x, tau_x   fastest change of an element by an acceleration of one,    its unit over all
-    directions of the thrust and all positions on the orbit       per m/s S        keeps the orbit
-    bounded                            1 p, r_p   semi-latus rectum, periapsis radius p/(1 + e)
-                     m r_min    lowest periapsis; k = 100 sets the steepness of the penalty below it
-
-    m W        weights
-         1
+    a_x, e_x, tau_x   fastest change of an element by an acceleration of one,    its unit
+             over all directions of the thrust and all positions on the orbit    per m/s
+    S        keeps the orbit bounded                                             1
+    p, r_p   semi-latus rectum, periapsis radius p/(1 + e)                       m
+    r_min    lowest periapsis; k = 100 sets the steepness of the penalty         m
+    W        weights                                                             1
 
 Source: Petropoulos (2004), AIAA 2004-5089, and (2005), AAS 05-162; elements that are regular at the
 equator: Varga and Perez (2016), AIAA/AAS Astrodynamics Specialist Conference. Their Q is this one

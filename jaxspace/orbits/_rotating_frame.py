@@ -2,8 +2,8 @@
 
     a = -2 w x v - w x (w x r)                        relative to the turning axes
     U = -|w x r|^2 / 2
-    a = -2 w x v,  U = 0                              in addition to the gravity along a plumb line
-    (2.6-4) J = v^2/2 + U + other potentials                  the integral of Jacobi
+    a = -2 w x v,  U = 0                              for gravity along a plumb line (2.6-4)
+    J = v^2/2 + U + other potentials                  the integral of Jacobi
 
     symbol  meaning                                                  unit
     r, v    position, velocity relative to the turning axes          m, m/s

@@ -9,7 +9,7 @@
     symbol       meaning                                                      unit
     r, s         position, that of the sun, both from the planet's centre     m
     R, R_s       radius of the planet, of the sun                             m
-    f            visible fraction of the sun's disk, by area                 1
+    f            visible fraction of the sun's disk, by area                  1
     alpha, beta  half the angle of the common chord, from each centre         rad
 
 Source: Montenbruck and Gill, Satellite Orbits, 3.4.2 (cone), 3.4.1 (light of parallel rays); f is

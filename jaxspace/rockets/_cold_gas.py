@@ -25,7 +25,7 @@ from ..core.shapes import with_rank
 
 @final
 class ColdGasThrusters(AbstractEffect):
-    """A commanded torque about the axes of the body, within a limit, for the mass of its gas."""
+    """A commanded torque about the body axes within a limit, until the gas is consumed."""
 
     torque_limit: NumberField = quantity("N m", positive=True, doc="M, about each axis")
     lever: NumberField = quantity("m", positive=True, doc="l, of each pair")

@@ -166,7 +166,7 @@ class GimballedThrust(AbstractEffect):
         - `motor_file`, `propellant_mass`: as in `Thrust.of_file`.
         - `fields`: the other fields by name.
 
-        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        **Raises** `InputError` for a file that `read_motor` rejects, or without a propellant mass.
         """
         thrust, u, time, profile = read_motor_file(motor_file).parameters(propellant_mass)
         return cls(gimbal, thrust, u, time, station, profile, **fields)

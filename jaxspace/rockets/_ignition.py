@@ -1,4 +1,4 @@
-"""When a motor ignites: at a time of the mission, or at a delay after the start of a phase.
+"""Ignition of a motor: at a time of the mission, or with a delay after the start of a phase.
 
 A phase that starts at an event starts at another time in every run, which is not known before it: a
 motor that is to burn in it has a `delay`.

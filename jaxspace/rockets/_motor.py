@@ -25,7 +25,7 @@ class Motor(MotorFile):
 
         **Arguments**
 
-        - `propellant_mass`: kg, in place of what the file says.
+        - `propellant_mass`: kg, instead of the value in the file.
         - `fields`: other fields of `Thrust`, such as `ignition` or `point`.
 
         **Raises** `InputError` without a mass of the propellant above zero, or without an impulse.
@@ -45,10 +45,10 @@ def read_motor(path: str | os.PathLike[str]) -> Motor:
 
     - `path`: of the file. Of several motors in one file, the first.
 
-    **Raises** `InputError` with the line that is not as the format has it, or with the value: for
-    times that do not ascend, a negative thrust or mass, a curve without impulse, or headings that
-    name no time and thrust; for a head of RASP or RockSim with no propellant, more of it than the
-    loaded mass, or masses that cannot be true; and for what is no regular file, or has more than
+    **Raises** `InputError` with the offending line or value: for a line that violates the format,
+    times that do not ascend, a negative thrust or mass, a curve without impulse, or headings
+    without time and thrust; for a RASP or RockSim header without propellant, with more propellant
+    than the loaded mass, or with implausible masses; and for anything but a regular file of at most
     64 MB.
     """
     return Motor(*read_motor_file(path))

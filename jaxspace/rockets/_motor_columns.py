@@ -40,7 +40,8 @@ NEWTONS = {
 
 
 class Kind(NamedTuple):
-    """What a column holds: its `names`, the `word` that longer names have, and its units in SI."""
+    """The content of a column: its `names`, the `word` that longer names contain, and its units in
+    SI."""
 
     names: tuple[str, ...]
     word: str
@@ -52,7 +53,7 @@ THRUST = Kind(("thrust", "force", "f"), "thrust", NEWTONS)
 
 
 class Heading(NamedTuple):
-    """Name and unit of a column in small letters; the unit is `None` where none stands."""
+    """Name and unit of a column in lower case; the unit is `None` where none is given."""
 
     name: str
     unit: str | None
@@ -83,7 +84,7 @@ def read_columns(path: Path, lines: list[str]) -> list[Point]:
     - `path`: of the file, for sentences; `lines`: its text.
 
     **Raises** `InputError` for a line without a time and a thrust, and for headings that do not
-    say which columns these are."""
+    identify these columns."""
     entries = [(k, line) for k, line in enumerate(lines, 1) if line.strip()]
     first = next((k for k, (_, line) in enumerate(entries) if _is_row(line)), None)
     if first is None:
@@ -104,8 +105,8 @@ def read_columns(path: Path, lines: list[str]) -> list[Point]:
 
 
 def _check_commas(path: Path, entries: list[tuple[int, str]]) -> None:
-    """Raise `InputError` for rows such as `0,5,10,2`, whose commas may separate or be decimal ones,
-    in a file without headings that would tell."""
+    """Raise `InputError` for ambiguous rows such as `0,5,10,2`, whose commas may be separators or
+    decimal commas, in a file without headings."""
     rows = [(number, line) for number, line in entries if not _is_comment(line)]
     wide = [(number, line) for number, line in rows if len(_fields(line)) > 2]
     if wide and not any("." in line for _, line in rows):
@@ -157,7 +158,7 @@ def _point(path: Path, number: int, line: str, layout: Layout) -> Point:
 
 
 def _layout(path: Path, heads: list[Head], width: int) -> Layout:
-    """Where time and thrust stand in rows of `width` columns, by the lines before them."""
+    """The columns of time and thrust in rows of `width` columns, from the lines before them."""
     # The last one that is no comment, then the last comment.
     for head in sorted(reversed(heads), key=lambda head: head.comment):
         headings = [_heading(field) for field in head.fields]
@@ -216,7 +217,7 @@ def _column(headings: list[Heading], kind: Kind) -> int | None:
 
 
 def _units_alone(heads: list[Head], columns: tuple[int, int]) -> list[Heading] | None:
-    """The entries of a line of units alone, such as `(s),(N)`."""
+    """The entries of a line with units only, such as `(s),(N)`."""
     for head in heads:
         entries = [_heading(field) for field in head.fields]
         if len(entries) > max(columns) and all(

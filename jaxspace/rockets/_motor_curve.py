@@ -1,4 +1,4 @@
-"""Points of a thrust curve as they stand in the lines of a file, and the curve that they make."""
+"""Points of a thrust curve as given in the lines of a file, and the resulting curve."""
 
 from itertools import groupby, pairwise
 from pathlib import Path
@@ -30,7 +30,7 @@ def wrong_line(path: Path, number: int, line: str, what: str) -> InputError:
 
 
 def curve(path: Path, points: list[Point]) -> tuple[np.ndarray, np.ndarray]:
-    """Ascending times, s, and thrusts, N; a time stands twice where the thrust jumps.
+    """Ascending times, s, and thrusts, N; a time is repeated where the thrust jumps.
 
     At the first and the last time the side of the burn is taken, because the other one adds no
     impulse.

@@ -5,13 +5,13 @@ columns (`.csv`).
     NAME  diameter, mm  length, mm  delays  propellant, kg  loaded mass, kg  maker
     time, s   thrust, N              one line for each point, the last one with no thrust
 
-The curve of a RASP file begins at the time zero with no thrust unless it says otherwise, and goes
-on up to the head of the next motor: points without thrust within it are a pause between two pulses.
-In RASP a semicolon begins a comment anywhere. A head whose masses can be no kilograms is refused.
-`_motor_xml` has the format of RockSim, whose curve begins as that of RASP.
+The curve of a RASP file begins at t = 0 with zero thrust unless the file has a point there, and
+extends to the header of the next motor: points without thrust within it are a pause between two
+pulses. In RASP a semicolon begins a comment anywhere. A header whose masses cannot be in kilograms
+is rejected. `_motor_xml` has the format of RockSim, whose curve begins as that of RASP.
 
-Any other file is one of columns: see `_motor_columns`. Its curve begins at its first point, at
-whatever time, because nothing says that the clock of the test stand starts with the motor.
+Any other file is one of columns: see `_motor_columns`. Its curve begins at its first point, at any
+time, because the clock of the test stand need not start with the motor.
 
 Source: RASP, as ThrustCurve.org documents it.
 """
@@ -66,7 +66,7 @@ class MotorFile(NamedTuple):
     ) -> tuple[Scalar, Scalar, Scalar, ThrustProfile]:
         """Mean thrust, N, exhaust velocity, m/s, burn time, s, and profile, for the effects.
 
-        `propellant_mass`: kg, in place of what the file says."""
+        `propellant_mass`: kg, instead of the value in the file."""
         mass = self.propellant_mass if propellant_mass is None else propellant_mass
         if mass is None:
             raise InputError(
@@ -145,7 +145,7 @@ def _from_zero(points: list[Point]) -> list[Point]:
 
 
 def _with_head(path: Path, head: Head, motor: MotorFile) -> MotorFile:
-    """The motor with what the head of its RASP file says, checked."""
+    """The motor with the validated header of its RASP file."""
     where = f"{path}, line {head.line}"
     values = numbers([head.fields[k] for k in (1, 2, 4, 5)])
     if values is None:

@@ -38,7 +38,7 @@ class Engine(NamedTuple):
 
 
 class _Reader:
-    """What a parser meets, up to the end of the first engine."""
+    """Handlers of the parser, up to the end of the first engine."""
 
     def __init__(self, path: Path):
         self.path = path
@@ -96,7 +96,7 @@ def read_engine(path: Path, text: str) -> Engine:
 
     - `path`: of the file, for sentences; `text`: what it contains.
 
-    **Raises** `InputError` for what is no XML, has no engine, or an engine without its numbers."""
+    **Raises** `InputError` for invalid XML, a missing engine, or an engine without its numbers."""
     reader = _Reader(path)
     try:
         # As bytes of UTF-8, whatever encoding the file says that it had.

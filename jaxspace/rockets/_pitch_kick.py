@@ -10,8 +10,8 @@ gravity turn.
     e, h    up, and downrange: h = N x e                                 1
     N       normal of the plane of the flight                            1
 
-Source: Thomson 8.5 (Fig. 8.5-1). What the vehicle does in seconds happens at once here: the length
-of the velocity, and with it the energy in the air, stay what they were.
+Source: Thomson 8.5 (Fig. 8.5-1). A manoeuvre that takes the vehicle seconds is instantaneous here:
+the speed, and with it the energy relative to the air, are unchanged.
 """
 
 from typing import ClassVar, final
@@ -29,7 +29,7 @@ from .steering import FlightPlane
 @final
 class PitchKick(AbstractJump):
     """The velocity relative to the air turned by an angle from up towards downrange, between two
-    phases of a mission. Position, attitude and mass stay what they were."""
+    phases of a mission. Position, attitude and mass are unchanged."""
 
     needs: ClassVar[frozenset[str]] = frozenset({"position", "velocity"})
 

@@ -15,9 +15,9 @@ gyration that stay.
     w_xy      omega_x + i omega_y, body axes                                     rad/s
     theta_XY  complex angle of attack in inertial axes; theta_xy in body axes    rad
 
-With the three ratios l/k, p and r a slender body, k_z = 0, is ordinary: r = 0. The flight of a rod
-(a body without a moment about its axis) keeps its spin, as p = 1. Its axis moves along a straight
-line; for r > 0 it spirals about i w_xy(0)/(n r^2) for rho = k_z.
+With the three ratios l/k, p and r a slender body, k_z = 0, is ordinary: r = 0. The spin of a rod (a
+body without a moment about its axis) is constant in flight, because p = 1. Its axis moves along a
+straight line; for r > 0 it spirals about i w_xy(0)/(n r^2) for rho = k_z.
 
 Source: Thomson 7.9, 7.10; errata: the exponent of Phi is imaginary, and the factor to inertial axes
 is e^(i Phi). The angle of attack is small-angle theory: its error grows as the cube of the angle.

@@ -128,7 +128,7 @@ class SteeredThrust(AbstractEffect):
         - `motor_file`, `propellant_mass`: as in `Thrust.of_file`.
         - `fields`: the other fields by name.
 
-        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        **Raises** `InputError` for a file that `read_motor` rejects, or without a propellant mass.
         """
         # Makers measure on the ground; the exit area, by which vacuum differs, is rarely given.
         thrust, u, time, profile = read_motor_file(motor_file).parameters(propellant_mass)
@@ -136,8 +136,8 @@ class SteeredThrust(AbstractEffect):
 
     @classmethod
     def of_thrust(cls, motor: Thrust, steering: AbstractSteering) -> "SteeredThrust":
-        """The motor of a flight with six degrees of freedom, for one with three: the same thrust
-        and mass flow along a law; point and misalignment play no role.
+        """The motor of a 6-DOF flight for use in a 3-DOF flight: the same thrust and mass flow
+        along a steering law; point and misalignment are ignored.
 
         **Arguments**
 

@@ -36,9 +36,9 @@ from .servo import servo_rate
 class ThrottledEngine(AbstractEffect):
     """An engine in a gimbal, whose throttle and angles follow a command (throttle, a, b).
 
-    It burns from the start of its phase, with no less than its `least_throttle`, until it is dry.
-    `Scene.start` adds the part `engine` to a state: throttle and angles, (3, *runs), which start at
-    the command that the effect is given."""
+    It burns from the start of its phase, at no less than `least_throttle`, until the propellant is
+    consumed. `Scene.start` adds the part `engine` to a state: throttle and angles, (3, *runs),
+    which start at the command that the effect is given."""
 
     PART: ClassVar[str] = "engine"
 

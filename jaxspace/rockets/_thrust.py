@@ -141,7 +141,7 @@ class Thrust(AbstractEffect):
 
         - `total_impulse`, N s; `burn_time`, s; `propellant_mass`, kg.
         - `station`, m: z of the point of the thrust; `offset`, m, (2, *runs): its x and y.
-        - `fields`: the other fields by name; `point` takes the place of station and offset.
+        - `fields`: the other fields by name; `point` replaces station and offset.
         """
         thrust = total_impulse / burn_time
         # With it the burn takes the propellant exactly: its impulse over u is that mass.
@@ -198,10 +198,10 @@ class Thrust(AbstractEffect):
         **Arguments**
 
         - `motor_file`: path, as of `read_motor`.
-        - `propellant_mass`: kg, in place of what the file says.
+        - `propellant_mass`: kg, instead of the value in the file.
         - `station`, `offset`, `fields`: as in `of_motor`.
 
-        **Raises** `InputError` for what `read_motor` refuses, or without a mass of the propellant.
+        **Raises** `InputError` for a file that `read_motor` rejects, or without a propellant mass.
         """
         fields |= _point(station, offset)
         return cls(*read_motor_file(motor_file).parameters(propellant_mass), **fields)

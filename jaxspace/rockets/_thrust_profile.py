@@ -7,7 +7,7 @@
     f         level: thrust over its mean          1
     t_0, t_b  ignition, burn time                  s
 
-The mean of f over 0 <= x <= 1 is one, so that the mean thrust keeps its meaning for every shape.
+The mean of f over 0 <= x <= 1 is one, so that the mean thrust has the same meaning for every shape.
 """
 
 from collections.abc import Sequence
@@ -42,7 +42,7 @@ class ThrustProfile(AbstractParameters):
 
     @classmethod
     def constant(cls) -> "ThrustProfile":
-        """The same thrust from ignition to burnout."""
+        """Constant thrust from ignition to burnout."""
         return cls(as_float([0.0, 1.0]), as_float([1.0, 1.0]))
 
     @classmethod
@@ -75,7 +75,7 @@ class ThrustProfile(AbstractParameters):
 
         **Arguments**
 
-        - `times`: ascending, in any unit; a time that stands twice is a jump of the thrust, which
+        - `times`: ascending, in any unit; a repeated time is a jump of the thrust, which
           becomes a ramp over a millionth of the burn time.
         - `thrusts`: at these times, in any unit.
 

@@ -1,6 +1,6 @@
 """The angle of attack: between a body's axis and its velocity relative to the air.
 
-`rotations.tilt` has the tilt of the axis from a fixed direction, with the plane in which it stands.
+`rotations.tilt` computes the tilt of the axis from a fixed direction, including its plane.
 
 Source: Thomson 7.10.
 """

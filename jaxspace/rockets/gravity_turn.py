@@ -1,4 +1,4 @@
-"""The gravity turn: flight with the thrust along the velocity, which gravity alone bends.
+"""The gravity turn: flight with the thrust along the velocity, curved by gravity only.
 
     v' = g (n - cos psi) - D/m              z = tan(psi/2)
     v psi' = g sin psi                      n = F/(m g)
@@ -232,7 +232,7 @@ class GravityTurn(AbstractSystem):
 
     def invariants(self, t: Scalar, y: GravityTurnState) -> dict[str, Array]:
         """For a constant n the constant of 8.5-7, C = v z^(1-n)/(1 + z^2), or 1/C for n > 1: zero
-        on a vertical path, where the other is infinite."""
+        on a vertical path, where the other form is infinite."""
         del t
         if self.closed_form() is None:
             return {}

@@ -1,4 +1,4 @@
-"""Jet damping: what the propellant does to the rotation on its way from the grain to the nozzle.
+"""Jet damping: the effect on the rotation of propellant that flows from the grain to the nozzle.
 
     M = m' (r_e x (omega x r_e) averaged over the exit) - (dJ/dm) m' omega
 
@@ -23,8 +23,7 @@ k:
     |omega_xy| = |omega_xy(0)| xi^((l^2 + rho^2/2 - k^2)/k^2)               (Ex. 7.9-1, corrected)
 
 Source: Thomson 7.8, 7.9 (errata 11 to 13), 7.10 problem 5 (a greater k has less damping where l
-stays, and more where l/k does). The exhaust leaves straight out of the nozzle, without
-swirl of its own.
+stays, and more where l/k does). The exhaust leaves along the nozzle axis, without swirl.
 """
 
 __all__ = ["jet_damping_ratio", "spin_ratio"]

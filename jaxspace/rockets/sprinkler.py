@@ -1,4 +1,4 @@
-"""The sprinkler: arms that water turns, by the angular momentum that it takes along.
+"""The sprinkler: arms rotated by the angular momentum of the outflowing water.
 
     M = m' R (R omega - u sin b)           moment that holds the arms at the rate omega
 
@@ -41,7 +41,7 @@ def sprinkler_speed(
     flow: Scalar, arm: Scalar, jet_speed: Scalar, bend: Scalar, friction: Scalar = 0.0
 ) -> Scalar:
     """Steady rate of a sprinkler that its jets turn against a moment of friction, rad/s (Thomson
-    7.10-P2). A negative result says that the friction holds it at rest.
+    7.10-P2). A negative result means that friction keeps it at rest.
 
     **Arguments**
 

@@ -170,7 +170,7 @@ class FixedDirection(AbstractSteering):
 @final
 class AlongVelocity(AbstractSteering):
     """A thrust along the velocity, or along the velocity relative to air that turns about z: a
-    gravity turn. At rest it has no direction, and the thrust is zero."""
+    gravity turn. At rest the direction is undefined, and the thrust is zero."""
 
     air_rate: NumberField = quantity(
         "rad/s", default=0.0, doc="rotation of the air about the z axis"

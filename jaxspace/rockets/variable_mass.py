@@ -1,4 +1,4 @@
-"""Momentum of a body that takes in and gives off mass: rockets, jet engines, accretion.
+"""Momentum of a body that gains and loses mass: rockets, jet engines, accretion.
 
     m v' = F + sum_k m'_k (c_k - v)            m' = sum_k m'_k
     F = m v' + (v - c) m'                      one stream (7.7-3)

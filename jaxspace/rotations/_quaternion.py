@@ -16,9 +16,9 @@
 Source: Thomson 5.1 (Euler's theorem: every displacement with a fixed point is one turn), 3.4
 (matrix), 3-P13 (rates).
 
-A quaternion of any length but zero stands for the turn of its direction: within a step, where it
-departs from unit length by the error of the step, no result changes. Integrators bring it back to
-unit length at the end of every step.
+A quaternion of any non-zero length represents the rotation of its direction: results do not change
+when it deviates from unit length by the integration error within a step. Integrators bring it back
+to unit length at the end of every step.
 """
 
 from collections.abc import Sequence
@@ -45,9 +45,9 @@ from ..core.vectors import axis, components, cross, dot, norm, unit
 class Quaternion(AbstractGroupElement):
     """An orientation: `wxyz`, (4, *runs), maps body components to inertial components.
 
-    Every method serves one orientation, those along a trajectory, (4, times, *runs), and vectors
-    with fewer or more axes of runs. Raises `InputError`, at construction and in every method, for
-    an array whose first axis does not hold the components."""
+    Every method accepts one orientation, those along a trajectory, (4, times, *runs), and vectors
+    with fewer or more batch axes. Raises `InputError`, at construction and in every method, for an
+    array whose first axis does not have the components."""
 
     wxyz: Float[Array, "4 *#runs"] = eqx.field(converter=as_float)
 
@@ -55,8 +55,8 @@ class Quaternion(AbstractGroupElement):
         check_components("Quaternion.wxyz", self.wxyz, 4)
 
     def check_start(self) -> None:
-        """Raise `InputError` for a known quaternion of zeros, which is no orientation; the rate of
-        a quaternion may be one."""
+        """Raise `InputError` for a concrete quaternion of zeros, which is not a valid orientation;
+        the rate of a quaternion may be zero."""
         if is_concrete(self.wxyz):
             q = np.asarray(self.wxyz)
             check(np.any(q != 0.0, axis=0), "Quaternion.wxyz", q, "of another length than zero")

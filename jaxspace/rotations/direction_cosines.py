@@ -10,8 +10,8 @@
     w        angular velocity of the body, in its axes                      rad/s
 
 Source: Thomson 3, problems 13 to 16 (where one rate is printed with w_x for w_y).
-The six conditions on C, that its axes are at right angles and of length one, are kept by the exact
-motion, and not by the steps of an integrator: a quaternion has one such condition.
+The six orthonormality conditions on C are preserved by the exact motion, but not by the steps of an
+integrator: a quaternion has only one such condition.
 """
 
 __all__ = ["cosine_conditions", "cosine_rates", "omega_from_cosine_rates"]

@@ -48,8 +48,8 @@ def from_euler_angles(angles: Vector, sequence: str = "313") -> Quaternion:
     - `angles`: rad, (3, *runs), in the order of the turns.
     - `sequence`: the axes, one of `SEQUENCES`.
 
-    **Raises** `InputError` for a sequence that is none of the twelve, and for angles whose first
-    axis does not hold three.
+    **Raises** `InputError` for a sequence other than the twelve, and for angles whose first axis
+    does not have three entries.
     """
     check_components("from_euler_angles: angles", angles, 3)
     i, j, k = _axes(sequence)
@@ -70,9 +70,9 @@ def to_euler_angles(attitude: Quaternion, sequence: str = "313") -> Vector:
 
     **Returns** the angles, rad, (3, *runs): the outer ones within (-pi, pi], the middle one within
     [0, pi] for a sequence that repeats its first axis and within [-pi/2, pi/2] otherwise. In the
-    singular position the first angle is zero, and the third one is what remains. At a distance d,
-    rad, from it the outer angles have errors of 1e-16/d, and of 1e-16/d^2 their derivatives; the
-    orientation that they make again keeps its digits.
+    singular position the first angle is zero, and the third one is the remaining rotation. At a
+    distance d, rad, from it the outer angles have errors of 1e-16/d, and of 1e-16/d^2 their
+    derivatives; the orientation reconstructed from them is accurate.
 
     **Raises** `InputError` for a sequence that is none of the twelve.
     """
@@ -134,8 +134,8 @@ def euler_rates_from_omega(angles: Vector, omega: Vector, sequence: str = "313")
     - `sequence`: the axes, one of `SEQUENCES`.
 
     **Returns** the rates, rad/s, (3, *runs). In the singular position the outer angles have the
-    same axis. Where the body turns about it and the middle axis alone, the first rate is zero and
-    the third one is the whole turn, as `to_euler_angles` counts the angles; otherwise both are
+    same axis. Where the body rotates about it and the middle axis only, the first rate is zero and
+    the third one is the whole rotation, as `to_euler_angles` counts the angles; otherwise both are
     infinite.
 
     **Raises** `InputError` for a sequence that is none of the twelve, and for a wrong first axis.

@@ -14,7 +14,7 @@
 Source: Shoemake (1985), Computer Graphics 19, 245 (slerp); Hermite's cubic of the rotation vector,
 whose rate at no turn is omega (Thomson 1.5).
 
-Both take the shorter way, and are smooth where the two orientations are equal. At half a turn
+Both follow the shorter path, and are smooth where the two orientations are equal. At half a turn
 between them two ways are equally short, one of which is taken.
 """
 
@@ -37,8 +37,8 @@ def slerp(start: Quaternion, end: Quaternion, share: Scalar) -> Quaternion:
     **Arguments**
 
     - `start`, `end`: the orientations at both ends, (4, *runs).
-    - `share`: of the way, 0 at the start and 1 at the end, (*runs,) or (times, *runs); beyond them
-      the turn goes on.
+    - `share`: fraction of the path, 0 at the start and 1 at the end, (*runs,) or (times, *runs);
+      beyond them the rotation continues.
 
     **Returns** the orientation, of unit length.
     """
@@ -55,8 +55,8 @@ def interpolate_attitude(
     end: Quaternion,
     omega_end: Vector,
 ) -> tuple[Quaternion, Vector]:
-    """Orientation and angular velocity between two that are given with their rates, right to the
-    fourth order of the duration.
+    """Orientation and angular velocity between two given ones with their rates, with an error of
+    fourth order in the duration.
 
     **Arguments**
 

@@ -3,7 +3,7 @@
     M = sum w_i q_i q_i^T,   M q = lambda q                lambda: the greatest of four eigenvalues
     (lambda 1 - M) dq = (dM - dlambda 1) q,   q . dq = 0
 
-It is the orientation with the least sum of w_i sin^2(angle_i / 2), for the angles to the given
+It is the orientation that minimises the sum of w_i sin^2(angle_i / 2), with the angles to the given
 ones.
 
     symbol     meaning                                    unit
@@ -12,7 +12,7 @@ ones.
 
 Source: Markley, Cheng, Crassidis and Oshman (2007), J. Guidance 30, 1193. The mean does not depend
 on the signs of the quaternions. Where the two greatest eigenvalues are equal, as for two
-orientations half a turn apart, there is no single mean, and no derivative.
+orientations half a turn apart, the mean is not unique and has no derivative.
 """
 
 __all__ = ["mean_attitude"]

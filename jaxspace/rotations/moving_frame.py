@@ -53,7 +53,7 @@ class MovingFrame(HashedModule):
     - `omega`, rad/s, `omega_rate`, rad/s^2: angular velocity and its rate, in the frame's axes.
     - `position`, m, `velocity`, m/s, `acceleration`, m/s^2: of the origin, inertial components.
 
-    Vectors are (3, *runs); what is not given is zero."""
+    Vectors are (3, *runs); omitted vectors are zero."""
 
     attitude: Quaternion
     omega: Float[Array, "3 *#runs"] = eqx.field(default_factory=_zero)

@@ -37,7 +37,7 @@ def rotation_vector_rate(turn: Vector, omega: Vector) -> Vector:
       a whole turn.
     - `omega`: angular velocity in body axes, rad/s, (3, *runs).
 
-    **Returns** the rate, rad/s, (3, *runs), smooth at no turn; not finite at a whole turn.
+    **Returns** the rate, rad/s, (3, *runs), smooth at zero rotation; not finite at a whole turn.
     """
     turn, omega = _same_rank("rotation_vector_rate", turn, "omega", omega)
     across = cross(turn, omega)

@@ -8,7 +8,7 @@
     s                spin axis, the body's z axis, in inertial components  1
     n                spin                                                  rad/s
 
-theta_XY is the small turn, along the line of nodes; the tip of the axis stands at -i theta_XY. A
+theta_XY is the small rotation, along the line of nodes; the tip of the axis is at -i theta_XY. A
 complex number is an array (2, *runs) of real and imaginary part. Euler's angles are singular at
 theta = 0, the place where a missile works: nothing here uses them.
 

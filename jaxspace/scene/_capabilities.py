@@ -1,9 +1,9 @@
 """Capabilities of a scene, composed from those of its effects.
 
 Closed form: the orbit under the one effect that has a closed form (a straight line without one),
-and the free rotation of the body. Decoupled: the free rotation, where forces alone act, which do
-not depend on it. Split: this motion as the drift, all other effects as the kick.
-Regularised: the variables of the one effect that has them, perturbed by all others.
+and the free rotation of the body. Decoupled: the free rotation, where only forces act, which do not
+depend on it. Split: this motion as the drift, all other effects as the kick. Regularised: the
+variables of the one effect that has them, perturbed by all others.
 
 Each function returns the capability and an empty text, or `None` and the reason for it, so that an
 error message can give the reason.
@@ -131,7 +131,7 @@ def _separate(
 def body_motion(
     scene: AbstractScene, effects: Sequence[AbstractEffect]
 ) -> tuple[BodyMotion | None, str]:
-    """The exact motion of the body of a scene under the given `effects` alone."""
+    """The exact motion of the body of a scene under the given `effects` only."""
     exact, others = _separate(effects)
     if others:
         return None, f"{type(others[0]).__name__} has no closed form"
@@ -146,8 +146,8 @@ def body_motion(
 
 
 def scene_decoupled(scene: AbstractScene) -> FreeTurn | None:
-    """The free rotation of the body beside the rest of its motion; `None` where an effect turns it
-    or changes its mass, where one reads its attitude, and for a rotation alone."""
+    """The free rotation of the body, decoupled from the rest of its motion; `None` where an effect
+    exerts a torque or changes the mass, where one reads the attitude, and for a pure rotation."""
     rest = set(scene.parts) - ROTATION
     if not rest or not ROTATION <= set(scene.parts):
         return None

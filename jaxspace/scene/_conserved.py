@@ -1,4 +1,4 @@
-"""Invariants of a body under several effects: those that every effect keeps.
+"""Invariants of a body under several effects: those that every effect conserves.
 
     energy per unit mass     v^2/2 + sum of potentials
                              + omega . J omega / 2m, where torques couple both motions;

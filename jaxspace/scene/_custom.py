@@ -22,7 +22,8 @@ VECTORS = ("acceleration_N", "force_N", "torque_B", "momentum_B")
 
 
 def _as_conserved(x: object) -> frozenset[str]:
-    """The names of what an effect keeps. Raises `InputError` for anything else than names."""
+    """The names of the quantities that an effect conserves. Raises `InputError` for anything else
+    than names."""
     names = x if isinstance(x, Iterable) and not isinstance(x, str) else None
     if names is None or not all(isinstance(name, str) for name in names):
         raise InputError(f"Custom.keeps is {x!r}: it must be a set of names, such as {{'energy'}}.")
@@ -47,15 +48,15 @@ class Custom(AbstractEffect):
     """An effect from a function `load(t, y, body) -> Load`: components first, runs last.
 
     - `function`: best an `equinox.Module` with a `__call__`, whose parameters are then part of the
-      scene. In a batch its arrays carry the runs on the last axis, or an axis of length one there
-      when all runs share them.
+      scene. In a batch the last axis of its arrays is the batch axis, of length one when all runs
+      share them.
     - `keeps`: as in `AbstractEffect`.
-    - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect keeps
-      the energy. Before a run it is compared with the work of the load at the start.
+    - `energy`: a function (t, y, body) -> potential energy per unit mass, J/kg, if the effect
+      conserves the energy. Before a run it is compared with the work of the load at the start.
     - `break_times`: at which the load or a derivative of it jumps, s; steps end there.
 
-    Raises `InputError` for an unknown quantity to keep, or an effect that keeps the energy without
-    a potential; a scene of it does for what is no load."""
+    Raises `InputError` for an unknown conserved quantity, or an effect that conserves the energy
+    without a potential; a scene raises it for a function that does not return a load."""
 
     function: Callable[[Scalar, BodyState, AbstractBody], Load]
     # Of the instance and not of the class, because each function has its own.
@@ -119,8 +120,8 @@ class Custom(AbstractEffect):
 def _power(
     effect: Custom, t: Scalar, y: BodyState, body: AbstractBody
 ) -> tuple[Array, Array, Array]:
-    """Power of the load, rate of the energy and the size of what they are made of, W/kg, at the
-    rates of `y` and at others, which lead."""
+    """Power of the load, rate of the energy and the size of their terms, W/kg, at the rates of `y`
+    and at others, on a leading axis."""
     # One rate at a time, because the power of an orbit would hide that of a rotation.
     states = [
         dataclasses.replace(each, **{other: None if x is None else jnp.zeros_like(x)})
@@ -133,7 +134,7 @@ def _power(
 
 
 def _with_other_rates(y: BodyState) -> BodyState:
-    """The same place, with rates in no special direction, as large or of one unit."""
+    """The same position, with rates in a generic direction, of the same size or of unit size."""
 
     def other(v: Array | None) -> Array | None:
         if v is None:

@@ -60,7 +60,7 @@ def operation_count(system: AbstractSystem, t: PyTree, y: PyTree) -> int:
     """Floating-point operations of one compiled evaluation; a transcendental function is one. The
     phases of a mission are mostly scenes of one structure, which is compiled once.
 
-    Arguments as in `compile_vector_field`; of the arrays the shapes alone."""
+    Arguments as in `compile_vector_field`; only the shapes of the arrays are used."""
     cost = compile_vector_field(system, t, y).cost_analysis()
     return int(cost.get("flops", 0.0) + cost.get("transcendentals", 0.0)) if cost else 0
 
@@ -100,8 +100,8 @@ def budget(scene: AbstractScene, t: Scalar = 0.0, y: BodyState | None = None) ->
 
 
 def explain(scene: AbstractScene, names: Sequence[str] = ()) -> str:
-    """A table of the effects: what each reads and adds, and its share of the arithmetic of one
-    evaluation.
+    """A table of the effects: their inputs, their contributions and their share of the arithmetic
+    of one evaluation.
 
     **Arguments**
 

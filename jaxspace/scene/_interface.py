@@ -22,7 +22,7 @@ class AbstractScene(AbstractSystem):
     @property
     @abstractmethod
     def parts(self) -> tuple[str, ...]:
-        """The parts that a state of this scene holds, in the order of `BodyState`."""
+        """The parts of a state of this scene, in the order of `BodyState`."""
 
     @property
     @abstractmethod
@@ -35,7 +35,7 @@ class AbstractScene(AbstractSystem):
 
     @abstractmethod
     def proper_acceleration(self, t: Scalar, y: BodyState) -> Vector:
-        """What an accelerometer at the centre of mass reads, m/s^2, (3, *runs), in inertial axes:
+        """Reading of an accelerometer at the centre of mass, m/s^2, (3, *runs), in inertial axes:
         the acceleration without that of the effects that are not `felt`."""
 
     @abstractmethod
@@ -44,8 +44,8 @@ class AbstractScene(AbstractSystem):
 
     @abstractmethod
     def mass(self, y: BodyState) -> Scalar | None:
-        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
-        it has none."""
+        """The mass of the body, kg: from the state where it changes, else that of the body; `None`
+        if it has none."""
 
     @abstractmethod
     def with_effects(

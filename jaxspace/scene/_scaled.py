@@ -19,8 +19,8 @@ def scaled(effect: AbstractEffect, factor: Scalar) -> AbstractEffect:
     - `effect`: any effect.
     - `factor`: (*runs,); 1 leaves the effect as it is, 0 removes it.
 
-    **Returns** an effect of the same class where it has a parameter for this, so that it keeps its
-    closed form and its regularised variables, else a `Scaled`.
+    **Returns** an effect of the same class where it has a parameter for this, so that its closed
+    form and regularised variables remain available, else a `Scaled`.
     """
     product = effect.scaled(factor)
     return Scaled(effect, factor) if product is None else product

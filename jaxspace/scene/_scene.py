@@ -2,9 +2,9 @@
 
     v' = sum a + sum F / m,    J omega' = sum M - omega x (J omega + h),    m' = sum m'_effects
 
-J and h hold what moving parts add to the inertia, and their own angular momentum.
+J and h include the contribution of moving parts to the inertia, and their angular momentum.
 
-The state holds the parts that the effects read or change (`Scene.parts`), and those named in
+The state contains the parts that the effects read or change (`Scene.parts`), and those named in
 `carry`. Every other part is `None`, hence no leaf of the state, of a batch or of a gradient.
 
 Source: Thomson 5.6, 7.1, 7.7 for the sums; `jaxspace.bodies` for the equations of one body.
@@ -72,7 +72,8 @@ class Scene(AbstractScene):
     - `carry`: parts of the state to integrate although no effect needs them: `("attitude",)` lets a
       body turn freely.
 
-    Raises `InputError` when an effect needs what the body does not have; the message names both."""
+    Raises `InputError` when an effect requires a property that the body does not have; the message
+    names both."""
 
     effects: tuple[AbstractEffect, ...] = eqx.field(converter=_as_effects)
     body: AbstractBody = RigidBody()
@@ -119,7 +120,7 @@ class Scene(AbstractScene):
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The parts that a state of this scene holds, in the order of `BodyState`."""
+        """The parts of a state of this scene, in the order of `BodyState`."""
         # A scene without effects is a point in uniform motion.
         empty = not self.effects and not self.carry
         carry = TRANSLATION if empty else self.carry
@@ -131,7 +132,7 @@ class Scene(AbstractScene):
         return Listed(read_effects(self.effects, self.body, self.carry).effects)
 
     def check_state(self, y: BodyState) -> None:
-        """Raise `InputError` unless the state holds the parts of this scene and no others; the
+        """Raise `InputError` unless the state has exactly the parts of this scene; the
         message names the effect that needs a missing one."""
         parts = self.parts
         for part in parts:
@@ -162,7 +163,7 @@ class Scene(AbstractScene):
     def start(self, y: BodyState) -> BodyState:
         """The state `y` with the extra parts that the effects integrate, as they start.
 
-        Parts that `y` already holds stay as they are. Raises `InputError` where two effects
+        Existing parts of `y` are left unchanged. Raises `InputError` where two effects
         integrate a part of the same name."""
         return with_parts(y, self.effects, self.body)
 
@@ -210,8 +211,8 @@ class Scene(AbstractScene):
         return rate
 
     def mass(self, y: BodyState) -> Scalar | None:
-        """The mass of the body, kg: from the state where it changes, else the body's own; `None` if
-        it has none."""
+        """The mass of the body, kg: from the state where it changes, else that of the body; `None`
+        if it has none."""
         return self.body.constant_mass() if y.mass is None else y.mass
 
     def outside(self, t: Scalar, y: BodyState) -> Flag | None:
@@ -222,7 +223,7 @@ class Scene(AbstractScene):
         return functools.reduce(operator.or_, flags) if flags else None
 
     def _burnt_out(self, y: BodyState) -> Flag | None:
-        """Whether no mass is left that may go; `None` where the state holds none."""
+        """Whether no mass is left that may go; `None` where the state has none."""
         if y.mass is None:
             return None
         least = self.body.least_mass()
@@ -275,13 +276,13 @@ class Scene(AbstractScene):
         return reasons[capability]() if capability in reasons else ""
 
     def invariants(self, t: Scalar, y: BodyState) -> dict[str, Array]:
-        """The quantities that all effects keep, such as the energy if every one of them keeps
-        it."""
+        """The quantities that all effects conserve, such as the energy if every one of them
+        conserves it."""
         return conserved(self, t, y)
 
     def explain(self, names: Sequence[str] = ()) -> str:
-        """A table of the effects: what each reads and adds, and its share of the arithmetic of one
-        evaluation.
+        """A table of the effects: their inputs, their contributions and their share of the
+        arithmetic of one evaluation.
 
         **Arguments**
 

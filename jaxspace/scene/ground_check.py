@@ -13,9 +13,9 @@
 
 Source: Thomson 4.7, 4.13.
 
-Between two saved times a periapsis was passed where the orbits of both say so: a thrust bends one
-of the two, and a launch or a landing has its periapsis before or behind. A saved state
-below the ground counts if it is deeper than the flattening of a planet.
+A periapsis between two saved times is assumed only if the orbits of both indicate it: a thrust
+changes one of the two, and a launch or a landing has its periapsis outside the interval. A saved
+state below the ground counts if it is deeper than the flattening of a planet.
 """
 
 import math
@@ -29,7 +29,8 @@ from ..core import Scalar
 TURN = 2.0 * math.pi
 
 POLE = 0.01
-"""So much of the equatorial radius a saved state may lie below it: 0.6 % are the poles of Mars."""
+"""Fraction of the equatorial radius by which a saved state may be below it: 0.6 % for the poles of
+Mars."""
 GRAZING = 1e-3
 """So much may the orbit: by so little that of a low satellite changes within a turn (J2)."""
 AT_PERIAPSIS = 1e-6
@@ -39,17 +40,17 @@ AT_PERIAPSIS = 1e-6
 def lowest_below_ground(
     ts: ArrayLike, states: BodyState, radius: Scalar, mu: Scalar | None
 ) -> np.ndarray:
-    """How deep each run passes below the ground of a planet.
+    """Depth to which each run passes below the surface of a planet.
 
     **Arguments**
 
     - `ts`: s, (times,) or (times, *runs); `states`: those there, about the planet's centre.
     - `radius`: of the ground, m, (*runs,).
-    - `mu`: of the planet, m^3/s^2, (*runs,); `None` where what lies between the times is not known,
-      as beside a controller.
+    - `mu`: of the planet, m^3/s^2, (*runs,); `None` where the motion between the times is unknown,
+      as with a controller.
 
     **Returns** the least distance from the centre, m, (*runs,); infinite where a run stays above
-    the ground, or has no place."""
+    the surface, or has no position."""
     if states.position is None or states.velocity is None:
         return np.asarray(np.inf)
     x, v, t, R = (np.asarray(a, float) for a in (states.position, states.velocity, ts, radius))
@@ -67,12 +68,12 @@ def lowest_below_ground(
 
 
 def ground_warning(lowest: np.ndarray, radius: Scalar, source: str) -> str:
-    """A sentence where runs pass below the ground of a planet; empty where none does.
+    """A warning message if runs pass below the surface of a planet; empty otherwise.
 
     **Arguments**
 
     - `lowest`: of each run, as `lowest_below_ground` returns it, m.
-    - `radius`: of the ground, m, (*runs,); `source`: who states it, for the sentence."""
+    - `radius`: of the ground, m, (*runs,); `source`: the origin of the radius, for the message."""
     R = np.asarray(radius, float)
     count = np.count_nonzero(np.isfinite(lowest))
     if not count:
@@ -86,7 +87,7 @@ def ground_warning(lowest: np.ndarray, radius: Scalar, source: str) -> str:
 
 
 def _stays_above(x: np.ndarray, v: np.ndarray, mu: np.ndarray, low: Scalar) -> bool:
-    """Whether all states, and all periapses of their orbits, lie above `low`, m, (*runs,).
+    """Whether all states, and all periapses of their orbits, are above `low`, m, (*runs,).
 
     For most batches the only check, and without roots and quotients a third of the whole one: an
     orbit outside of the radius l reaches it where the energy leaves a radial velocity there,

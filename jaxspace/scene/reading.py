@@ -1,8 +1,8 @@
 """The parts that effects read and add, from traces of their loads, once for each structure.
 
-A load is traced in the smallest sufficient state: of no parts, a position with its velocity, an
-attitude with its rate, a mass, then two of them, then all. It reads the parts on which its result
-depends, and adds the parts that its result holds.
+A load is traced in the smallest sufficient state: without parts, with a position and its velocity,
+an attitude and its rate, or a mass, then with two of these, then with all. It reads the parts on
+which its result depends, and adds the parts that its result contains.
 """
 
 import dataclasses
@@ -46,18 +46,18 @@ GUIDED = {"velocity": "acceleration", "omega": "torque", "mass": "mass_rate", "p
 class Reading(NamedTuple):
     """The parts of the state that an effect reads and adds.
 
-    - `needs`: the parts that its load is computed from, of "position", "velocity", "attitude",
+    - `needs`: the parts from which its load is computed, out of "position", "velocity", "attitude",
       "omega", "mass".
-    - `adds`: what its load contributes, of "acceleration", "force", "torque", "mass_rate", "parts",
-      "inertia", "momentum"."""
+    - `adds`: the contributions of its load, out of "acceleration", "force", "torque", "mass_rate",
+      "parts", "inertia", "momentum"."""
 
     needs: frozenset[str]
     adds: frozenset[str]
 
 
 class SceneReading(NamedTuple):
-    """A `Reading` for each effect of a scene, and the `parts` that a state of the scene holds, in
-    the order of `BodyState`."""
+    """A `Reading` for each effect of a scene, and the `parts` of a state of the scene, in the order
+    of `BodyState`."""
 
     effects: tuple[Reading, ...]
     parts: tuple[str, ...]
@@ -71,7 +71,7 @@ def read_effects(
     **Arguments**
 
     - `effects`, `body`: of a scene; their arrays may be traced.
-    - `present`: parts that the state holds in any case.
+    - `present`: parts that the state always contains.
 
     **Raises** the error of a load that cannot be traced in any state."""
     return _read((tuple(effects), body), frozenset(present))
@@ -98,7 +98,7 @@ def _read(
 
 
 def _runs(scene: PyTree) -> list[tuple[int, ...]]:
-    """The shapes of runs that a state may have beside these parameters, the likely one first."""
+    """The batch shapes that a state may have with these parameters, the most likely one first."""
     arrays = eqx.filter(scene, _is_shape)
     axes = jax.tree.leaves(run_axes_of(arrays, lambda x: -1))
     pairs = list(zip(jax.tree.leaves(arrays), axes, strict=True))
@@ -159,7 +159,7 @@ class _Trace(NamedTuple):
     - `results`: the arrays that it returned.
     - `adds`: what it added.
     - `parts`: those of the state that it was in, and those that it changes.
-    - `own`: how its own parts of the state start."""
+    - `own`: the initial values of its own parts of the state."""
 
     held: tuple[frozenset[str], frozenset[str]]
     results: list[Array]
@@ -175,7 +175,7 @@ def _together(
     body: AbstractBody,
     present: frozenset[str],
 ) -> tuple[list[_Trace], frozenset[str]]:
-    """The readings of the effects in the smallest state that serves all of them, and its parts.
+    """The readings of the effects in the smallest state sufficient for all of them, and its parts.
 
     Arguments as of `_alone`."""
     parts = _in_pairs(present)
