@@ -208,10 +208,10 @@ def pivot_impact(
 
 
 def _able_to_turn(inertia: AbstractInertia, arm: Vector) -> AbstractInertia:
-    """The inertia with a moment about the axis of a rod where the `arm` lies along that axis.
+    """The inertia with a moment about the axis of a rod where the `arm` is along that axis.
 
-    Without one the tensor about the pivot is singular. Which moment does not matter: an impulse at
-    a point of the axis has no torque about it."""
+    Without it the tensor about the pivot is singular. Its value is arbitrary: an impulse at a point
+    of the axis has no torque about it."""
     if not isinstance(inertia, PrincipalInertia):
         return inertia
     rank = max(inertia.moments.ndim, arm.ndim) - 1

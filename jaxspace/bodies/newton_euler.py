@@ -8,7 +8,7 @@
     v        velocity of the centre of mass                      m/s
     a, F     acceleration by gravity, other forces               m/s^2, N
     m        remaining mass                                      kg
-    J        inertia of the remaining body, about its centre of mass  kg m^2
+    J        inertia of the remaining body about its centre      kg m^2
     h        angular momentum of parts that move in the body     kg m^2/s
     M        moment about the centre of mass, minus the changes  N m
              of h and J by moving parts, in body axes

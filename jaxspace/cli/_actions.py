@@ -1,8 +1,8 @@
 """The actions of the commands, with their arguments.
 
-The commands are imported within the functions, because they import what computes, which takes a
-while: `--help` and bad options do not wait for it. Settings of jax come before the first array,
-which fixes them.
+The commands are imported inside the functions, because importing the numerical packages takes time:
+`--help` and bad options do not wait for it. Settings of jax come before the first array, which
+fixes them.
 """
 
 import argparse
@@ -112,7 +112,7 @@ def budget(given: argparse.Namespace) -> int:
 
 
 def optimize(given: argparse.Namespace) -> int:
-    """Search the best values of the free numbers of the file."""
+    """Optimise the design variables of the file."""
     from . import _commands
 
     settle()
@@ -137,7 +137,7 @@ def show_schema(given: argparse.Namespace) -> int:
 
 
 def verify(given: argparse.Namespace) -> int:
-    """Compute the hard cases and print how they hold."""
+    """Run the singularity and edge-case checks and print the results."""
     from . import _commands
 
     settle()

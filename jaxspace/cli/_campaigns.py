@@ -44,8 +44,8 @@ class Options(NamedTuple):
 
 
 def disperse(path: str, options: Options, folder: str, modules: Sequence[str] = ()) -> int:
-    """Run the file many times, print the table of its outputs, and keep the runs, a figure and a
-    page."""
+    """Run the campaign of the file, print the table of its outputs, and save the runs, a figure and
+    a page."""
     file = load(path, modules=modules)
     runs = file.runs if options.runs is None else options.runs
     seed = file.seed if options.seed is None else options.seed
@@ -79,7 +79,7 @@ def _refuse_options_of_runs(options: Options) -> None:
 
 
 def _without_runs(file: SceneFile, method: str) -> int:
-    """Print mean and deviation by a method that makes no campaign of runs."""
+    """Print mean and standard deviation from a method without a campaign of runs."""
     nominal = file.nominal_mission()
     campaign = file.campaign(nominal, warn=False)
     with waiting(f"computing the moments with {method}"), warnings_as_lines():
@@ -193,7 +193,7 @@ def _head_of(store: str) -> tuple[int, int] | None:
 
 
 def _left(store: str, untouched: bool) -> str:
-    """The state of a stopped campaign, in a sentence.
+    """A message about the state of a stopped campaign.
 
     `untouched`: whether `store` is the one of an earlier campaign."""
     if untouched:
@@ -211,7 +211,8 @@ def _left(store: str, untouched: bool) -> str:
 
 
 def _times(result: Dispersion, whole: float) -> str:
-    """What the command took, `whole`, s, with the nominal run, the statistics and the pictures."""
+    """A message about the time of the command, `whole`, s, including the nominal run, the
+    statistics and the figures."""
     # Without the compilation, which does not grow with the number of runs.
     ahead = result.attributes["preparation_seconds"]
     computing = max(result.seconds - ahead, 1e-9)
@@ -272,7 +273,7 @@ def failures(store: str, every: bool, modules: Sequence[str] = ()) -> int:
 
 
 def _opened_quietly(store: str) -> Dispersion:
-    """The runs of a store, for a command that says itself what is damaged or missing."""
+    """The runs of a store, for a command that reports damaged or missing runs itself."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DamagedStore)
         warnings.filterwarnings("ignore", UNFINISHED)

@@ -68,8 +68,8 @@ def run(path: str, folder: str, show: bool = False, modules: Sequence[str] = ())
 
 
 def _pictured_times(file: SceneFile) -> ArrayLike:
-    """The times of the file, or more of them where a picture can show more. Of a loop those of the
-    file: they lie among the samples of its controller."""
+    """The times of the file, or more of them where a picture can show more. For a closed loop,
+    those of the file: they are among the samples of its controller."""
     if file.loop is not None or len(file.ts) >= PICTURED:
         return file.ts
     return jnp.linspace(file.ts[0], file.ts[-1], PICTURED)
@@ -82,8 +82,8 @@ def optimize(
     modules: Sequence[str] = (),
     resume: bool = False,
 ) -> int:
-    """Search the best values of the free numbers, print their table, and keep the file, the
-    figures of its run and of the search."""
+    """Optimise the design variables, print their table, and save the file and the figures of its
+    run and of the search."""
     file = load(path, modules=modules)
     if file.task is not None and file.task.dispersed:
         if sensitivities:
@@ -274,7 +274,7 @@ def _names_in(file: SceneFile, phase: str, scene: Scene) -> list[str]:
 
 
 def show_list(word: str = "", modules: Sequence[str] = ()) -> int:
-    """Print what scene files may name, or the entries with this word."""
+    """Print the names available in scene files, or only the entries that contain this word."""
     print(listing(modules=modules, word=word))
     return 0
 
@@ -286,7 +286,8 @@ def show_schema(modules: Sequence[str] = ()) -> int:
 
 
 def verify(precision: str, device: str | None, path: str | None) -> int:
-    """Evaluate the hard cases, print the table, and keep it as JSON; 1 where a case fails."""
+    """Run the singularity and edge-case checks, print the table, and save it as JSON; 1 if a case
+    fails."""
     # Imported here, because no other command needs the cases.
     from ..verification import run_cases
 

@@ -62,7 +62,7 @@ GOALS: dict[str, tuple[str, ...]] = {
         "flexible_stage",
     ),
 }
-"""The scenes by what their reader wants to do, those to begin with first."""
+"""The scenes by topic, introductory ones first."""
 # What a scene is made for besides `run`, by the table that says how.
 COMMANDS = {"disperse": "dispersion", "optimize": "optimize"}
 
@@ -90,8 +90,8 @@ def show_examples() -> int:
 
 
 def new(name: str, path: str | None) -> int:
-    """Copy a scene to `path`, by default NAME.toml in the folder where the command is given, and
-    the files that it names beside it.
+    """Copy a scene to `path`, by default NAME.toml in the current folder, together with the files
+    that it names.
 
     **Raises** `InputError` for an unknown name, and where there is a file already."""
     names = [name for group in GOALS.values() for name in group]

@@ -12,8 +12,9 @@ from ._waiting import progress, waiting
 
 
 def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
-    """Search the best free numbers over the runs of the file, assess them by fresh runs beside
-    those of the file, print the table, and keep the file of the optimum, a page and two figures."""
+    """Optimise the design variables over the runs of the file, assess the optimum and the original
+    design with independent runs, print the table, and save the file of the optimum, a page and two
+    figures."""
     make_folder(folder)
     beginning = os.path.join(folder, file.path.stem)
     store = f"{beginning}_search.npz"
@@ -40,8 +41,8 @@ def optimize_design(file: SceneFile, folder: str, resume: bool) -> int:
 
 @contextlib.contextmanager
 def search_progress(most: int) -> Iterator[Progress]:
-    """A bar of a search that takes so many steps at `most`: the step, the longest time that it may
-    still last, objective, violation and gradient. What is yielded is called after each step."""
+    """A progress bar of a search with `most` steps at most: step, upper bound of the remaining
+    time, objective, violation and gradient. The yielded function is called after each step."""
     # Most searches converge long before their last step, and nobody knows when.
     line = "{desc}: {n_fmt} of at most {total_fmt} steps in {elapsed}"
     left = f"{line}, at most {{remaining}} more{{postfix}}"

@@ -22,8 +22,8 @@ def say(text: str) -> None:
 
 
 def drop_output() -> None:
-    """Leave aside what could not be printed: Python would fail again when it flushes it at the end,
-    and change the exit status."""
+    """Discard output that could not be printed: Python would fail again when it flushes it at the
+    end, and change the exit status."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -44,8 +44,8 @@ def make_folder(name: str) -> None:
 
 @contextlib.contextmanager
 def replacing(path: str) -> Iterator[str]:
-    """A path for a file that takes the place of `path` when it is whole: on a full disk an earlier
-    file stays as it was, and none is there in part."""
+    """A temporary path for a file that replaces `path` when it is complete: on a full disk an
+    existing file is unchanged, and no partial file remains."""
     # A device, such as that of the output, is no file that can be replaced.
     if os.path.exists(path) and not os.path.isfile(path):
         yield path

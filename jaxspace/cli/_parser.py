@@ -1,4 +1,4 @@
-"""The parser of the command line: its commands, their arguments and what they mean."""
+"""The parser of the command line: its commands and their arguments."""
 
 import argparse
 import math
@@ -41,7 +41,7 @@ METHODS = ("monte_carlo", "lincov", "second_order", "unscented")
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of the command line: its commands, their arguments and what they mean."""
+    """The parser of the command line: its commands and their arguments."""
     top = argparse.ArgumentParser(prog="jaxspace", description="Space dynamics from scene files.")
     top.add_argument("--version", action="version", version=f"jaxspace {jaxspace.__version__}")
     added = top.add_subparsers(required=True, metavar="COMMAND")
@@ -224,8 +224,8 @@ def _engine_option(command: argparse.ArgumentParser) -> None:
 
 
 def with_joined_runs(arguments: Sequence[str]) -> list[str]:
-    """The arguments, with the two words of `--run worst OUTPUT` as one: an option of one or of two
-    words would take the store for its second."""
+    """The arguments, with the two words of `--run worst OUTPUT` as one: otherwise an option with
+    one or two words would consume the store as its second."""
     result: list[str] = []
     for word in arguments:
         extreme = result[-2:-1] == ["--run"] and result[-1] in EXTREMES

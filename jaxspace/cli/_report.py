@@ -86,8 +86,8 @@ def _top(result: Dispersion) -> float:
 
 
 def report(path: str, folder: str | None, modules: Sequence[str] = ()) -> int:
-    """Write the page of a store with trajectories, and its runs as tables. The status tells whether
-    every file is there: 1 where one cannot be made, 2 where one cannot be written."""
+    """Write the page of a store with trajectories, and its runs as tables. The exit status is 0 if
+    all files are written, 1 if one cannot be created, 2 if one cannot be written."""
     with warnings_as_lines():
         result = open_store(path)
     file = _scene(result, modules)
@@ -139,8 +139,8 @@ def accuracy_of(file: SceneFile, result: Dispersion) -> Accuracy:
 
 
 def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
-    """The scene file in a store, or `None`, with a sentence, where the campaign came from Python or
-    its file is no longer understood. Raises for `modules` that cannot be used."""
+    """The scene file in a store, or `None` with a message if the campaign was defined in Python or
+    its file can no longer be read. Raises for `modules` that cannot be used."""
     if modules:
         # Files that the user names are not left out in silence.
         return stored_scene(result, modules)
@@ -152,7 +152,7 @@ def _scene(result: Dispersion, modules: Sequence[str]) -> SceneFile | None:
 
 
 def attempt(what: str, path: str, write: Callable[[str], None]) -> int:
-    """Write a file, and say where it is or why it is not there. Returns its exit status: 1 for a
+    """Write a file, and print its path or the reason of a failure. Returns its exit status: 1 for a
     file that cannot be made, 2 for one that cannot be written."""
     try:
         with waiting(f"writing {path}"), replacing(path) as unfinished:

@@ -1,4 +1,4 @@
-"""Settings of jax for the command line alone: double precision, all cores, and a cache
+"""Settings of JAX for the command line only: double precision, all cores, and a cache
 of compiled programs."""
 
 import contextlib
@@ -12,7 +12,8 @@ def settle(*, once: bool = False) -> None:
 
     `once`: whether the command runs each program once. The compiler's optimisations then cost more
     than they save: half of the wait for a rocket's flight. A command after one of the other kind
-    compiles its programs again, so that it gives the bits that it would give alone."""
+    recompiles its programs, so that its results are bit-identical to those of a separate
+    process."""
     # Here, because the parser refers to the commands, and they to this file.
     import jax
 

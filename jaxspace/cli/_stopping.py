@@ -1,5 +1,5 @@
 """The end of a command by a signal: Ctrl-C, the end of its terminal, or the system. It ends with a
-sentence, and what was stored stays.
+message, and stored results are preserved.
 
 A signal raises `KeyboardInterrupt` once. More of them, as of an impatient Ctrl-C, are left aside
 while the command tidies up: each would interrupt that in turn. Where it lasts, one counts again.
@@ -24,12 +24,12 @@ PATIENCE = 10.0
 
 
 class Stopped(Exception):
-    """A command was stopped; the message says what it has stored."""
+    """A command was stopped; the message reports the stored results."""
 
 
 def is_stop(error: BaseException) -> bool:
-    """Whether an error is an interruption, or what a library has made of one that it met while it
-    called back: an error of its own, whose text ends with the name."""
+    """Whether an error is an interruption, or the error of a library that was interrupted during a
+    callback, whose text ends with the name."""
     return isinstance(error, KeyboardInterrupt) or "KeyboardInterrupt" in str(error)
 
 

@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     from tqdm import tqdm
 
 PATIENCE = 3.0
-"""Seconds after which a command says what it is at."""
+"""Seconds after which a command reports its current activity."""
 PAUSE = 1.0
 """Seconds from one line to the next."""
 
 
 @contextlib.contextmanager
 def waiting(words: str) -> Iterator[None]:
-    """Show `words` with the seconds so far on the error output, once they are more than three; and
-    with what of them JAX has compiled.
+    """Show `words` with the elapsed seconds on stderr, after more than three seconds, including the
+    compilation time of JAX.
 
-    Nothing where the error output is no terminal: a log has no use for a line that changes."""
+    Nothing is shown where stderr is not a terminal: a changing line is useless in a log."""
     if not sys.stderr.isatty():
         yield
         return
@@ -57,10 +57,10 @@ def waiting(words: str) -> Iterator[None]:
 
 @contextlib.contextmanager
 def progress(words: str, **options: Any) -> Iterator["tqdm"]:
-    """A bar on the error output, `options` as of tqdm, which says `words` and counts its seconds
-    also where no step is made for long.
+    """A progress bar on stderr, `options` as for tqdm, which shows `words` and counts the seconds
+    even while no step is completed.
 
-    Nothing is shown where the error output is no terminal."""
+    Nothing is shown where stderr is not a terminal."""
     # Late: commands that draw no bar do not wait for the import.
     from tqdm import tqdm
 

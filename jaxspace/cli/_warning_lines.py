@@ -8,13 +8,13 @@ from ..stores import DamagedStore
 from ._output import harmless, say
 
 UNFINISHED = ".* planned runs are in the store"
-"""How a warning of an unfinished store reads, which every report says in its own place."""
+"""Pattern of the warning about an unfinished store, which every report prints separately."""
 
 
 class warnings_as_lines:
     """Writes the warnings for users as sentences, without the place in the source that gave them.
 
-    `write`: what takes a line; by default it is printed on the error output."""
+    `write`: function that receives a line; by default it is printed on stderr."""
 
     def __init__(self, write: Callable[[str], None] = say):
         self.write = write

@@ -1,4 +1,5 @@
-"""Scene files: TOML that describes what moves, checked as a whole before anything is computed.
+"""Scene files: TOML descriptions of systems and their runs, fully validated before anything is
+computed.
 
 This package knows the form of a file (bodies, phases, dispersions, units) and no particular force:
 systems, effects, jumps, events and outputs are declared by the packages of physics."""

@@ -1,10 +1,10 @@
 """Decay by SGP4: the first time, counted from the epoch, at which the theory has no state.
 
-SGP4 judges each time alone: it reports an orbit below the ground while the satellite is there, and
-an eccentricity or a semi-latus rectum out of its range while its polynomials of the drag say so.
-Later they may return to their ranges, so that a satellite that decayed years ago is again given a
-state. Here every revolution between the epoch and a time is searched, its perigee included, because
-an eccentric orbit meets the ground there alone.
+SGP4 evaluates each time separately: it reports an orbit below the ground only while the satellite
+is there, and an eccentricity or a semi-latus rectum out of range only while its drag polynomials
+are. Later they may return to their ranges, so that a satellite that decayed years ago is again
+given a state. Here every revolution between the epoch and a time is searched, including its
+perigee, because an eccentric orbit reaches the ground only there.
 
 Source: Vallado et al., Revisiting Spacetrack Report 3, AIAA 2006-6753 (errors of SGP4).
 """
@@ -49,7 +49,7 @@ def states_by_sgp4(record: Record, ts: NDArray[np.float64]) -> tuple[NDArray, ND
 
 
 def first_failure(record: Record, reach: float) -> tuple[float, int] | None:
-    """The time, s, nearest to the epoch from which on SGP4 has no state, and the error code there;
+    """The time, s, closest to the epoch from which on SGP4 has no state, and the error code there;
     `None` without one up to `reach`, s after the epoch (negative: before it).
 
     **Arguments**

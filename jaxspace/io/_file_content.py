@@ -1,4 +1,4 @@
-"""What was parsed of a scene file, as plain data; what is done with it are functions elsewhere."""
+"""The parsed content of a scene file as plain data; operations on it are functions elsewhere."""
 
 import dataclasses
 from pathlib import Path

@@ -8,8 +8,8 @@
     flight     [vehicle], [site], [waiting]                         a rocket from rail to ground
 
 Every kind may have [dispersion], [optimize], `format`, `title` and how to integrate: `accuracy` or
-`final_error`, `method`, `max_step`, `max_steps`. The entries of each table stand in the module of
-this table, in `_mission` or `_requests`.
+`final_error`, `method`, `max_step`, `max_steps`. The entries of each table are defined in the
+module of this table, in `_mission` or `_requests`.
 """
 
 from collections.abc import Mapping
@@ -45,7 +45,7 @@ def kind_of(data: Mapping[str, object]) -> str:
 
 
 def format_error(data: Mapping[str, object]) -> str:
-    """The error for a file of a later format, with what to do; empty for any other file."""
+    """The error for a file of a later format, with a remedy; empty for any other file."""
     written = data.get("format")
     # Another type is reported by reading it.
     if not isinstance(written, int) or written <= FORMAT:
@@ -93,7 +93,7 @@ def form_of(kind: str, catalog: Catalog, system: str = "") -> Table:
 
 
 def _common_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
-    """What every file may give, for states of this class."""
+    """The entries common to all files, for states of this class."""
     return {
         "format": Entry(Whole(1, FORMAT), FORMAT, doc="version of the scene-file format"),
         "modules": Entry(

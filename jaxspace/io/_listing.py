@@ -50,9 +50,9 @@ def listing(
     **Arguments**
 
     - `also`, `modules`: as in `load`.
-    - `word`: only the group of this name is listed; where there is none, the entries with it in
-      their name or first sentence, or else in their fields. A table that several of them hold has
-      its fields once.
+    - `word`: only the group with this name is listed; otherwise, the entries that contain it in
+      their name or first sentence, or else in their fields. The fields of a table shared by several
+      entries are listed once.
 
     **Raises** `InputError` for a word that no entry has."""
     known = catalog(also, modules)
@@ -132,7 +132,7 @@ def _name(line: str) -> str:
 
 
 def _entries(lines: list[str]) -> list[list[str]]:
-    """The lines of each entry: its own, and those of its fields, which are indented further."""
+    """The lines of each entry, followed by the indented lines of its fields."""
     result: list[list[str]] = []
     for line in lines:
         if line.startswith("   ") and result:

@@ -94,7 +94,7 @@ def load(
 
 
 class _Requests(NamedTuple):
-    """What a file requests of its runs, by `FileContent`."""
+    """The requests of a file for its runs, as a `FileContent`."""
 
     inputs: dict[str, Input | MadeInput]
     outputs: tuple[OutputSpec, ...]

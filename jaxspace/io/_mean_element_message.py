@@ -1,13 +1,13 @@
-"""Orbit mean-elements messages of CCSDS: their entries, with the lines that they stand in, and the
-numbers of them, checked.
+"""Orbit mean-elements messages of CCSDS: their entries, with line numbers, and their validated
+numbers.
 
     notation     begins with        satellites
     XML          <                  one for each element <segment>, also of a catalogue <ndm>
     KVN          CCSDS_OMM_VERS     one: keyword = value [unit]
     CSV          the keywords       one for each row, as CelesTrak and Space-Track write them
 
-Source: CCSDS 502.0-B-3, Orbit Data Messages, 4 (OMM); CCSDS 505.0-B-3, XML Specification. What the
-message may leave out has the value that a two-line set would have.
+Source: CCSDS 502.0-B-3, Orbit Data Messages, 4 (OMM); CCSDS 505.0-B-3, XML Specification. Optional
+entries default to the value that a two-line set would have.
 """
 
 import csv
@@ -99,9 +99,9 @@ def satellites(path: str, text: str) -> list[Satellite]:
 
     **Arguments**
 
-    - `path`: of the file, for errors; `text`: what it contains.
+    - `path`: of the file, for errors; `text`: its content.
 
-    **Raises** `InputError` for what is not a message in one of the notations."""
+    **Raises** `InputError` for anything but a message in one of the notations."""
     start = text.lstrip()
     if start.startswith("<"):
         return _of_xml(path, text)
@@ -198,8 +198,8 @@ def _of_xml(path: str, text: str) -> list[Satellite]:
 
 
 class Elements(NamedTuple):
-    """The `numbers` of SGP4 in its order, from the one of the satellite on; and what else a record
-    has."""
+    """The `numbers` of SGP4 in its order, starting with that of the satellite; and the other
+    entries of a record."""
 
     numbers: tuple[float, ...]
     counts: dict[str, int]

@@ -68,8 +68,8 @@ _build_as_one = quick_jit(build_mission)
 @final
 @dataclasses.dataclass(frozen=True)
 class SceneFile(FileContent):
-    """A checked scene file, and what is done with it: it builds its systems and campaigns, runs
-    them, and searches for the best of its numbers.
+    """A validated scene file and its operations: building of systems and campaigns, runs, and
+    optimisation.
 
     Its fields are those of its content (`FileContent`): `path`, `text`, the `parsed` values in SI,
     the `inputs` and `outputs` of a campaign, the `units` of its numbers, the `task` of [optimize],
@@ -83,9 +83,9 @@ class SceneFile(FileContent):
 
     @functools.cached_property
     def tolerance(self) -> float:
-        """The relative tolerance of the steps; the default one where a campaign finds its own "by
-        purpose". Of a file with `final_error` that which its nominal run takes, which is simulated
-        for it, rounded down to two digits.
+        """The relative tolerance of the steps; the default one where a campaign determines it "by
+        purpose". For a file with `final_error`, the tolerance required by its nominal run, which is
+        simulated for this purpose, rounded down to two digits.
 
         **Raises** `SimulationError` where that run fails."""
         if self.by_purpose:
@@ -99,7 +99,7 @@ class SceneFile(FileContent):
 
     @property
     def by_purpose(self) -> bool:
-        """Whether the campaign of the file finds the tolerance that serves it."""
+        """Whether the campaign of the file determines its tolerance by purpose."""
         return self.values["accuracy"] == BY_PURPOSE
 
     @property
@@ -233,13 +233,13 @@ class SceneFile(FileContent):
 
         **Arguments**
 
-        - `nominal`: the nominal run of `mission`, with which some outputs compare; computed here if
-          it is needed and not given.
+        - `nominal`: the nominal run of `mission`, to which some outputs refer; computed if required
+          and not given.
         - `inputs`: further dispersed numbers, or other distributions for those of [dispersion]: by
           the path of a number of the file a distribution, in SI, or a table as in
           [dispersion.inputs], such as `{"deviation": "2 km"}`.
-        - `outputs`: a function of a `MissionTrajectory` and the inputs that gives more outputs,
-          each (runs,), by name, as `Campaign.outputs` does, beside those of the file.
+        - `outputs`: a function of a `MissionTrajectory` and the inputs that returns additional
+          outputs, each (runs,), by name, like `Campaign.outputs`.
         - `warn`: whether to issue the warnings of the file (`SceneFile.warnings`).
         - `runs`: number of runs for a Latin hypercube, if not that of the file.
 
@@ -275,17 +275,17 @@ class SceneFile(FileContent):
         start: Mapping[str, float] | None = None,
         steps: int | None = None,
     ) -> Optimum:
-        """The best values of the free numbers of the file, by its [optimize].
+        """The optimal values of the design variables of the file, as defined by its [optimize].
 
         **Arguments**
 
         - `progress`: called after each step with its number, objective, violation and gradient.
-        - `start`: the free numbers at which the search begins, SI, by path, as `Optimum.values`; by
-          default those of the file.
-        - `steps`: integration steps of each phase, in place of those of the file.
+        - `start`: the design variables at the start of the search, SI, by path, as
+          `Optimum.values`; by default those of the file.
+        - `steps`: integration steps of each phase, instead of those of the file.
 
-        **Returns** an `Optimum`, whose `converged` tells whether the search met its tolerance;
-        `Optimum.checked` compares it with a run at the accuracy of the file.
+        **Returns** an `Optimum`, whose `converged` indicates whether the search reached its
+        tolerance; `Optimum.checked` compares it with a run at the accuracy of the file.
 
         **Raises** `InputError` without [optimize], or where the gradient is not the slope."""
         if self.task is None:
@@ -309,16 +309,16 @@ class SceneFile(FileContent):
         resume: bool = False,
         nominal: bool = False,
     ) -> DesignOptimum:
-        """The best values of the free numbers of the file over the runs of its [dispersion].
+        """The optimal values of the design variables of the file over the runs of its [dispersion].
 
         **Arguments**
 
         - `progress`: called after each step with its number, objective, violation and gradient.
         - `store`, `resume`: as in `robust.optimise_design`.
-        - `nominal`: whether the nominal run alone counts, for comparison; without a store.
+        - `nominal`: whether to use the nominal run only, for comparison; without a store.
 
-        **Returns** a `DesignOptimum`, whose `x` are the free numbers by path, SI; its outputs are
-        in the units of the file.
+        **Returns** a `DesignOptimum`, whose `x` are the design variables by path, SI; its outputs
+        are in the units of the file.
 
         **Raises** `InputError` without [optimize] over dispersion, and as `optimise_design`."""
         if self.task is None or not self.task.dispersed:
@@ -327,8 +327,8 @@ class SceneFile(FileContent):
         return optimise_over_runs(self, self.task, base, progress, store, resume, nominal)
 
     def with_design(self, optimum: DesignOptimum) -> str:
-        """The text of the file with the numbers of an optimum of `optimize_design` in place of its
-        free ones, comments and units kept. Raises `InputError` without [optimize]."""
+        """The text of the file with the design variables replaced by an optimum of
+        `optimize_design`, preserving comments and units. Raises `InputError` without [optimize]."""
         if self.task is None:
             raise InputError("optimize is missing: there are no design variables.")
         values = {path: float(x) for path, x in optimum.x.items()}
@@ -336,8 +336,8 @@ class SceneFile(FileContent):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
-        more than one draw of a thousand that will be refused."""
+        """Warnings about probable mistakes: a range without the nominal value, more than one draw
+        of a thousand that will be rejected."""
         return Listed(warnings_of(self.inputs))
 
     def nominal_mission(self, samples: int | None = None, factor: float = 1.0) -> MissionTrajectory:
@@ -383,7 +383,7 @@ class SceneFile(FileContent):
         return unit, in_unit(si, unit)
 
     def final_output(self, name: str) -> FinalOutput:
-        """An output of the final state of a run, as `effect_budget` takes it.
+        """An output of the final state of a run, for `effect_budget`.
 
         `name`: of a declared output, a method of an effect such as "drag.dynamic_pressure", or the
         path of a number of the state such as "final.omega.2".

@@ -12,13 +12,13 @@ from ._kinds.errors import SceneError
 from ._kinds.kind import Value, Values
 
 LONGEST = 4_000_000
-"""How many characters a scene file may have: those of a hundred thousand lines."""
+"""Maximum number of characters of a scene file, about a hundred thousand lines."""
 DEEPEST = 64
-"""How deeply tables and lists of a file may be nested; no entry needs ten levels."""
+"""Maximum nesting depth of tables and lists of a file; no entry needs ten levels."""
 PATIENCE = 10.0
 """Seconds in which the first of a text must come through a pipe."""
 LONGEST_NUMBER = 1023
-"""Bits of a whole number that any float can hold."""
+"""Bits of an integer that any float can represent."""
 
 
 def read_toml(path: str | os.PathLike[str], text: str | None) -> tuple[Values, str]:
@@ -59,7 +59,7 @@ def read_toml(path: str | os.PathLike[str], text: str | None) -> tuple[Values, s
 
 
 def _text_of(path: str | os.PathLike[str]) -> str:
-    """The text of a file, up to what shows that it is too long. Raises `OSError` also for a pipe
+    """The text of a file, read only up to the length limit. Raises `OSError` also for a pipe
     into which nobody writes, at which it would wait for ever."""
     # Windows has neither such pipes nor the flag.
     handle = os.open(path, os.O_RDONLY | getattr(os, "O_NONBLOCK", 0))

@@ -1,4 +1,4 @@
-"""Lines of two-line element sets, refused where they are not what the format says.
+"""Lines of two-line element sets, rejected where they violate the format.
 
     columns   line 1                                   columns   line 2
     1         1                                        1         2
@@ -13,9 +13,9 @@
                                                        69        check sum
 
 Source: Vallado et al., Revisiting Spacetrack Report 3, AIAA 2006-6753, appendix B. Programs that
-read these columns take whatever numbers they find: of a line that is cut or shifted they make
-another orbit. So they do of an angle or a day that is out of its range, and of elements of type 4,
-which belong to another theory (SGP4-XP).
+read these columns accept any numbers: a truncated or shifted line results in another orbit. So they
+do of an angle or a day that is out of its range, and of elements of type 4, which belong to another
+theory (SGP4-XP).
 """
 
 import re
@@ -90,9 +90,10 @@ def element_lines(text: str, source: str) -> Iterator[ElementLines]:
     **Arguments**
 
     - `text`: with any number of sets; a line before a set is its name.
-    - `source`: what sentences call the text.
+    - `source`: name of the text in messages.
 
-    **Raises** `InputError` for a line that is cut, is no line of a set, or is of another one."""
+    **Raises** `InputError` for a line that is truncated, is not a line of a set, or belongs to
+    another one."""
     lines = [(k, line.strip()) for k, line in enumerate(text.splitlines(), 1) if line.strip()]
     name, first = "", ""
     for number, line in lines:
@@ -123,12 +124,11 @@ def catalogue_number(line: str) -> str:
 
 
 def check_line(line: str, where: str) -> None:
-    """Raise `InputError` unless all columns of a line hold what the format says.
+    """Raise `InputError` unless all columns of a line conform to the format.
 
     **Arguments**
 
-    - `line`: that begins with its number, 1 or 2.
-    - `where`: the beginning of the sentence."""
+    - `line`: begins with its number, 1 or 2. - `where`: the beginning of the message."""
     if len(line) < COLUMNS:
         raise InputError(f"{where}: it has {len(line)} columns and must have at least {COLUMNS}.")
     # First, because in a line that is shifted the fields are wrong in their turn.
@@ -152,7 +152,7 @@ def check_line(line: str, where: str) -> None:
 
 
 def _out_of_range(name: str, entry: str, line: str) -> str:
-    """What an entry must be, where it is something else; nothing where it is right."""
+    """Description of the allowed values of an invalid entry; empty for a valid one."""
     if name == "day of the epoch":
         # Every fourth year of the two digits, from 1957 to 2056, is a leap year.
         days = 366 if int(line[18:20]) % 4 == 0 else 365

@@ -1,8 +1,8 @@
 """Operations that are carried out once, by NumPy.
 
-Outside of `jit`, JAX compiles a program for each operation and each shape. That takes a thousand
-times as long as the operation: a file that is read, or the table of a run, waits for some hundred
-of them.
+Outside of `jit`, JAX compiles a program for each operation and each shape. Compilation takes a
+thousand times as long as the operation: reading a file or printing the table of a run would wait
+for some hundred of them.
 """
 
 import contextlib
@@ -32,11 +32,11 @@ Known: TypeAlias = Any
 def by_numpy() -> Iterator[None]:
     """A context in which operations on known arrays are computed by NumPy, without a compiler.
 
-    What NumPy has no rule for, such as a loop, is compiled as ever, and so is a function under
-    `jit` that holds one. Inside of a function that is traced nothing changes. Results agree with
+    Operations without a NumPy rule, such as loops, are compiled as usual, as are functions under
+    `jit` that contain one. Inside of a function that is traced nothing changes. Results agree with
     those of JAX within their rounding.
 
-    For code that runs once: what runs often is faster as a program."""
+    For code that runs once: repeated code is faster when compiled."""
     with set_current_trace(_TRACE):
         yield
 
@@ -80,7 +80,7 @@ _TRACE = _NumPyTrace()
 
 
 def _is_plain(x: ArrayLike) -> bool:
-    """Whether NumPy can hold it, unlike a key of random numbers."""
+    """Whether NumPy can represent it, unlike a random key."""
     return not jnp.issubdtype(getattr(x, "dtype", float), jax.dtypes.extended)
 
 
@@ -140,7 +140,7 @@ def _result(primitive: Primitive, args: Sequence[Known], params: Params) -> Know
 
 
 def _with_params(function: Callable[..., object]) -> Rule:
-    """The rule of an operation whose parameters say nothing about its values."""
+    """The rule of an operation whose parameters do not affect its values."""
     return lambda *args, **params: function(*args)
 
 

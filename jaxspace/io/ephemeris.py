@@ -76,8 +76,8 @@ def read_oem(path: str | os.PathLike[str]) -> list[Ephemeris]:
     **Returns** one `Ephemeris` for each segment; the first time of a segment is its epoch. Seconds
     of a leap are not counted: a segment in UTC should not span one.
 
-    **Raises** `InputError` with the line of what is not as the standard has it: a time, a number
-    that is not finite, times that do not ascend, or a segment without its metadata or states."""
+    **Raises** `InputError` with the line that violates the standard: an invalid time, a number that
+    is not finite, times that do not ascend, or a segment without its metadata or states."""
     text = read_text(path)
     # Refused here, where XML and other messages can still be told by what they are.
     if not text.lstrip().startswith("CCSDS_OEM_VERS"):

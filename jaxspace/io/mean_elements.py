@@ -5,7 +5,7 @@
     read_tle     two-line element sets     Vallado et al., Revisiting Spacetrack Report 3,
     read_omm     OMM in XML, KVN or CSV    AIAA 2006-6753: SGP4 and SDP4
 
-Such elements have a meaning for this theory alone: it gives the states, in the axes TEME (true
+Such elements are meaningful for this theory only: it computes the states, in the axes TEME (true
 equator, mean equinox) of their epoch. Needs the extra `ephemerides`.
 """
 
@@ -54,8 +54,8 @@ class CataloguedOrbit(NamedTuple):
 
         - `ts`: s after the epoch of the elements, (times,); negative ones are before it.
 
-        **Raises** `InputError` where the theory has no state, and for every time beyond: a
-        satellite that decayed stays so, whatever SGP4 computes of a later time alone."""
+        **Raises** `InputError` where the theory has no state, and for every time beyond: a decayed
+        satellite remains decayed, even if SGP4 computes a state for a later time."""
         times = np.atleast_1d(np.asarray(ts, float))
         if times.ndim != 1 or not np.all(np.isfinite(times)):
             raise InputError(f"ts is {times.tolist()}: it must contain finite numbers, (times,).")
@@ -129,8 +129,8 @@ def read_omm(path: str | os.PathLike[str]) -> list[CataloguedOrbit]:
 
     - `path`: of a file in XML, in keyword = value notation, or in CSV.
 
-    The epoch is a date or a day of the year, with or without a fraction and a Z. Numbers in the
-    catalogue beyond 339999 are zero in the `record`, which has no room for them.
+    The epoch is a date or a day of the year, with or without a fraction and a Z. Catalogue numbers
+    beyond 339999 are zero in the `record`, which cannot represent them.
 
     **Raises** `InputError` with the line and the keyword of an entry that is missing, is not a
     number or is out of its range, and for elements of another theory, time system, centre or frame.

@@ -49,7 +49,7 @@ WHOLE_TURN = 2.0 * math.pi
 class WrittenUnits:
     """The units in which a file gives its numbers, which are those of its reports.
 
-    A result comes in the unit of the key of its own name, else in the first one of its kind."""
+    A result is given in the unit of the key with its name, else in the first one of its kind."""
 
     def __init__(self) -> None:
         self.of_keys: dict[tuple[str, str], str] = {}
@@ -73,7 +73,7 @@ class WrittenUnits:
 
 
 def _key(path: str) -> str:
-    """The key of a path: its last step that is no number of a component."""
+    """The key of a path: its last step that is not a component number."""
     return [step for step in path.split(".") if not step.isdigit()][-1]
 
 
@@ -83,7 +83,7 @@ def dimension(unit: str) -> Dimension:
 
 
 def expected(quantity: Quantity) -> str:
-    """What a value of the quantity must be, for a sentence."""
+    """Description of the allowed values of the quantity, for a message."""
     number = "a number"
     if quantity.low == 0.0 and quantity.high == math.inf:
         number = "a positive number" if quantity.strict else "a number of zero or more"
@@ -98,7 +98,7 @@ def expected(quantity: Quantity) -> str:
 def read_number(value: object, quantity: Quantity) -> tuple[float, str]:
     """The value in SI, and the unit in which it is written (empty for a bare number).
 
-    Raises `ValueError`, with what is expected, for anything else."""
+    Raises `ValueError`, with the expected values, for anything else."""
     unit = ""
     if isinstance(value, str):
         number, unit = _with_unit(value, quantity)
@@ -136,7 +136,7 @@ def _with_unit(text: str, quantity: Quantity) -> tuple[float, str]:
 
 
 def split(text: str, what: str) -> tuple[float, str]:
-    """Number and unit of a text such as "400 mi". Raises `ValueError` with what is expected."""
+    """Number and unit of a text such as "400 mi". Raises `ValueError` with the expected values."""
     result = NUMBER.fullmatch(text)
     unit = "" if result is None else (result[2] or "").strip()
     if result is None or (unit and not UNIT.fullmatch(unit)):
@@ -174,8 +174,8 @@ def read_option(name: str, text: str, quantity: Quantity) -> float:
 
     **Arguments**
 
-    - `name`: of what is read, for the sentence.
-    - `quantity`: what it is, such as a positive length for "10 m".
+    - `name`: of the value, for the message. - `quantity`: of the value, such as a positive length
+      for "10 m".
 
     **Raises** `InputError` for another kind of number."""
     try:
@@ -190,7 +190,7 @@ def read_option(name: str, text: str, quantity: Quantity) -> float:
 
 
 def in_unit(si: str, unit: str) -> float:
-    """How many of `unit` one `si` is. Raises `ValueError` for another dimension."""
+    """The number of `unit` in one `si`. Raises `ValueError` for another dimension."""
     # Exactly 1, without the rounding of a conversion.
     if unit == si:
         return 1.0

@@ -27,8 +27,8 @@ from .joint import AbstractJoint
 @final
 @printed(half_angle="rad")
 class ConeDirection(AbstractJoint):
-    """A vector of a fixed length whose direction is uniform over a cone; the nominal one lies on
-    its axis.
+    """A vector of fixed length whose direction is uniform over a cone; the nominal one is on its
+    axis.
 
     - `vector`: the nominal vector, (3,); its length is that of all draws.
     - `half_angle`, rad: of the cone; pi for the whole sphere."""

@@ -29,7 +29,7 @@ from .joint import AbstractJoint
 def factor_of(name: str, matrix: ArrayLike) -> np.ndarray:
     """S with S S^T = the matrix, which may be singular.
 
-    Raises `InputError` unless the matrix is square, symmetric and has no negative eigenvalue."""
+    Raises `InputError` unless the matrix is square, symmetric and positive semidefinite."""
     c = np.asarray(matrix, float)
     if c.ndim != 2 or c.shape[0] != c.shape[1] or not np.all(np.isfinite(c)):
         raise InputError(f"{name} has the shape {c.shape}: it must be square, and finite.")
@@ -57,7 +57,8 @@ class MultivariateNormal(AbstractJoint):
     """Normal numbers with a covariance.
 
     - `centre`: their mean, (n,).
-    - `factor`: S, (n, k), with the covariance S S^T; `from_covariance` takes the matrix itself."""
+    - `factor`: S, (n, k), with the covariance S S^T; `from_covariance` accepts the matrix
+      itself."""
 
     centre: Float[Array, " n"] = eqx.field(converter=as_float)
     factor: Float[Array, "n k"] = eqx.field(converter=as_float)
@@ -105,7 +106,7 @@ class Correlated(AbstractJoint):
     """Distributions of one number each, correlated by a Gaussian copula.
 
     - `marginals`: the distribution of each number.
-    - `factor`: L, (n, n), each row of length one; `Correlated.of` takes the correlation."""
+    - `factor`: L, (n, n), each row of length one; `Correlated.of` accepts the correlation."""
 
     marginals: tuple[AbstractDistribution, ...] = eqx.field(converter=tuple)
     factor: Float[Array, "n n"] = eqx.field(converter=as_float)

@@ -102,14 +102,14 @@ class Triangular(AbstractDistribution):
 
 @final
 class Lognormal(AbstractDistribution):
-    """A positive number whose logarithm is normal; `mean` and `deviation` are those of the number
+    """A positive number whose logarithm is normal; `mean` and `deviation` refer to the number
     itself."""
 
     mean: SingleNumberField = quantity(OF_INPUT, positive=True, shared=NOMINAL, doc="mean")
     deviation: SingleNumberField = quantity(SHARE_OF_INPUT, positive=True, doc="standard deviation")
 
     def _logarithm(self) -> tuple[Float[Array, ""], Float[Array, ""]]:
-        """Mean and deviation of the logarithm."""
+        """Mean and standard deviation of the logarithm."""
         square = jnp.log1p((self.deviation / self.mean) ** 2)
         return jnp.log(self.mean) - 0.5 * square, jnp.sqrt(square)
 
@@ -187,8 +187,8 @@ class Discrete(AbstractDistribution):
 def _place(
     weights: Float[Array, " n"], below: Float[Array, "*runs"], above: Float[Array, "*runs"]
 ) -> Int[Array, "*runs"]:
-    """The place in a list with these weights at which the share `below` of all draws lies before,
-    and `above` = 1 - `below` after it; never one of weight zero."""
+    """The index in a list with these weights such that the share `below` of all draws is before it,
+    and `above` = 1 - `below` after it; never one with zero weight."""
     count = weights.size
     # From the nearer end: a small weight at the far end is lost in the sum of the others.
     ends, tails = jnp.cumsum(weights), jnp.cumsum(weights[::-1])

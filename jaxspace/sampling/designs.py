@@ -1,10 +1,10 @@
 """Sampling of the inputs of a campaign: random, Latin hypercube or Sobol points.
 
-A design gives run i its place in the unit cube from the key of the campaign and the number i alone,
-so that a run is the same in any chunk, on any machine and after a restart:
+A design determines the position of run i in the unit cube from the key of the campaign and the
+number i only, so that a run is the same in any chunk, on any machine and after a restart:
 
-- `LatinHypercube`: of N runs each of N equal layers of every input holds one. The layer of a run is
-  its number under a random permutation, evaluated for this number alone (Kensler, Correlated
+- `LatinHypercube`: each of N equal layers of every input contains one of the N runs. The layer of a
+  run is its number under a random permutation, evaluated for this number only (Kensler, Correlated
   Multi-Jittered Sampling, Pixar 13-01, 2013).
 - `Sobol`: a sequence whose first 2^m points fill the cube evenly, under Owen's scrambling by a hash
   (Burley, J. Comput. Graph. Tech. 9 (2020), 1). Direction numbers: `scipy.stats.qmc`.
@@ -52,10 +52,10 @@ class AbstractDesign(HashedModule):
 
 @final
 class LatinHypercube(AbstractDesign):
-    """Each of `runs` equal layers of every input holds one run.
+    """Each of `runs` equal layers of every input contains one run.
 
-    The design is made for this number of runs: of fewer it is no hypercube, and further runs go
-    through the layers again."""
+    The design is made for this number of runs: fewer runs do not form a hypercube, and further runs
+    pass through the layers again."""
 
     runs: int = eqx.field(static=True)
 
@@ -190,8 +190,8 @@ def _permuted(place: Array, count: int, seed: Array) -> Array:
 
 
 def normal_columns(inputs: Mapping[str, AbstractDistribution]) -> dict[str, list[int]]:
-    """The columns of the standard normal numbers that each independent input takes, by the name of
-    its first number."""
+    """The columns of standard normal numbers used by each independent input, by the name of its
+    first number."""
     result: dict[str, list[int]] = {}
     sources: dict[str, str] = {}
     width = 0
@@ -270,7 +270,7 @@ def draw(
 
 
 def _of_equal_structure(inputs: Mapping[str, AbstractDistribution]) -> list[list[str]]:
-    """The names of the inputs whose distributions differ in their numbers alone."""
+    """The names of the inputs whose distributions differ in their numbers only."""
     kinds: dict[Any, list[str]] = {}
     for name, d in inputs.items():
         leaves, structure = jax.tree.flatten(d)

@@ -37,7 +37,7 @@ SHARE_OF_INPUT = "unit of the input, or % of its nominal value"
 """The unit of a field whose number is a difference of two values of the input."""
 
 NOMINAL = "nominal"
-"""Where a scene file finds the nominal value of an input: `shared` of a field."""
+"""Location of the nominal value of an input in a scene file: `shared` of a field."""
 
 
 class AbstractDistribution(AbstractParameters):
@@ -49,12 +49,13 @@ class AbstractDistribution(AbstractParameters):
 
     @property
     def variance(self) -> Float[Array, ""]:
-        """Variance of a draw, which the `deviation` of a distribution that is cut does not give."""
+        """Variance of a draw, which differs from the squared `deviation` for a truncated
+        distribution."""
         return self.deviation**2
 
     @property
     def source(self) -> str:
-        """The name of the draw that several inputs share; empty for a draw of one's own."""
+        """The name of a draw shared by several inputs; empty for a separate draw."""
         return ""
 
     @property
@@ -64,14 +65,14 @@ class AbstractDistribution(AbstractParameters):
 
     @abstractmethod
     def sample(self, key: Array) -> Float[Array, ""]:
-        """One draw, decided by the random `key` alone."""
+        """One draw, determined by the random `key` only."""
 
     @abstractmethod
     def from_normal(self, z: Float[Array, "..."]) -> Float[Array, ""]:
         """The value that has the same place in this distribution as `z` has in the standard normal
         one, F^-1(Phi(z)): the way of Latin hypercubes, of Sobol points and of rare events.
 
-        `z`: (), or (dimensions,) where one draw takes several."""
+        `z`: (), or (dimensions,) where one draw uses several."""
 
     def searched(self, z: Float[Array, "..."]) -> tuple[Float[Array, ""], Float[Array, ""]]:
         """The value at `z` in a search for rare events, and how likely it is in comparison with
@@ -100,7 +101,7 @@ def _normal_share(low: float, high: float) -> float:
 
 
 def _uniform_share(start: float, end: float, low: float, high: float) -> float:
-    """The share of the interval from `start` to `end` that lies from `low` to `high`."""
+    """The share of the interval from `start` to `end` that is between `low` and `high`."""
     # Zero and not negative where the two intervals do not meet.
     return max(0.0, min(end, high) - max(start, low)) / (end - start)
 
@@ -191,8 +192,9 @@ class Uniform(AbstractDistribution):
 class TruncatedNormal(AbstractDistribution):
     """A normal distribution restricted to values from `low` to `high`.
 
-    `mean` and `deviation` are those of the normal distribution before it is cut; the cut moves the
-    one and shrinks the other. Raises `InputError` unless low <= mean <= high and low < high."""
+    `mean` and `deviation` refer to the normal distribution before truncation, which shifts the mean
+    and reduces the standard deviation. Raises `InputError` unless low <= mean <= high and low <
+    high."""
 
     mean: SingleNumberField = quantity(OF_INPUT, shared=NOMINAL, doc="mean before the cut")
     deviation: SingleNumberField = quantity(
@@ -215,7 +217,8 @@ class TruncatedNormal(AbstractDistribution):
 
     @property
     def variance(self) -> Float[Array, ""]:
-        """Variance after the cut: the trapezoidal rule is exact to rounding for what is smooth."""
+        """Variance after truncation: the trapezoidal rule is exact to rounding for smooth
+        integrands."""
         z = jnp.linspace(-8.5, 8.5, 2001, dtype=jnp.result_type(self.mean))
         weights = jnp.exp(-0.5 * z * z)
         weights = weights / jnp.sum(weights)

@@ -49,7 +49,7 @@ class AbstractJoint(HashedModule):
         """The distribution in words, for records."""
 
     def inputs(self, *names: str) -> dict[str, AbstractDistribution]:
-        """The inputs of a campaign that these `names` stand for, drawn together.
+        """The inputs of a campaign with these `names`, drawn together.
 
         `Campaign(build, {**cone.inputs("u_x", "u_y", "u_z"), "mass": ...}, ...)`. Raises
         `InputError` unless there is a name for each number."""

@@ -9,15 +9,15 @@
     OpenRocket       data of a simulation, with a         Mach number, and drag coefficient of the
                      heading `# Time (s),...`             ascent, with and without thrust
 
-A user's own table may have any of these names. Columns in degrees are called so, all others are as
-the programs write them: `CP (m)` and `CP (cm)` are not inches. Columns of other names are left out.
-Separators are commas, semicolons or tabulators; with the latter two a decimal comma may stand.
+A user-defined table may have any of these names. Columns in degrees are called so, all others are
+as the programs write them: `CP (m)` and `CP (cm)` are not inches. Columns of other names are left
+out. Separators are commas, semicolons or tabs; with the latter two, decimal commas are allowed.
 
-Not read: `for006.dat`, which is a listing and no table; a bare `CD` of RASAero, which is that of
-zero angle in every row; normal forces of an OpenRocket flight, which holds one angle for each Mach
-number: Barrowman's parts have them.
+Not read: `for006.dat`, which is a listing and not a table; a plain `CD` of RASAero, which refers to
+zero angle in every row; normal forces of an OpenRocket flight, which contains one angle for each
+Mach number: Barrowman's parts have them.
 
-Derivatives of DATCOM are per radian, or per degree where a column `RAD?` says 0.
+Derivatives of DATCOM are per radian, or per degree where a column `RAD?` is 0.
 """
 
 import os
@@ -119,7 +119,7 @@ def _name(field: str) -> str:
 
 
 def _column(path: str, sheet: Sheet, k: int, gaps: bool = False) -> np.ndarray:
-    """The numbers of one column; with `gaps`, NaN where the file says so."""
+    """The numbers of one column; with `gaps`, NaN where the file has NaN."""
     result = np.empty(len(sheet.rows))
     for i, (line, fields) in enumerate(sheet.rows):
         text = fields[k]

@@ -14,7 +14,7 @@ parts, and their moments.
 
 S_1 < 0 is a stable rocket: the moment turns its nose into the flow. S_2 damps the turning, by the
 flow that the turning makes at each part. The force is linear in the velocity across the axis, which
-is the sine of the angle of attack: it holds for every angle without a branch.
+is the sine of the angle of attack: it is valid for every angle without a branch.
 
 Source: Barrowman, 1967, 3; Etkin, Dynamics of Atmospheric Flight, 5.5 (damping). The flow is that
 at the centre of mass.

@@ -1,8 +1,8 @@
 """Full grid with slopes for an `AerodynamicTable`, from the columns of a table.
 
-Rows may come in any order. What acts across the axis becomes a quotient by sin(alpha), whose limit
-ahead and from behind is that of the even parabola through the next two angles. The slopes along the
-angle are those of an even function, along the roll those of a periodic one.
+Rows may come in any order. Transverse coefficients are divided by sin(alpha), with limits at 0 and
+pi from the even parabola through the next two angles. The slopes along the angle are those of an
+even function, along the roll those of a periodic one.
 """
 
 from collections.abc import Mapping
@@ -24,8 +24,8 @@ PLAIN = ("roll_moment", "pitch_damping", "roll_damping")
 def on_grid(
     columns: Mapping[str, np.ndarray], name: str
 ) -> tuple[dict[str, np.ndarray], tuple[str, ...], np.ndarray]:
-    """The nodes of each axis, the names of the numbers, and these with their slopes as `product`
-    takes them, (points, numbers).
+    """The nodes of each axis, the names of the numbers, and these with their slopes in the form of
+    `product`, (points, numbers).
 
     Arguments and errors as those of `AerodynamicTable.of_columns`."""
     axes, grid = _grid(dict(columns), name)
@@ -108,7 +108,7 @@ def _folded(columns: dict[str, np.ndarray], name: str) -> tuple[dict[str, np.nda
 def _stored(
     angle: np.ndarray, grid: dict[str, np.ndarray], name: str
 ) -> tuple[tuple[str, ...], np.ndarray]:
-    """Names and values of what a table holds, (machs, angles, rolls, reynolds, numbers)."""
+    """Names and values of the numbers of a table, (machs, angles, rolls, reynolds, numbers)."""
     grid = _in_body_axes(angle, grid, name)
     # Before the force across the axis, which may come from drag and lift alone.
     result = {key: grid[key] for key in AXIAL if key in grid} | _across(angle, grid, name)
@@ -146,8 +146,8 @@ def _in_body_axes(
 
 
 def _across(angle: np.ndarray, grid: dict[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
-    """What acts across the axis, over sin(alpha): the normal force with its moment or its lever,
-    and the side force with its moment."""
+    """Transverse coefficients over sin(alpha): the normal force with its moment or its lever, and
+    the side force with its moment."""
     result = {}
     slope = grid.get("normal_slope")
     normal = slope

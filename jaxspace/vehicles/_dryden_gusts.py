@@ -17,18 +17,18 @@
 The spectra are those of the air along a straight path, which a vehicle passes while the field does
 not change (Taylor). Here the path is the vertical: rockets and parachutes climb and descend
 through the field. So the vertical component is the one along the path, and the horizontal ones are
-those across it. MIL-HDBK-1797 says the same with L/2 in place of L. Level flight meets one value of
-the field: this is no model of a cruise.
+those across it. MIL-HDBK-1797 is equivalent with L/2 instead of L. In level flight the field is
+constant: it is not a model for cruise.
 
 The field is sampled once, when it is made, and not filtered as a part of the state. White noise in
-a state has no derivative: an adaptive method of high order would chase it, and every accuracy would
-fly another path. A sampled field is a smooth function of the height. It is the same for a booster
-and for its parachute, on the way up and down, at every accuracy, in both modes of differentiation
-and on whatever steps a batch takes. Its nodes follow the exact discrete form of Dryden's filters
-(`_random_paths.py`) over the distance in units of L, so that scale and strength may change with the
-height. Between them it is cubic with a continuous slope (`_hermite.py`): no time is a break.
-Frequencies above those of the nodes are cut off, which takes some hundredths of the variance with
-16 nodes for a length.
+a state has no derivative: an adaptive method of high order could not resolve it, and the path would
+depend on the accuracy. A sampled field is a smooth function of the height. It is the same for a
+booster and its parachute, during ascent and descent, for every accuracy, in both modes of
+differentiation and for any steps of a batch. Its nodes follow the exact discrete form of Dryden's
+filters (`_random_paths.py`) over the distance in units of L, so that scale and strength may change
+with the height. Between them it is cubic with a continuous slope (`_hermite.py`): no time is a
+break. Frequencies above those of the nodes are cut off, which removes a few hundredths of the
+variance with 16 nodes per length.
 
 Source: MIL-F-8785C, 3.7.1 and 3.7.2; MIL-HDBK-1797, 4.9; Beal, Digital Simulation of Atmospheric
 Turbulence for Dryden and von Karman Models, J. Guidance 16, 1993, 132.
@@ -118,7 +118,7 @@ def dryden_intensities(
 
 
 def _share(height: np.ndarray) -> np.ndarray:
-    """Weight of the model at high altitude beside that at low altitude, 0 to 1."""
+    """Weight of the high-altitude model relative to the low-altitude model, 0 to 1."""
     return np.clip((height - LOW) / (HIGH - LOW), 0.0, 1.0)
 
 

@@ -20,8 +20,8 @@ small angles and without roll each plane is the loop of `jaxspace.mechanics`.
 Source: Thomson 9.12; Likins (1967), AIAA Journal 5, 1301 (mean axes).
 Valid for a uniform beam, deformations of first order, and engine angles so small that F z is the
 thrust along the axis. Gravity bends nothing; other forces of the scene are taken as spread like the
-mass, so that they bend nothing either. The sloshing mass is not counted in that of the body, which
-carries it along the axis: of the thrust it takes the share m_s / (m + m_s).
+mass, so that they bend nothing either. The sloshing mass is not part of the body's mass; it is
+accelerated along the axis by the share m_s / (m + m_s) of the thrust.
 """
 
 from typing import final
@@ -46,7 +46,7 @@ AGREE = 1e-6
 
 @final
 class FlexibleStage(AbstractEffect):
-    """A flexible stage under its own thrust.
+    """A flexible stage under thrust.
 
     `Scene.start` adds the part `flexible` to a state: angle of the engine, bending and slosh, each
     with its rate in axes that do not roll; components along x and y first.
@@ -138,7 +138,7 @@ class FlexibleStage(AbstractEffect):
 
     @output("rad/s")
     def lean_rate(self, y: BodyState) -> Scalar:
-        """How fast the mean axis turns, whichever way, rad/s."""
+        """Magnitude of the angular rate of the mean axis, rad/s."""
         return _size(self._inclination(y)[1])
 
     @output("rad")

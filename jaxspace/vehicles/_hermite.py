@@ -16,17 +16,17 @@ product on several.
 Two kinds of slopes:
 
 - Chords, for air and wind. They are linear in the values, and so is all that is read: a derivative
-  by the values is exact, also where they vanish or stay the same. Whatever the distances of the
-  nodes, h d_k is at most the changes in both intervals beside the node: where the values stay, the
-  cubic leaves them by at most a quarter of the change next door.
-- Monotone, for coefficients, which are known when a table is made. The cubic is monotone between
-  monotone values, but the slopes have no derivative by the values where neighbours are alike: a
-  wind of zero that all nodes share out would get a wrong one.
+  by the values is exact, also where they vanish or stay the same. For any node distances, h d_k is
+  at most the change in the two adjacent intervals: where the values are constant, the cubic
+  deviates by at most a quarter of the change in the next interval.
+- Monotone, for coefficients, which are concrete when a table is created. The cubic is monotone
+  between monotone values, but the slopes are not differentiable with respect to the values where
+  neighbours are equal: a zero wind would get a wrong derivative.
 
 Outside of the nodes the value is that of the nearest one. Of several axes the slopes of the slopes
 are taken in turn: of a product of functions of one axis each, that is the product of their cubics.
 The first derivative is continuous, the second jumps at the nodes: within the table an adaptive
-integration loses no order that shows, and a gradient is that of what was flown.
+integration shows no loss of order, and gradients are those of the simulated flight.
 
 Source: de Boor, A Practical Guide to Splines, IV and XVII; Catmull, Rom, in Computer Aided
 Geometric Design, 1974, 317 (chords); Fritsch, Butland, SIAM J. Sci. Stat. Comput. 5, 1984, 300
@@ -101,13 +101,13 @@ def _end_slope(
 
 
 def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array, "..."], Array]:
-    """The number of the interval in which `x` lies, and `x` held to the nodes.
+    """The index of the interval that contains `x`, and `x` clipped to the nodes.
 
     **Arguments**
 
     - `nodes`: two or more; `x`: of any shape.
 
-    At a node the interval above it; the slope of what is held is one at both ends."""
+    At a node, the interval above it; the derivative of the clipped value is one at both ends."""
     nodes = of_all_runs(nodes)
     nodes = with_rank(nodes, max(jnp.ndim(x), nodes.ndim - 1)) if nodes.ndim > 1 else nodes
     # By comparisons, because `clip` has half a slope at both ends.
@@ -123,8 +123,8 @@ def interval(nodes: Float[Array, "nodes *#runs"], x: Scalar) -> tuple[Int[Array,
 
 
 def of_all_runs(nodes: Float[Array, "nodes *#runs"]) -> Array:
-    """Nodes that all runs share without an axis of runs: what is read in them then has the shape of
-    the place alone."""
+    """Nodes shared by all runs without a batch axis: interpolated values then have the shape of the
+    position only."""
     return nodes.reshape(-1) if nodes.size == nodes.shape[0] else nodes
 
 
@@ -156,7 +156,7 @@ def cubic(
 
 
 def with_slopes(x: Known, y: Known) -> Array:
-    """The values at the nodes and the slopes of their chords behind them, as `cubic` takes them,
+    """The values at the nodes followed by the slopes of their chords, in the form of `cubic`,
     (nodes, 2 numbers, *runs).
 
     `x`: (nodes, *runs); `y`: (nodes, numbers, *runs)."""

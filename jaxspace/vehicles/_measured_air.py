@@ -9,8 +9,8 @@
     c, gamma       speed of sound, ratio of heats         m/s, 1
 
 Between the levels ln T, ln p and the wind are cubic with a continuous slope, linear in their values
-at the levels (`_hermite.py`): a derivative by these is exact, also at no wind and where the
-temperature stays. Beyond the levels the temperature and the wind stay, and the pressure falls as
+at the levels (`_hermite.py`): derivatives with respect to these are exact, also for zero wind and
+constant temperature. Beyond the levels the temperature and the wind stay, and the pressure falls as
 that of isothermal air in equilibrium. Humidity is left out: moist air of the tropics is lighter by
 up to 1.5 percent.
 

@@ -13,8 +13,8 @@
     R, D       slopes of the roll: by the angle of all fins, by the rate          m^3, m^4
 
 A command (a_x, a_y, a_z) is mixed as d_k = a_z - a . e_k: from ahead of the centre of mass it turns
-the body about +x, +y, +z, from behind about -x, -y, +z. Each fin follows its own angle, as
-`servo_rate` has it.
+the body about +x, +y, +z, from behind about -x, -y, +z. Each fin follows its commanded angle
+according to `servo_rate`.
 
 Fins at rest are those of `FinSet` in `Aerodynamics`. The angle of a fin acts on fin and body as the
 incidence of both does: by slender-body theory the force on both is that of the fin at incidence.

@@ -1,4 +1,5 @@
-"""A launch rail: it guides a body along a line, without turning, and holds it until it is pushed.
+"""A launch rail: it guides a body along a line without rotation, and supports it until the thrust
+exceeds its weight.
 
     v' = d (d . a),   omega' = 0,   and v' = 0 while v = 0 and d . a < 0
 

@@ -9,8 +9,8 @@
     z        independent standard normal numbers
 
 Both are those of Dryden: the first also that of an exponential correlation. The step is exact for
-whatever distance lies between two nodes: a value there has the variance one, and any two have the
-correlation R. The transverse one is of second order, with
+any distance between two nodes: a value there has the variance one, and any two have the correlation
+R. The transverse one is of second order, with
 
     w_1' = -w_1 + n,   w_2' = w_1 - w_2,   y = sqrt(3) w_1 + (1 - sqrt(3)) w_2,   |n|^2 = 1
     Cov(w_1, w_2) = (1/2, 1/4; 1/4, 1/4)

@@ -1,4 +1,4 @@
-"""Files of soundings: what a balloon has measured at its levels.
+"""Sounding files: measurements of a balloon at its levels.
 
     University of Wyoming   the page or the text of a sounding as it comes (TEXT:LIST); or its CSV
                             with `pressure_hPa`, `geopotential height_m`, ...
@@ -7,8 +7,8 @@
     any CSV                 `height (m)`, `pressure (hPa)`, `temperature (C)`, `direction (deg)`,
                             `speed (m/s)`; also Pa, mbar, K, knot, km/h, kft, ft
 
-Columns of other names are left out; without pressure and temperature, or without direction and
-speed, a file is one of a wind or of an atmosphere alone. The direction is that from which the wind
+Columns with other names are ignored; without pressure and temperature, or without direction and
+speed, a file contains only a wind or an atmosphere. The direction is that from which the wind
 blows, from north over east: 270 degrees is a wind from the west, which moves the air eastwards.
 
 `_sounding_lists` has the forms of the lists. A field is missing where it is empty, `nan`, `NA` or
@@ -18,8 +18,8 @@ all before, where the balloon swung, are left out, too; in any other CSV they ar
 the services are geopotential ones, and become geometric here.
 
 The pressures of two levels may be equal where they are so close that rounding to a whole hPa can
-make them so. A gap without levels is an error only for what needs it: of a wind that ends below the
-air the air can be used.
+make them so. A gap without levels is an error only for the quantities concerned: if the wind ends
+below the air, the air can still be used.
 """
 
 import os
@@ -106,8 +106,8 @@ class SoundingFile(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """The rows of a file: `columns` in SI and degrees, NaN for what is empty; the `lines` that they
-    stand in; and whether they are of a weather service, whose fields may be empty."""
+    """The rows of a file: `columns` in SI units and degrees, NaN for empty fields; their `lines`;
+    and whether they come from a weather service, whose fields may be empty."""
 
     columns: dict[str, np.ndarray]
     lines: np.ndarray
@@ -229,7 +229,7 @@ def _number(path: str, row: Row, k: int, name: str) -> float:
 
 
 class Profile(NamedTuple):
-    """Heights and two quantities, (3, levels), and the `lines` that they stand in."""
+    """Heights and two quantities, (3, levels), and their `lines`."""
 
     levels: np.ndarray
     lines: np.ndarray
@@ -266,7 +266,7 @@ def _fault(path: str, profile: Profile, quantities: str) -> str:
 
 
 def _step(path: str, profile: Profile, wrong: np.ndarray, what: str) -> str:
-    """The sentence of the first wrong step of the height."""
+    """The message for the first wrong step of the height."""
     if not np.any(wrong):
         return ""
     k = int(np.argmax(wrong)) + 1

@@ -30,7 +30,7 @@ IGRA_COLUMNS = (
     ("DRCT (deg)", slice(40, 45), False),
     ("SPED (m/s)", slice(46, 51), True),
 )
-"""Heading of a column, where it stands in a row, and whether it is in tenths."""
+"""Heading of a column, its position in a row, and whether it is in tenths."""
 IGRA_MISSING = ("-9999", "-8888")
 
 
@@ -113,7 +113,7 @@ def _igra(path: str, lines: list[str], head: int) -> Sheet:
 
 
 def _tenth(field: str) -> str:
-    """A whole number of tenths as a number; what is none, or is missing, stays as it is."""
+    """An integer number of tenths as a number; other or missing entries are unchanged."""
     if field in IGRA_MISSING or not re.fullmatch(r"-?[0-9]+", field):
         return field
     return f"{field[:-1]}.{field[-1]}"

@@ -15,9 +15,9 @@
     z_0, z_C    station of the table, centre of mass                             m
     Re          rho |w| L/mu,  mu = 1.458e-6 T^1.5/(T + 110.4)                   1
 
-What is not in the table comes from the parts of the airframe, if these are given: the normal force
-with its damping, the damping alone, the roll by canted fins. With a motor that burns C_A is that of
-a base filled by the jet.
+Coefficients missing in the table come from the parts of the airframe, if given: the normal force
+with its damping, the damping only, the roll moment of canted fins. With a motor that burns C_A is
+that of a base filled by the jet.
 
 Source: Zipfel, Modeling and Simulation of Aerospace Vehicle Dynamics, 6.2 and 8.2; U.S. Standard
 Atmosphere, 1976, Eq. 51 (viscosity). The flow is that at the centre of mass. A derivative by omega

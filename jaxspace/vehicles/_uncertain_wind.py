@@ -1,15 +1,15 @@
-"""A wind that is known to a deviation by height, whose errors are correlated over a length.
+"""A wind with a height-dependent standard deviation, whose errors are correlated over a length.
 
     u(h_k) = m(h_k) + s(h_k) x_k,   Cov(x_j, x_k) = exp(-|h_j - h_k|/l)
     x_{k+1} = q x_k + sqrt(1 - q^2) z_{k+1},   q = exp(-(h_{k+1} - h_k)/l)
 
     symbol   meaning                                                       unit
     m, s     mean wind and its standard deviation, of either component     m/s
-    l        length over which an error loses its memory                   m
+    l        correlation length of the error                               m
     z        independent standard normal numbers                           1
 
-The recursion is exact: it is the Cholesky factor of that covariance, for the errors by height form
-a chain of Markov. East and north err independently. Between the heights the wind is cubic, and
+The recursion is exact: it is the Cholesky factor of that covariance, because the errors over height
+form a Markov chain. East and north err independently. Between the heights the wind is cubic, and
 linear in m, s and z (`_hermite.py`).
 
 Source: Gardiner, Handbook of Stochastic Methods, 4.4.

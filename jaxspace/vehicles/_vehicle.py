@@ -184,11 +184,11 @@ class Vehicle(AbstractParameters):
 
         **Arguments**
 
-        - `motor`: from `read_motor`, or its file; `propellant_mass`, kg, where that gives none.
-        - `radius`: of the tube, m, for the reference area; `tube_length`, m, where it is known.
+        - `motor`: from `read_motor`, or its file; `propellant_mass`, kg, where the file has none.
+        - `radius`: of the tube, m, for the reference area; `tube_length`, m, optional.
         - `mass`, kg, principal `inertia`, kg m^2, (3,), and `centre` of mass, m, of the rocket
           without its motor.
-        - `case_mass`, `case_station`, `case_inertia`: of the empty motor, about its own centre.
+        - `case_mass`, `case_station`, `case_inertia`: of the empty motor, about its centre.
         - `propellant_station`: of the propellant's centre, m; `grain`: outer and inner radius and
           length of the whole column of grains, m.
         - `exit_station`, `exit_radius`: of the nozzle, m.
@@ -198,8 +198,8 @@ class Vehicle(AbstractParameters):
           `tail` may be several in a sequence.
         - `impulse_factor`, `axial_factor`: multiply thrust and axial force, to disperse them.
 
-        **Raises** `InputError` for what `read_motor` refuses, and for a motor that is longer or
-        wider than the tube.
+        **Raises** `InputError` for a file that `read_motor` rejects, and for a motor that is longer
+        or wider than the tube.
         """
         motor = motor if isinstance(motor, Motor) else read_motor(motor)
         _check_room(motor, radius, tube_length, grain)
@@ -355,8 +355,7 @@ def _check_room(
     tube_length: Scalar | None,
     grain: Vector | tuple[Scalar, Scalar, Scalar],
 ) -> None:
-    """Raise `InputError` for a motor or a grain that has no room where it belongs, as far as the
-    lengths are known."""
+    """Raise `InputError` for a motor or a grain that does not fit, if the lengths are known."""
     length = motor.length or 0.0
     width = 0.5 * (motor.diameter or 0.0)
     if tube_length is not None and is_concrete(tube_length):

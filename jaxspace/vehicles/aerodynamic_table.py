@@ -14,7 +14,7 @@
     pitch_damping    C_mq (+ C_m alpha rate), by omega L/(2 |w|)                         < 0 damps
     roll_damping     C_lp, by omega_z L/(2 |w|)                                          < 0 damps
 
-What acts across the axis is stored over sin(alpha). So stored it is even in the angle, and the
+Transverse coefficients are stored divided by sin(alpha). So stored it is even in the angle, and the
 force is right and has a slope where the flow comes from ahead and no plane is defined. Between the
 points all is cubic with a continuous slope (`_hermite.py`): even about 0 and 180 degrees, and
 periodic in the roll, whose last point is a period behind the first.
@@ -22,7 +22,7 @@ periodic in the roll, whose last point is a period behind the first.
 Beyond the greatest angle a of the table the force follows the components of the flow: C_N is
 C_N(a) sin(alpha)/sin(a), and C_A is C_A(a) cos(alpha)/cos(a), or C_A(a) where a is above 84
 degrees. It is bounded, and never a thrust. Beyond the Mach and Reynolds numbers the coefficients
-stay as they are at the last one. `outside` says where that is.
+stay as they are at the last one. `outside` indicates where this occurs.
 
 Source: Zipfel, Modeling and Simulation of Aerospace Vehicle Dynamics, 6.2 and 8.2; Blake, Missile
 DATCOM User's Manual, AFRL-VA-WP-TR-1998-3009, 3 (signs and reference lengths).
@@ -64,7 +64,7 @@ STEEPEST = 0.1
 class AerodynamicTable(AbstractParameters):
     """Coefficients on a grid; `of_columns` and `read_aerodynamics` make it.
 
-    The nodes of an axis with one point say that nothing depends on it."""
+    An axis with one node means that nothing depends on it."""
 
     mach: Float[Array, "machs *#runs"] = eqx.field(converter=as_float)
     angle: Float[Array, "angles *#runs"] = eqx.field(converter=as_float)
@@ -203,7 +203,7 @@ def read_aerodynamics(
     - `station`: z in construction axes, m: of the nose's tip, behind which a centre of pressure
       counts, or of the point about which the moments of the file are.
 
-    **Raises** `InputError` with the file and its row for what is no number, a missing column, or a
-    point that is missing or twice in the grid; `OSError` for a file that cannot be opened.
+    **Raises** `InputError` with the file and its row for an invalid number, a missing column, or a
+    missing or duplicate grid point; `OSError` for a file that cannot be opened.
     """
     return AerodynamicTable.of_file(path, area, length, station)

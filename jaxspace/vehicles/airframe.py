@@ -164,7 +164,7 @@ class FinSet(AbstractSurface):
     )
 
     def single_slope(self, mach: Scalar) -> Scalar:
-        """S of one fin alone, m^2 (Diederich's formula)."""
+        """S of an isolated fin, m^2 (Diederich's formula)."""
         mean = 0.5 * (self.root_chord + self.tip_chord)
         # How far the middle of the tip chord lies behind that of the root.
         middle = self.sweep_length + 0.5 * (self.tip_chord - self.root_chord)
@@ -215,7 +215,8 @@ class FinSet(AbstractSurface):
         return self.count * self._damping_share() * 2.0 * np.pi / prandtl_factor(mach) * strips
 
     def _forcing_share(self) -> Scalar:
-        """k_f, what the body adds to the roll of canted fins (Barrowman 3-32)."""
+        """k_f, interference factor of the body for the roll moment of canted fins (Barrowman
+        3-32)."""
         tau = (self.span + self.radius) / self.radius
         a = jnp.arcsin((tau * tau - 1.0) / (tau * tau + 1.0))
         b = (tau * tau + 1.0) ** 2 / (tau * (tau - 1.0)) ** 2
@@ -227,7 +228,7 @@ class FinSet(AbstractSurface):
         ) / np.pi**2
 
     def _damping_share(self) -> Scalar:
-        """k_d, what the body adds to the damping of the roll (Barrowman 3-56)."""
+        """k_d, interference factor of the body for the roll damping (Barrowman 3-56)."""
         tau = (self.span + self.radius) / self.radius
         ratio = self.tip_chord / self.root_chord
         upper = (tau - ratio) / tau - (1.0 - ratio) / (tau - 1.0) * jnp.log(tau)
@@ -246,7 +247,7 @@ def _as_parts(x: object) -> object:
 
 
 def parts_field(doc: str) -> Any:
-    """A field of a vehicle that takes one part, several or none."""
+    """A field of a vehicle that accepts one part, several or none."""
     return eqx.field(converter=_as_parts, default=None, metadata={"doc": doc})
 
 
@@ -255,7 +256,7 @@ RADIUS_CHANGES_DOC = "a change of the body's radius, such as a tail or a shoulde
 
 
 def several(parts: Part | tuple[Part, ...] | None) -> tuple[Part, ...]:
-    """The parts of a field that takes one, several or none."""
+    """The parts of a field that accepts one, several or none."""
     if parts is None:
         return ()
     return parts if isinstance(parts, tuple) else (parts,)

@@ -20,8 +20,8 @@ from .local_air import LocalAir
 
 @final
 class AlongAir(AbstractSteering):
-    """A thrust along the velocity relative to the air with its wind. At rest in it the thrust has
-    no direction, and is zero."""
+    """A thrust along the velocity relative to the air with its wind. At rest relative to the air
+    the direction is undefined, and the thrust is zero."""
 
     air: LocalAir = eqx.field(metadata={"doc": "about the vehicle"})
     sense: NumberField = quantity(

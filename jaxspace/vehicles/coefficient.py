@@ -52,7 +52,7 @@ def as_coefficient(x: object) -> MachTable:
 
 
 def as_optional_coefficient(x: object) -> MachTable | None:
-    """Convert a coefficient by `as_coefficient`; `None`, for no coefficient, stays `None`."""
+    """Convert a coefficient by `as_coefficient`; `None`, for no coefficient, remains `None`."""
     return None if x is None else as_coefficient(x)
 
 

@@ -2,12 +2,12 @@
 
     rail -> ascent -> [fall] -> [wait] -> parachute -> [wait] -> parachute -> ground
 
-On the rail nothing turns; from its end to the first parachute the rocket flies with six degrees of
-freedom, under parachutes with three: the attitude is no longer a part of the state. A parachute
-opens a lag after its trigger: the apogee, a height above the ground on the way down, or a time
-after the ignition, as of a delay charge. Where that height or time is passed before, by an apogee
-below it or while the parachute before opens, it is triggered as soon as that one is open. Before a
-first parachute with a time the ascent ends at that time, on the way up or down.
+On the rail there is no rotation; from its end to the first parachute the rocket has six degrees of
+freedom, under parachutes three: the attitude is no longer part of the state. A parachute opens a
+lag after its trigger: the apogee, a height above the ground on the way down, or a time after the
+ignition, as of a delay charge. Where that height or time is passed before, by an apogee below it or
+while the parachute before opens, it is triggered as soon as that one is open. Before a first
+parachute with a time the ascent ends at that time, on the way up or down.
 
 Axes: x to the east, y to the north, z up from the ground at the rail; they turn with the Earth.
 
@@ -54,7 +54,7 @@ SAMPLES = 32
 
 @final
 class Recovery(AbstractParameters):
-    """A parachute: what it drags, and when it opens."""
+    """A parachute: its drag area and its opening."""
 
     drag_area: NumberField = quantity("m^2", positive=True, doc="C_D A")
     lag: OptionalNumberField = quantity(
@@ -128,7 +128,7 @@ def apogee(t: Scalar, y: BodyState) -> Scalar:
 
     **Arguments**
 
-    - `t`: time, s, which has no influence.
+    - `t`: time, s, not used.
     - `y`: the state, with a velocity."""
     del t
     return y.velocity[2]
@@ -167,13 +167,13 @@ def sounding_flight(
 
     **Arguments**
 
-    - `vehicle`: with a known mass of its propellant.
+    - `vehicle`: with a defined propellant mass.
     - `site`: of the launch.
     - `recovery`: the parachutes in the order of their opening, the first at the apogee unless it
       has a height or a time; without one the mission ends at the apogee.
     - `rail_within`, `ascent_within`, `descent_within`: the longest times to wait for the end of the
-      rail (by default as long as a rocket may take that leaves it at all), for the apogee, and for
-      the next parachute or the ground, s. The search for an event samples all of that time: a
+      rail (by default the longest possible time of a rocket that leaves it), for the apogee, and
+      for the next parachute or the ground, s. The search for an event samples all of that time: a
       narrow limit is a fast run.
 
     **Returns** the mission, with the phases "rail", "ascent", "fall" to the height of the first
@@ -277,8 +277,8 @@ def _with_descent(
 
 
 def _falls(condition: _Above | _TimeLeft, within: Scalar, passed: bool) -> Event:
-    """The fall of a height or of a time that is left through zero. What opens there does so at once
-    where it is `passed`; under the ground there is no landing."""
+    """The fall of a height or of a time that is left through zero. The parachute opens immediately
+    where the height is already `passed`; below the ground there is no landing."""
     # An array for both, so that phases of a descent differ in numbers alone and share a program.
     flag = jnp.asarray(passed)
     return Event(condition, -1, within, at_start=True, passed=flag)

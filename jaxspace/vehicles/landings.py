@@ -1,7 +1,7 @@
 """Landings of rockets: places on the Earth, and outputs of a campaign.
 
-A point of the axes of the site lies beside its foot along east, north and up of the ellipsoid
-there; its latitude is that of the normal through it.
+A point in the axes of the site is reached from the site along east, north and up of the ellipsoid;
+its latitude is that of the normal through it.
 
 Source: NIMA TR8350.2, World Geodetic System 1984, 4; `orbits.ground_track.ground_point`.
 """

@@ -10,7 +10,7 @@
     e, n         directions of east and north                         1
 
 Over a planet e = z x r / |z x r| and n = r x e / |r|; over flat ground x points east, y north and z
-up. At a pole, where no direction is east, there is no wind.
+up. At a pole, where east is undefined, the wind is zero.
 
 Source: Zipfel, Modeling and Simulation of Aerospace Vehicle Dynamics, 8.3 (wind).
 """

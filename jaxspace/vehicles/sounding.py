@@ -17,8 +17,9 @@ class Sounding(SoundingFile):
     - `heights`, m, with `pressure`, Pa, and `temperature`, K, there.
     - `wind_heights`, m, with the wind there, m/s, towards `east` and `north`.
 
-    Empty where the file has none of these. `air_fault` and `wind_fault` say why the file gives no
-    atmosphere or no wind (too few levels, or a gap between them); they are empty if it does."""
+    Empty where the file has none of these. `air_fault` and `wind_fault` explain why the file
+    provides no atmosphere or no wind (too few levels, or a gap between them); they are empty
+    otherwise."""
 
     __slots__ = ()
 
@@ -41,9 +42,9 @@ def read_sounding(path: str | os.PathLike[str]) -> Sounding:
 
     - `path`: of the file, at most 64 MB.
 
-    **Raises** `InputError` with the file, its line, the value and what is allowed: for what is no
-    number, values out of range, heights that do not ascend, pressures that do not fall, and several
-    soundings in one file. `OSError` for a file that cannot be opened.
+    **Raises** `InputError` with the file, its line, the value and the allowed values: for invalid
+    numbers, values out of range, heights that do not ascend, pressures that do not decrease, and
+    several soundings in one file. `OSError` for a file that cannot be opened.
 
     A level where a value is missing (an empty field, `nan`, -9999) is left out of the atmosphere or
     of the wind. Pressures may be equal at two levels that are so close that rounding hides the

@@ -1,2 +1,2 @@
-"""What a file may name: the classes and functions of the library and of users' modules, with the
-entries that follow from their declarations."""
+"""Names available in scene files: the classes and functions of the library and of users' modules,
+with the entries that follow from their declarations."""

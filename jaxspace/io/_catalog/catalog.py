@@ -60,7 +60,7 @@ class EventFunction(Protocol):
 
 @runtime_checkable
 class OutputFunction(Protocol):
-    """A function that `output` has declared; it takes what its arguments name."""
+    """A function declared with `output`; its arguments name the quantities that it receives."""
 
     output: Output
     __name__: str
@@ -70,7 +70,7 @@ class OutputFunction(Protocol):
 
 @runtime_checkable
 class InitialFunction(Protocol):
-    """A function that `initial` has declared; it takes its declared arguments, and parts."""
+    """A function declared with `initial`; it receives its declared arguments, and parts."""
 
     initial: Initial
     __name__: str
@@ -127,7 +127,7 @@ class Catalog(NamedTuple):
         return self._replace(effects={**self.effects, **more}) if more else self
 
     def shared(self, table: str) -> dict[str, Entry]:
-        """The entries of a table such as "planet" from which declarations take values."""
+        """The entries of a table such as "planet" from which declarations obtain values."""
         result: dict[str, Entry] = {}
         declared = [
             (entry.shared, entry)
@@ -268,8 +268,8 @@ def _refusal(cls: type) -> str:
 
 
 def _is_part(thing: object) -> bool:
-    """Whether it is a final class that fields of other objects take, such as a steering law: the
-    kinds of these fields find it among the subclasses of theirs."""
+    """Whether it is a final class that is accepted by fields of other objects, such as a steering
+    law: the kinds of these fields find it among their subclasses."""
     if not isinstance(thing, type) or not issubclass(thing, AbstractParameters):
         return False
     # It needs a further abstract class, because no field takes parameters in general.
@@ -295,7 +295,8 @@ def state_class(system: type[AbstractSystem]) -> type:
 
 
 def state_way(system: type[AbstractSystem]) -> Maker | None:
-    """The way to give a state by the system's own method `state`, if it is declared."""
+    """The entries of a state that is created with the system's method `state`, if it is
+    declared."""
     method = getattr(system, "state", None)
     declared = getattr(method, "constructor", None)
     if method is None or declared is None:

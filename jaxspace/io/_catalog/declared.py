@@ -99,7 +99,7 @@ def _plain_way(cls: type) -> Maker | None:
 
 
 def foreign_fields(cls: type) -> list[str]:
-    """The fields of a class that no file can give, and that have no default."""
+    """The fields of a class that cannot be given in a file and have no default."""
     return [name for name, entry in _field_entries(cls).items() if entry is None]
 
 

@@ -41,7 +41,8 @@ def defined_in(module: NamedFile) -> list[object]:
 
 
 def missing_module(data: Mapping[str, object], given: Iterable[NamedFile]) -> str:
-    """The sentence for the first module that a file needs and that was not given; empty for none.
+    """The message for the first module that a file requires and that was not given; empty if there
+    is none.
 
     `given`: the modules that the caller allows to run."""
     names = [module.path.name for module in given]

@@ -1,5 +1,5 @@
-"""Errors of a scene file, as sentences that name the key, the value, what is allowed and the
-nearest valid name."""
+"""Errors of a scene file: messages that name the key, the value, the allowed values and the closest
+valid name."""
 
 import json
 from collections.abc import Iterable
@@ -43,17 +43,17 @@ hint = InputError.hint
 
 
 def wrong(key: str, value: object, expected: str) -> str:
-    """The sentence for a value that is not allowed."""
+    """The message for a value that is not allowed."""
     return f"{key} is {shown(value)}: it must be {expected}."
 
 
 def unknown(key: str, name: object, names: Iterable[str], what: str = "key") -> str:
-    """The sentence for a name that is not among `names`."""
+    """The message for a name that is not among `names`."""
     names = list(names)
     listed = f"it must be one of {', '.join(names)}" if names else "there is none"
     return f"{key} is not a known {what}: {listed}.{hint(name, names)}"
 
 
 def missing(key: str, expected: str) -> str:
-    """The sentence for a key that has to be there."""
+    """The message for a required key that is missing."""
     return f"{key} is missing: it must be {expected}."

@@ -1,7 +1,8 @@
 """Kinds of the entries of a scene file, entries of tables, and makers of objects.
 
-A kind reads a value, says what it expects, and gives its JSON schema. Values are plain numbers,
-text, lists and dicts. Errors, units and the chosen maker of an object go into the `Reading`."""
+A kind reads a value, describes the expected values, and provides its JSON schema. Values are plain
+numbers, text, lists and dicts. Errors, units and the chosen maker of an object go into the
+`Reading`."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
@@ -45,7 +46,7 @@ class Kind(ABC):
 
     @abstractmethod
     def expected(self) -> str:
-        """What a value must be, for a sentence."""
+        """Description of the allowed values, for a message."""
 
     @abstractmethod
     def schema(self) -> Schema:
@@ -56,7 +57,7 @@ class Entry(NamedTuple):
     """An entry of a table.
 
     - `default`: the value where the file gives none; `REQUIRED` makes that an error.
-    - `shared`: the path of the entry of the file that is taken instead.
+    - `shared`: the path of the entry of the file that is used instead.
     - `doc`: what it is."""
 
     kind: Kind

@@ -40,9 +40,9 @@ class NamedFiles:
     All of them are read through this object, so that a campaign can store their texts and read them
     from its store.
 
-    - `folder`: that of the scene file, where names begin.
-    - `texts`: of the files that have been read, or that a store holds.
-    - `closed`: whether these are all of them, and none is read.
+    - `folder`: the folder of the scene file, to which names are relative.
+    - `texts`: of the files that have been read, or that a store contains.
+    - `closed`: whether these are all files, so that none is read from disk.
     - `entries`: of the scene file that name a file, by their path."""
 
     def __init__(
@@ -78,8 +78,8 @@ class NamedFiles:
         return self.entries[entry]
 
     def discreet(self, sentence: str) -> str:
-        """The sentence without what it quotes of a file outside of the folder of the scene: who
-        sends a scene must not learn, by an error, what another file of its reader holds."""
+        """The message without quotations from a file outside the folder of the scene: the sender of
+        a scene must not learn the content of other files from an error."""
         for name in self.texts:
             where = str(self.path(name))
             start, found, rest = sentence.partition(where)
@@ -88,10 +88,10 @@ class NamedFiles:
         return sentence
 
     def _is_beside(self, name: str) -> bool:
-        """Whether a file lies in the folder of the scene, or below it."""
+        """Whether a file is in the folder of the scene, or below it."""
         return self.path(name).resolve().is_relative_to(self.folder.resolve())
 
     def path(self, name: str) -> Path:
-        """Where a file lies."""
+        """Location of a file."""
         # Absolute, because the working directory may change.
         return (self.folder / name).absolute()

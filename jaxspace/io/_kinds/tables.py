@@ -10,7 +10,7 @@ from .named_files import NamedFiles
 from .values import ListOf, Number
 
 MOST_UNKNOWN = 20
-"""How many unknown keys of a table are named."""
+"""Maximum number of unknown keys of a table that are named."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,14 +12,15 @@ from .errors import hint, wrong
 from .kind import Kind, Reading, Schema, Value
 
 LONGEST_TEXT = 200
-"""Characters of a title or a name: a longer one is no line of a table and no head of a figure."""
+"""Maximum number of characters of a title or a name, so that it fits into tables and figures."""
 LONGEST_PART = 100
 """Bytes of a name in the names of files, which have 255 with all of their parts."""
 
 
 # A float, so that checks compare it like any number; only dispersions need the rest.
 class Measure(float):
-    """A number in SI that may be dispersed, with what it is and the unit in which it is written."""
+    """A number in SI units that may be dispersed, with its quantity and the unit in which it is
+    written."""
 
     quantity: Quantity
     unit: str

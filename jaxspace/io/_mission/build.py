@@ -62,7 +62,7 @@ def build_mission(
 
 
 class _Making(NamedTuple):
-    """What the phases of a file are made of: its `effects` by name, and the parts of the state that
+    """Components of the phases of a file: its `effects` by name, and the parts of the state that
     all of them `carry`."""
 
     file: Parsed
@@ -76,7 +76,7 @@ class _Making(NamedTuple):
     ) -> Mission:
         """The mission of a line of phases, with its branches.
 
-        `start`: its time, s; `parting`: what makes its state from that of the whole."""
+        `start`: its time, s; `parting`: computes its state from that of the whole."""
         # All phases carry the same parts, so that one state passes through all of them.
         lost = ROTATION if line in self.file.points else frozenset()
         carry = tuple(part for part in self.carry if part not in lost)
@@ -110,7 +110,7 @@ class _Making(NamedTuple):
         return (rest if jump is None else _InTurn((rest, jump))), tuple(branches)
 
     def _part(self, line: Line) -> Detached:
-        """What leaves as a branch."""
+        """A part that separates as a branch."""
         branch = at(self.building.values, line.path)
         vectors = (self.building.runs.vector(branch[key]) for key in ("offset", "kick"))
         return Detached(self.building.make(f"{line.path}.body").loaded_mass(), *vectors)

@@ -40,7 +40,7 @@ class Runs(NamedTuple):
 
 
 class Building(NamedTuple):
-    """From the values of a file to objects.
+    """Construction of objects from the values of a file.
 
     - `values`: of the whole file, with arrays in place of numbers.
     - `makers`: by path, the maker of an object.
@@ -122,7 +122,7 @@ def at(values: Value, path: str) -> Value:
 
 
 def replaced(values: Value, samples: Mapping[str, ArrayLike], path: str = "") -> Value:
-    """The tree with arrays as numbers: those of `samples` at their paths, and what is there
+    """The tree with arrays as numbers: those of `samples` at their paths, and the file's values
     elsewhere."""
     if path in samples:
         return samples[path]

@@ -23,7 +23,7 @@ CALLS_FOR = {"force": TRANSLATION, "acceleration": TRANSLATION, "torque": ROTATI
 
 
 def mission_errors(file: Parsed) -> list[str]:
-    """Errors of what moves as a whole, one sentence each."""
+    """Consistency errors of the dynamics as a whole, one message each."""
     errors = _errors_together(file) + control_errors(file)
     return errors or (flight_errors(file) if file.kind == "flight" else [])
 
@@ -67,7 +67,7 @@ def who(path: str) -> str:
 
 
 def shared_errors(file: Parsed) -> list[str]:
-    """Errors for absent entries that declarations take from other tables of the file."""
+    """Errors for absent entries that declarations obtain from other tables of the file."""
     result = []
     for path, maker in file.makers.items():
         value = at(file.values, path)
@@ -80,7 +80,7 @@ def shared_errors(file: Parsed) -> list[str]:
 
 
 def object_errors(file: Parsed) -> list[str]:
-    """What a class or a named constructor does not accept although each number is in its range."""
+    """Errors of a class or a named constructor although each number is in its range."""
     result = []
     for path, maker in file.makers.items():
         # The range of each number is checked already; the rules of the class are not.
@@ -143,7 +143,7 @@ def initial_errors(file: Parsed) -> list[str]:
 
 
 def _orbit_errors(file: Parsed) -> list[str]:
-    """What a maker of initial states does not accept although each number is in its range."""
+    """Errors of a maker of initial states although each number is in its range."""
     result = []
     for path, maker in file.makers.items():
         # One that needs parts made by another is asked with them, where the state is built.
@@ -181,7 +181,7 @@ def _no_mass(path: str, file: Parsed) -> str:
 
 
 def effect_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
-    """Errors for what the effects of a phase need and the file does not have."""
+    """Errors for requirements of the effects of a phase that the file does not satisfy."""
     result, whole = [], []
     active = leg.phase["effects"]
     for name in active:
@@ -205,8 +205,8 @@ def effect_errors(line: Line, leg: Leg, file: Parsed) -> list[str]:
 
 
 def _unmet(name: str, reading: Reading, path: str, parts: set[str], file: Parsed) -> list[str]:
-    """Errors for what an effect reads or changes, and neither the body at the path nor the `parts`
-    of the state have."""
+    """Errors for quantities that an effect reads or changes and that neither the body at the path
+    nor the `parts` of the state have."""
     result = []
     body: AbstractBody = file.building().make(path)
     turns = bool(ROTATION & reading.needs) or "torque" in reading.adds
@@ -257,7 +257,7 @@ def name_errors(file: Parsed) -> list[str]:
 
 
 def branch_errors(file: Parsed) -> list[str]:
-    """Errors of the branches, by which what follows makes no sense."""
+    """Errors of the branches, which make further checks meaningless."""
     result = []
     for key in file.values["branch"]:
         # Its name is a part of the names of files, as those of its phases are.

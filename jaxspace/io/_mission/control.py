@@ -31,7 +31,7 @@ from .lines import phase_tables
 from .parsed import Parsed
 
 READ = ("attitude", "omega", "position", "velocity", "mass", "wheels")
-"""What a sensor of a file may read."""
+"""The quantities that a sensor of a file may read."""
 
 # The keys that bound the time of a phase, from which its number of samples follows.
 ENDS = ("duration", "within")
@@ -42,7 +42,7 @@ SIZE = Number(argument("", positive=True, doc="magnitude of a command, in its SI
 
 
 def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
-    """The table [control], or that of a phase, which has an end of its own."""
+    """The table [control], or that of a phase, which has a separate end."""
     laws = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.controllers.items()}
     sensors = {name: Entry(_sensor_kind(name), None) for name in READ}
     until = {"until": Entry(OneName(tuple(catalog.events)), None, doc="the event that ends it")}
@@ -64,7 +64,7 @@ def control_kind(catalog: Catalog, of_phase: bool = False) -> Table:
 
 
 def _sensor_kind(name: str) -> Object:
-    """How a file gives the sensor of a part of the state."""
+    """The file entry of a sensor for a part of the state."""
     cls = StarTracker if name == "attitude" else Sensor
     # An attitude is read as a quaternion, whose error is a small rotation and no sum.
     make = StarTracker if name == "attitude" else functools.partial(Sensor, name)
@@ -162,7 +162,7 @@ def controlled(
 
 
 def end_of_loop(file: Parsed, span: float) -> float | Event:
-    """When the loop of a scene ends, `span`, s, after its start or by its event."""
+    """The end of the loop of a scene, `span`, s, after its start or at its event."""
     name = file.values["control"]["until"]
     if name is None:
         return span

@@ -16,7 +16,7 @@ from .._kinds.values import OneName
 
 @dataclass(frozen=True, eq=False)
 class End(Kind):
-    """A name out of `names`, or one of the `conditions`: a table, or the name alone where it needs
+    """A name out of `names`, or one of the `conditions`: a table, or just the name where it needs
     no entries."""
 
     names: tuple[str, ...]
@@ -45,7 +45,7 @@ class End(Kind):
 
 
 def end_kind(catalog: Catalog) -> End:
-    """How a file says what ends a phase."""
+    """The file entries for the end of a phase."""
     conditions = {name: Entry(catalog.kinds[c], None) for name, c in catalog.conditions.items()}
     return End((*catalog.all_known_times, *catalog.events), conditions)
 

@@ -1,5 +1,5 @@
-"""The flight of a rocket from its rail to the ground, as a file gives it: [vehicle] with its
-parachutes, [site], and how long to wait for what ends its phases.
+"""The flight of a rocket from its rail to the ground, as defined in a file: [vehicle] with its
+parachutes, [site], and the longest times to wait for the ends of its phases.
 
 [vehicle]                 the arguments of `Vehicle.model_rocket`
 [[vehicle.parachutes]]    those of `Recovery`, in the order of their opening
@@ -27,7 +27,7 @@ from .parsed import Parsed
 
 SITE = "site"
 CLASSES = {"vehicle": Vehicle, "parachutes": Recovery, SITE: LaunchSite}
-"""What stands in the tables of a flight, by their names."""
+"""The entries of the tables of a flight, by their names."""
 
 
 def flight_entries() -> dict[str, Entry]:
@@ -50,7 +50,7 @@ def flight_entries() -> dict[str, Entry]:
 
 
 def flight_kinds() -> dict[type, Object]:
-    """How a file gives each of the classes of a flight; a vehicle with its parachutes."""
+    """The file entries of each class of a flight; a vehicle includes its parachutes."""
     kinds = {cls: object_kind(cls) for cls in CLASSES.values()}
     known = {cls: kind for cls, kind in kinds.items() if kind is not None}
     chutes = Entry(ListOf(known[Recovery]), (), doc="a list of tables, in the order of opening")
@@ -89,7 +89,7 @@ def build_flight(file: Parsed, values: Values, runs: Runs) -> tuple[Mission, Bod
 
 
 def flight_errors(file: Parsed) -> list[str]:
-    """Errors of the tables of a flight together, one sentence each."""
+    """Consistency errors of the tables of a flight, one message each."""
     result = []
     building = file.building()
     top = float(building.make("vehicle").ceiling)

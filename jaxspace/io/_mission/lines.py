@@ -32,7 +32,7 @@ class Leg(NamedTuple):
 class Line(NamedTuple):
     """The phases of the mission itself, or of a branch.
 
-    - `name`: of the branch in the result, with those that hold it; empty for the mission itself.
+    - `name`: of the branch in the result, prefixed by its parents; empty for the mission itself.
     - `key`: its name in the file.
     - `legs`: its phases.
     - `after`: number of the leg at whose end it starts; -1 for the mission itself."""
@@ -48,7 +48,7 @@ class Line(NamedTuple):
         return f"branch.{self.key}" if self.key else ""
 
     def place(self, word: str) -> str:
-        """What a `word` of this line, such as the name of a phase, is called in an output."""
+        """The name in an output of a `word` of this line, such as the name of a phase."""
         return f"{self.name}.{word}" if self.name else word
 
 

@@ -1,5 +1,5 @@
-"""A file whose entries are right one by one: its values, its phases, and what its body and effects
-are made of."""
+"""A file whose entries are individually valid: its values, its phases, and the constructors of its
+body and effects."""
 
 import dataclasses
 import functools
@@ -34,7 +34,7 @@ class Parsed:
         return self.kind in ("mission", "flight")
 
     def building(self) -> Building:
-        """For one run, of the numbers that the file gives."""
+        """For one run, with the numbers of the file."""
         return Building(self.values, self.makers, Runs())
 
     @functools.cached_property
@@ -57,8 +57,8 @@ class Parsed:
         return tuple(line for line in self.lines if line.after == leg.number)
 
     def first_leg(self, place: int) -> int:
-        """The number of the phase that begins what ends at the place of an output; a system or a
-        flight begins with its first one."""
+        """The number of the first phase of the segment that ends at the location of an output; a
+        system or a flight begins with its first one."""
         if place >= 0 or self.kind not in ("scene", "mission"):
             return max(place, 0)
         return self.lines[-1 - place].legs[0].number

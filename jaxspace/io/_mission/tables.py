@@ -1,5 +1,5 @@
-"""The tables of what moves: a system by its name; a body, its effects and its initial state; the
-phases of a mission and the branches that leave it.
+"""The tables of the dynamics: a system by its name; a body, its effects and its initial state; the
+phases of a mission and its branches.
 
 Their entries follow from the declarations of the classes in the catalog."""
 
@@ -53,7 +53,7 @@ def mission_entries(catalog: Catalog) -> dict[str, Entry]:
 
 
 def _body_entries(catalog: Catalog) -> dict[str, Entry]:
-    """The tables of a body and of what acts on it."""
+    """The tables of a body and of its effects."""
     effects = {name: Entry(catalog.kinds[cls], None) for name, cls in catalog.effects.items()}
     return {
         "body": Entry(bodies_kind(catalog), {}, doc="mass properties"),
@@ -74,7 +74,7 @@ def _one_run(catalog: Catalog) -> dict[str, Entry]:
 
 
 def bodies_kind(catalog: Catalog) -> Object:
-    """How a file gives the mass properties of a body."""
+    """The file entries for the mass properties of a body."""
     return Object(tuple(way for cls in catalog.bodies.values() for way in catalog.kinds[cls].ways))
 
 
@@ -90,7 +90,7 @@ def _named(name: str, kind: Object) -> Object:
 
 
 def initial_kind(catalog: Catalog, system: type[AbstractSystem] | None) -> Kind:
-    """How a file gives the initial state of a system, or of a body under effects (`None`)."""
+    """The file entries for the initial state of a system, or of a body under effects (`None`)."""
     way = None if system is None else state_way(system)
     if way is not None:
         return Object((way,))

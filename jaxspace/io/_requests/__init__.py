@@ -1,2 +1,2 @@
-"""What a file requests of its runs: their accuracy, the inputs that scatter, the outputs that are
-kept, and what is to be best."""
+"""The requests of a file for its runs: accuracy, dispersed inputs, recorded outputs and
+optimisation."""

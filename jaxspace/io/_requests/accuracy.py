@@ -1,5 +1,5 @@
-"""How to integrate the runs of a file: `accuracy`, the tolerance of the steps, a number or "by
-purpose" for the campaign of the file, or `final_error`; their `method`, `max_step` and
+"""Integration settings of the runs of a file: `accuracy`, the tolerance of the steps, a number or
+"by purpose" for the campaign of the file, or `final_error`; their `method`, `max_step` and
 `max_steps`."""
 
 import inspect
@@ -24,7 +24,7 @@ from .final_error import final_error_errors, final_error_kind
 
 @dataclass(frozen=True, eq=False)
 class Tolerance(Number):
-    """A relative tolerance, or the words for one that serves the purpose of a campaign."""
+    """A relative tolerance, or the keyword for one derived from the purpose of a campaign."""
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         if value == BY_PURPOSE:
@@ -49,7 +49,7 @@ ACCURACY = Tolerance(argument("", low=LEAST_ACCURACY, high=0.5, fixed=True, doc=
 
 
 def accuracy_entries(catalog: Catalog, state: type) -> dict[str, Entry]:
-    """How to integrate, for states of this class."""
+    """Integration settings for states of this class."""
     return {
         # Far below the errors of the data of a flight, and within reach of every method in double
         # precision.
@@ -99,8 +99,8 @@ def method_kind(catalog: Catalog) -> Object:
 
 
 def accuracy_errors(file: Parsed, with_accuracy: bool) -> list[str]:
-    """What is wrong with the accuracy that the file requests: with its `final_error`, or with a
-    purpose without a campaign that has it.
+    """Errors of the accuracy that the file requests: of its `final_error`, or of a purpose without
+    a campaign.
 
     `with_accuracy`: whether the file gives `accuracy` itself."""
     errors = final_error_errors(file, parts_of_state(file), with_accuracy)

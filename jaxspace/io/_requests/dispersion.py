@@ -1,5 +1,5 @@
-"""The table [dispersion] of a scene file: what scatters, what is kept of each run, and when there
-are enough of them.
+"""The table [dispersion] of a scene file: dispersed inputs, recorded outputs, and the rule that
+ends the campaign.
 
 The entries of its outputs and inputs are read after the rest of the file, whose names and numbers
 they refer to."""

@@ -1,7 +1,7 @@
 """The error at the end of the nominal run that a file asks for, in place of a tolerance.
 
 `final_error = 1e-9` is relative to every block of the final state; `final_error = { position =
-"1 m", velocity = "1 mm/s" }` names blocks and their errors. Campaigns take the tolerance of the
+"1 m", velocity = "1 mm/s" }` names blocks and their errors. Campaigns use the tolerance of the
 nominal run.
 """
 
@@ -37,8 +37,8 @@ class Written(float):
 
 @dataclass(frozen=True, eq=False)
 class ErrorNumber(Number):
-    """An error of a `quantity`. Its unit is none in which results come: a position that is right to
-    one millimetre is not shown in millimetres."""
+    """An error of a `quantity`. Its unit is not used for results: a position with an error of one
+    millimetre is not shown in millimetres."""
 
     def read(self, value: object, path: str, reading: Reading) -> Value:
         try:
@@ -53,7 +53,7 @@ class ErrorNumber(Number):
 
 
 def final_error_kind(state: type, relative: Quantity) -> Object:
-    """How a file gives the error, for states of this class; one number is `relative`."""
+    """The file entries for the error, for states of this class; a single number is `relative`."""
     entries = {"relative": Entry(ErrorNumber(relative), doc="of every block of the final state")}
     blocks = {
         name: Entry(
@@ -71,7 +71,7 @@ def final_error_kind(state: type, relative: Quantity) -> Object:
 
 
 def final_error_errors(file: Parsed, parts: Set[str], with_accuracy: bool) -> list[str]:
-    """What is wrong with `final_error` in this file.
+    """Errors of `final_error` in this file.
 
     **Arguments**
 
@@ -119,7 +119,8 @@ def tolerance_of(run: Trajectory) -> float:
 
 
 def rounded_down(tolerance: float) -> float:
-    """A tolerance to two digits, so that a campaign that goes on elsewhere has the same one."""
+    """A tolerance rounded to two digits, so that a campaign resumed on another machine has the same
+    one."""
     unit = 10.0 ** (math.floor(math.log10(tolerance)) - 1)
     # By way of the text, because the multiple of a power of ten would show its roundings.
     return float(f"{math.floor(tolerance / unit) * unit:.1e}")

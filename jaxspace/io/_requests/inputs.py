@@ -41,8 +41,8 @@ class Input(NamedTuple):
         return self.cls(**self.numbers)  # type: ignore[call-arg]  # converted by its fields
 
     def warnings(self, path: str) -> list[str]:
-        """Sentences on what is allowed but probably a mistake: a range without the nominal value,
-        draws that the class of the number refuses."""
+        """Warnings about probable mistakes: a range without the nominal value, draws that the class
+        of the number rejects."""
         quantity = self.nominal.quantity
         result = []
         made = self.distribution()
@@ -99,7 +99,7 @@ def with_distributions(
     file: Parsed,
     files: NamedFiles,
 ) -> dict[str, Input | MadeInput]:
-    """The inputs of the file and those `given` in Python, which come in place of its own.
+    """The inputs of the file and those `given` in Python, which override those of the file.
 
     `given`: by path a distribution, in SI, or a table as in [dispersion.inputs]; `files`: those of
     values. Raises `InputError`, with one line for each error."""
@@ -144,7 +144,7 @@ def _torn(
 
 
 def _numbers(file: Parsed) -> dict[str, Measure]:
-    """The numbers of the file that may scatter, by path."""
+    """The numbers of the file that may be dispersed, by path."""
     # Without the numbers of the distributions.
     return {p: m for p, m in measures(file.values) if not p.startswith("dispersion")}
 
@@ -193,7 +193,7 @@ def _unknown_path(key: str, path: str, paths: list[str]) -> str:
 
 
 def _read(key: str, entry: Value, nominal: Measure, file: Parsed, files: NamedFiles) -> Input:
-    """An input and its distribution. Raises `ValueError` with the whole sentence."""
+    """An input and its distribution. Raises `ValueError` with the complete message."""
     if not isinstance(entry, Mapping):
         raise ValueError(wrong(key, entry, "a table, such as { deviation = ... }"))
     known = file.catalog.distributions
@@ -300,13 +300,14 @@ def _declared(entry: Entry) -> Quantity:
 
 
 def _expected(nominal: Measure, entry: Entry) -> str:
-    """What a field of a distribution must be, for a sentence."""
+    """Description of the allowed values of a field of a distribution, for a message."""
     one = expected(_quantity_in_unit(nominal, _declared(entry)))
     return f"a list of one or more entries, each {one}" if isinstance(entry.kind, ListOf) else one
 
 
 def _quantity_in_unit(nominal: Measure, declared: Quantity) -> Quantity:
-    """The quantity of a number of a distribution: that of the nominal value, in its own range."""
+    """The quantity of a number of a distribution: that of the nominal value, with the range of the
+    field."""
     # A pure number, such as a weight, does not have the unit of the input.
     if declared.unit == "1":
         return declared._replace(unit="")

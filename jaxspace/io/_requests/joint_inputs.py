@@ -49,7 +49,7 @@ class MadeInput(NamedTuple):
         return self.made
 
     def warnings(self, path: str) -> list[str]:
-        """A sentence where the class of the number refuses more than one draw in a thousand."""
+        """A warning if the class of the number rejects more than one draw in a thousand."""
         quantity = self.nominal.quantity
         share = self.made.outside(quantity.low, quantity.high)
         if share <= RARE:
@@ -69,7 +69,7 @@ def read_correlated(
 ) -> dict[str, MadeInput]:
     """The inputs of one table of [[dispersion.correlated]].
 
-    Raises `ValueError` with the whole sentence."""
+    Raises `ValueError` with the complete message."""
     _check_keys(key, entry, ("inputs", *MATRICES))
     paths = entry.get("inputs")
     if not (isinstance(paths, list) and len(paths) > 1 and all(isinstance(p, str) for p in paths)):
@@ -105,9 +105,9 @@ def read_correlated(
 
 
 def read_direction(key: str, entry: Values, numbers: Numbers, known: Known) -> dict[str, MadeInput]:
-    """The inputs of one table of [[dispersion.direction]]: a vector that keeps its length.
+    """The inputs of one table of [[dispersion.direction]]: a vector of constant length.
 
-    Raises `ValueError` with the whole sentence."""
+    Raises `ValueError` with the complete message."""
     _check_keys(key, entry, ("of", "within"))
     of = entry.get("of")
     # Exactly three entries: four are a quaternion, or no direction at all.

@@ -1,4 +1,4 @@
-"""The table [optimize] of a file: objective, free numbers and constraints.
+"""The table [optimize] of a file: objective, design variables and constraints.
 
 [optimize]
 maximise = "final.mass"                         or minimise; an output as in [dispersion]
@@ -10,8 +10,8 @@ output = "periapsis_altitude"
 at_least = "185 km"                             or at_most, or equal
 
 optimiser = "adam", rate = 0.02, max_steps = 2000 search by Adam of optax, whose rate falls to a
-thousandth over these steps. `circular_orbit = "300 km"` stands for the three constraints of a
-circle of that altitude.
+thousandth over these steps. `circular_orbit = "300 km"` is short for the three constraints of a
+circular orbit of that altitude.
 
 over = "dispersion"                             the runs of [dispersion], and not the nominal one
 minimise = { output = "propellant", take = "99 %" }         what 99 % of them stay below; else the
@@ -44,7 +44,8 @@ GOALS = ("minimise", "maximise")
 SHARE, TAKE = "share", "take"
 OUTPUT = ("output", "at", TAKE, "unit", "name")
 OF_RUNS = "of_runs"
-"""What is taken over the runs, beside the extreme along each of them, in an entry that was read."""
+"""The statistic over the runs, in addition to the extreme along each of them, in an entry that was
+read."""
 NOMINAL_RUN, DISPERSION = OVER = ("nominal", "dispersion")
 LIMITS = ("equal", "at_least", "at_most")
 OWN_TABLES = ("dispersion", "optimize")
@@ -54,7 +55,7 @@ ALTITUDE = Number(argument("m", fixed=True, doc="altitude"))
 
 
 class Free(NamedTuple):
-    """A free number of the file: where it stands, its value, bounds, size and unit."""
+    """A design variable of the file: its path, value, bounds, scale and unit."""
 
     path: str
     start: Measure
@@ -66,8 +67,8 @@ class Free(NamedTuple):
 
 
 class Demand(NamedTuple):
-    """A constraint: the output, its kind (one of `LIMITS`), the target in SI, and what is taken
-    over the runs; `None` for the mean."""
+    """A constraint: the output, its kind (one of `LIMITS`), the target in SI units, and the
+    statistic over the runs; `None` for the mean."""
 
     spec: OutputSpec
     limit: str
@@ -78,8 +79,8 @@ class Demand(NamedTuple):
 class Task(NamedTuple):
     """The content of [optimize]; `sign` is -1 for a maximum.
 
-    - `dispersed`: whether it is about the runs of [dispersion].
-    - `of_runs`: what is taken of the objective over them; `None` for the mean."""
+    - `dispersed`: whether it applies to the runs of [dispersion].
+    - `of_runs`: the statistic of the objective over them; `None` for the mean."""
 
     objective: OutputSpec
     sign: float
@@ -185,7 +186,7 @@ def optimize_table(outputs: Kind, tolerance: Number) -> Table:
 
 
 def read_task(file: Parsed, units: WrittenUnits) -> tuple[Task | None, list[str]]:
-    """What the table asks for; or what is wrong with it."""
+    """The request of the table, or its errors."""
     table = file.values["optimize"]
     errors = []
     goals = [goal for goal in GOALS if table[goal] is not None]
@@ -274,7 +275,7 @@ def _output(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> Output
 
 
 def _of_runs(key: str, entry: Value, spec: OutputSpec, file: Parsed) -> RunStatistic | None:
-    """What is taken of an output over the runs. Raises `ValueError` with the whole sentence."""
+    """What is taken of an output over the runs. Raises `ValueError` with the complete message."""
     share = read_share(f"{key}.{SHARE}", entry.get(SHARE))
     if OF_RUNS not in entry:
         return None if share is None else RunStatistic(QUANTILE, share)
@@ -300,7 +301,7 @@ def _demands(key: str, entry: Value, file: Parsed, units: WrittenUnits) -> list[
 def _target(
     key: str, value: Value, spec: OutputSpec, of_runs: RunStatistic | None, file: Parsed
 ) -> float:
-    """The target of a constraint, SI. Raises `ValueError` with the whole sentence."""
+    """The target of a constraint, SI. Raises `ValueError` with the complete message."""
     if of_runs is not None and of_runs.is_share:
         share = read_share(key, value)
         assert share is not None
@@ -328,7 +329,7 @@ def _circle(file: Parsed, units: WrittenUnits) -> list[Demand]:
 def _free(
     entries: Mapping[str, Value], file: Parsed, units: WrittenUnits
 ) -> tuple[tuple[Free, ...], list[str]]:
-    """The free numbers, or their errors; a `*` in a path stands for any of its steps."""
+    """The design variables, or their errors; a `*` in a path matches any of its steps."""
     # Settings of the search, or of a campaign, cannot be free.
     numbers = {p: m for p, m in measures(file.values) if p.split(".")[0] not in OWN_TABLES}
     result: dict[str, Free] = {}
@@ -360,7 +361,7 @@ def _free(
 def _one_free(
     key: str, path: str, entry: Mapping[str, Value], start: Measure, units: WrittenUnits
 ) -> Free:
-    """A free number. Raises `ValueError` with the whole sentence."""
+    """A design variable. Raises `ValueError` with the complete message."""
     quantity = start.quantity
 
     def read(name: str, default: float | None) -> float | None:

@@ -100,7 +100,7 @@ class _What(NamedTuple):
 
 
 def read_output(key: str, entry: Values, file: Parsed, units: WrittenUnits) -> OutputSpec:
-    """The output of an entry. Raises `ValueError` with the whole sentence."""
+    """The output of an entry. Raises `ValueError` with the complete message."""
     name = entry["output"]
     take = entry.get("take", "")
     if take and take not in TAKES:
@@ -209,7 +209,7 @@ def _phases_of_extreme(what: str, found: _What, file: Parsed) -> tuple[int, ...]
 
 
 def _limit(key: str, value: object, si: str, factor: float) -> float | None:
-    """A limit of an output in its unit. Raises `ValueError` with the whole sentence."""
+    """A limit of an output in its unit. Raises `ValueError` with the complete message."""
     if value is None:
         return None
     try:
@@ -219,7 +219,7 @@ def _limit(key: str, value: object, si: str, factor: float) -> float | None:
 
 
 def read_share(key: str, value: object) -> float | None:
-    """A share between 0 and 1. Raises `ValueError` with the whole sentence."""
+    """A share between 0 and 1. Raises `ValueError` with the complete message."""
     if value is None:
         return None
     share = _limit(key, value, "", 1.0)
@@ -277,7 +277,7 @@ def _unit_of_path(key: str, path: tuple[str, ...], place: int, file: Parsed) -> 
 
 
 def _lacking(name: str, function: OutputFunction, file: Parsed, place: int = -1) -> list[str]:
-    """Errors for what an output needs and the file does not have at that place."""
+    """Errors for requirements of an output that the file does not satisfy at its location."""
     parts = parts_of_state(file, place)
     shared = function.output.shared
     result = []

@@ -1,10 +1,9 @@
-"""One output as its file names it: of what, at which place, in which unit, and what is required of
-it.
+"""One output as named in its file: its function or path, location, unit and requirement.
 
 An output is a declared function of a state (`jaxspace.core.output`), a declared method of an effect
 (`drag.dynamic_pressure`), or the path of a number of the state, `final.omega.2`, in which the name
-of a phase may stand for `final`, and `run` for the whole run. The places of a branch have its name
-before theirs: `booster.final.position.2`, `booster.fall`."""
+of a phase may replace `final`, and `run` denotes the whole run. The places of a branch have its
+name before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import inspect
 from collections.abc import Callable
@@ -28,7 +27,7 @@ class OutputSpec(NamedTuple):
 
     - `function` of a state, or `path` of a number of it; a method has the name of its `effect`.
     - `shared`: entries of the file for arguments of the function.
-    - `required`: what is required of it, in `unit`.
+    - `required`: its requirement, in `unit`.
     - `take`: the extreme along these `phases`, or its time; of none at `at`."""
 
     name: str

@@ -1,4 +1,4 @@
-"""What [optimize] takes of an output over the runs of [dispersion], as a file says it.
+"""Statistics of an output over the runs of [dispersion] for [optimize], as given in a file.
 
     take               of the runs                                             by default
     "mean"             the mean                                                this one
@@ -9,8 +9,8 @@
     "above 6 m/s"      the share of them with more; or `below`, with less
 
 Worse is more of what is minimised or has an `at_most`, and less of what is maximised or has an
-`at_least`. A failed run counts as a bad one in a share. Of an output that is an extreme along each
-run, both are taken, one after the other: take = ["greatest", "99 %"]."""
+`at_least`. A failed run counts as a bad one in a share. For an output that is an extreme along each
+run, both are given in order: take = ["greatest", "99 %"]."""
 
 import re
 from typing import NamedTuple
@@ -33,7 +33,7 @@ PERCENT = re.compile(rf"({BEYOND}\s+)?(\d+\.?\d*\s*%)")
 
 
 class RunStatistic(NamedTuple):
-    """What is taken over the runs: its `kind`, and its `number`: that of standard deviations, a
+    """A statistic over the runs: its `kind`, and its `number`: a number of standard deviations, a
     share, or a limit in the unit of the output."""
 
     kind: str
@@ -46,14 +46,15 @@ class RunStatistic(NamedTuple):
 
 
 def split_take(take: Value) -> tuple[Value, Value]:
-    """The extreme along each run, and what is taken over the runs; `None` for what is not there."""
+    """The extreme along each run, and the statistic over the runs; `None` for a missing one."""
     if isinstance(take, list) and len(take) == 2 and take[0] in TAKES:
         return take[0], take[1]
     return (take, None) if isinstance(take, str) and take in TAKES else (None, take)
 
 
 def read_statistic(key: str, text: Value, spec: OutputSpec, file: Parsed) -> RunStatistic:
-    """What a text takes of an output over the runs. Raises `ValueError` with the whole sentence."""
+    """The statistic over the runs that a text describes. Raises `ValueError` with the complete
+    message."""
     words = text.strip() if isinstance(text, str) else ""
     if words in (MEAN, WORST):
         return RunStatistic(words)

@@ -1,2 +1,2 @@
-"""What a checked file computes: its nominal run, the campaign of its [dispersion], and the outputs
-of both."""
+"""Computations of a validated file: its nominal run, the campaign of its [dispersion], and the
+outputs of both."""

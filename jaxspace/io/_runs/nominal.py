@@ -1,5 +1,5 @@
-"""One run of a scene file, computed by the functions that take many: its states and outputs, an
-output at its end as a function for studies, and the warning of a run below the ground."""
+"""One run of a scene file, computed with the functions for batches: its states and outputs, a final
+output as a function for studies, and the warning of a run below the surface."""
 
 import dataclasses
 import warnings
@@ -117,7 +117,7 @@ def warned_of_ground(run: Result, values: Values, stacklevel: int) -> Result:
 
 
 def _words(phase: Trajectory, mu: float, radius: float) -> str:
-    """How deep a phase passes below the ground, in a sentence; empty where it stays above."""
+    """A warning message about a phase that passes below the surface; empty if it stays above."""
     parts = (phase.system, *getattr(phase.system, "effects", ()))
     # Over flat ground the origin is no centre.
     about_centre = any(hasattr(part, "mu") for part in parts)

@@ -3,8 +3,8 @@ along it.
 
 An output is a declared function of a state (`jaxspace.core.output`), a declared method of an effect
 (`drag.dynamic_pressure`), or the path of a number of the state, `final.omega.2`, in which the name
-of a phase may stand for `final`, and `run` for the whole run. The places of a branch have its name
-before theirs: `booster.final.position.2`, `booster.fall`."""
+of a phase may replace `final`, and `run` denotes the whole run. The places of a branch have its
+name before theirs: `booster.final.position.2`, `booster.fall`."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -38,7 +38,7 @@ class Curve(NamedTuple):
 
 
 OutputFunction: TypeAlias = Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
-"""From a result and the inputs of its runs to the outputs, each (runs,)."""
+"""Computes the outputs, each (runs,), from a result and the inputs of its runs."""
 Curves: TypeAlias = Mapping[int, Curve]
 """The curves along phases by their numbers."""
 
@@ -63,9 +63,8 @@ class Span(NamedTuple):
 
 
 class _Context(NamedTuple):
-    """What outputs are computed from besides a state: as of `Outputs.numbers`, the number of
-    `runs`, the `effects` of which some are methods, by name, and the `spans` of phases by their
-    place."""
+    """Arguments of outputs besides a state: as for `Outputs.numbers`, the number of `runs`, the
+    `effects` with output methods, by name, and the `spans` of phases by their location."""
 
     samples: dict[str, Array]
     runs: int
@@ -80,8 +79,8 @@ class Outputs(eqx.Module):
     - `values`: the numbers of the file.
     - `reference`: the states of the nominal run by phase (-1: the end), with an axis of one run;
       `None` if no output needs them.
-    - `initial`: the initial state of the file, likewise. Known, because in the program of all runs
-      it would be built by some forty kernels."""
+    - `initial`: the initial state of the file; `None` if no output needs it. Known, because in the
+      program of all runs it would be built by some forty kernels."""
 
     file: Parsed = eqx.field(static=True)
     specs: tuple[OutputSpec, ...] = eqx.field(static=True)
@@ -91,7 +90,7 @@ class Outputs(eqx.Module):
 
     @property
     def to_check(self) -> "Outputs | None":
-        """The outputs that the user's own functions compute, or `None` where there are none.
+        """The outputs of user-defined functions, or `None` if there are none.
 
         A campaign checks that the outputs of a run do not depend on other runs. Those of the
         library are tested for it, and left out to save the time of another trace."""

@@ -1,2 +1,2 @@
-"""What the [optimize] of a file computes: the search for the best of its free numbers, for the
-nominal run or over the runs of [dispersion], and its result."""
+"""Optimisation of a file with [optimize]: the search for its design variables, for the nominal run
+or over the runs of [dispersion], and its result."""

@@ -50,8 +50,8 @@ def optimise(
 
 
 def failed_start(optimum: Optimum, run: MissionTrajectory) -> str:
-    """Why a search has no finite numbers, in words; empty where that is not the fault of the `run`
-    from its start."""
+    """The reason why a search has no finite values; empty if the `run` from its start is not the
+    cause."""
     bad = failed_phase(run)
     if bad:
         return f"The run from the start: {bad}"
@@ -65,7 +65,7 @@ def failed_start(optimum: Optimum, run: MissionTrajectory) -> str:
 
 
 def size_of(free: Free) -> float:
-    """By what a free number is scaled, SI."""
+    """The scale of a design variable, SI."""
     if free.scale is not None:
         return free.scale
     # Without bounds there is no span: the number's own size stands in, at least one.

@@ -40,13 +40,13 @@ class Optimum:
     """Result of `SceneFile.optimize`.
 
     - `file`: the file; `task`: the content of its [optimize].
-    - `minimum`: the result of `optimization.minimise`, whose `x` are the free numbers by path, SI;
-      of an objective that is to be greatest, it is the minimum of the negative.
+    - `minimum`: the result of `optimization.minimise`, whose `x` are the design variables by path,
+      SI; for an objective to maximise, it is the minimum of the negative.
     - `objective`, `constraints`: the values of the outputs, SI, in the order of the file.
-    - `error`: estimated relative error by the steps; `steps`: of each phase.
-    - `happened`: whether each phase met its event.
-    - `warning`: a sentence on a doubtful result: the run from the start fails, or the run that
-      should confirm the optimum has other numbers."""
+    - `error`: estimated relative error by the steps; `steps`: of each phase. - `happened`: whether
+      the event of each phase occurred.
+    - `warning`: a message about a doubtful result: the run from the start fails, or the
+      verification run of the optimum has different values."""
 
     file: FileContent
     task: Task
@@ -65,7 +65,7 @@ class Optimum:
 
     @property
     def values(self) -> dict[str, float]:
-        """The free numbers of the optimum, SI, by path."""
+        """The design variables of the optimum, SI, by path."""
         return {path: float(x) for path, x in self.minimum.x.items()}
 
     @property
@@ -118,8 +118,8 @@ class Optimum:
     @property
     @no_method
     def target_derivatives(self) -> tuple[float, ...]:
-        """For each constraint the derivative of the objective by its target, SI: from the
-        multipliers, zero where the constraint does not bind; NaN for an infeasible problem."""
+        """For each constraint the derivative of the objective with respect to its target, SI: from
+        the multipliers, zero where the constraint does not bind; NaN for an infeasible problem."""
         if self.infeasible:
             return (np.nan,) * len(self.task.demands)
         equal, above = _multipliers(self.minimum)
@@ -139,8 +139,8 @@ class Optimum:
 
     @property
     def bound_derivatives(self) -> dict[str, float]:
-        """For each free number at a bound the derivative of the objective by that bound, SI; none
-        for an infeasible problem."""
+        """For each design variable at a bound the derivative of the objective with respect to that
+        bound, SI; none for an infeasible problem."""
         result = {}
         if self.infeasible:
             return result
@@ -154,8 +154,8 @@ class Optimum:
         return result
 
     def sensitivities(self) -> dict[str, float]:
-        """The derivative of the best objective by every other number of the file, SI, with the
-        free numbers moved along: that of the Lagrangian (the envelope theorem).
+        """The derivative of the optimal objective with respect to every other number of the file,
+        SI, with re-optimised design variables: that of the Lagrangian (envelope theorem).
 
         Raises `InputError` for an infeasible problem, which has no optimum."""
         if self.infeasible:
@@ -234,7 +234,8 @@ class Optimum:
         return dataclasses.replace(self, warning=warning)
 
     def text(self) -> str:
-        """The scene file with the optimum in place of its free numbers, comments and units kept."""
+        """The scene file with the design variables replaced by the optimum, preserving comments and
+        units."""
         return with_numbers(self.file, self.task, self.values)
 
 

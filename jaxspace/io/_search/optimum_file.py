@@ -1,5 +1,5 @@
-"""The scene file of an optimum: the text of the file with other free numbers, and otherwise
-unchanged."""
+"""The scene file of an optimum: the text of the file with new values of the design variables, and
+otherwise unchanged."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -12,8 +12,8 @@ from ..units import read_number
 
 
 def with_numbers(file: FileContent, task: Task, values: Mapping[str, float]) -> str:
-    """The text of the `file` with the `values`, SI, by path, in place of the free numbers of the
-    `task`."""
+    """The text of the `file` with the design variables of the `task` replaced by the `values`, SI,
+    by path."""
     # Only this function needs the library that keeps comments.
     with extra("app"):
         import tomlkit

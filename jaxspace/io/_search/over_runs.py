@@ -77,8 +77,8 @@ def optimise_over_runs(
 
 @final
 class CampaignOfFile(eqx.Module):
-    """The campaign of a file as a function of its free numbers, SI, by path: a tree of arrays, so
-    that searches of one file share their programs.
+    """The campaign of a file as a function of its design variables, SI, by path: a tree of arrays,
+    so that searches of one file share their programs.
 
     - `parsed`, `values`: of the file.
     - `base`: the campaign of the file with the settings of the search.

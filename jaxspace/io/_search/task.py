@@ -1,4 +1,4 @@
-"""The run of a search: objective and constraints of [optimize] from the free numbers.
+"""The run of a search: objective and constraints of [optimize] from the design variables.
 
 The run is `simulation.simulate_compact`, which compiles in seconds."""
 
@@ -72,14 +72,14 @@ def values_of(
 
 
 def _curve(system: AbstractSystem, run: CompactRun, number: int) -> Curve:
-    """The states along a phase, which lie where its steps end: with their rates."""
+    """The states along a phase at the ends of its steps, with their rates."""
     phase = run.phases[number]
     rate = jax.vmap(system.vector_field, in_axes=(0, -1), out_axes=-1)
     return Curve(phase.ts, phase.states, rate(phase.ts, phase.states))
 
 
 def failed_phase(run: MissionTrajectory) -> str:
-    """The first phase of a run that ended badly, with the sentence of its status; or nothing."""
+    """The first failed phase of a run, with the message of its status; or nothing."""
     for name, phase in run.items():
         status = Status(int(phase.status))
         if not status.good:

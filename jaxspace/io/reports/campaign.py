@@ -21,8 +21,8 @@ WARNING, NO_NUMBER = "warning", "none"
 
 
 def replay_report(file: SceneFile, run: Replay, dispersion: Dispersion | None) -> str:
-    """One run of a campaign: its inputs beside the nominal ones, its outputs beside those of the
-    store (`dispersion`), the state at the end of every phase, and how it ended."""
+    """One run of a campaign: its inputs compared with the nominal ones, its outputs compared with
+    those of the store (`dispersion`), the state at the end of every phase, and the final status."""
     rows = [("input", "unit", "nominal", "this run")]
     for name, value in run.inputs.items():
         unit, factor, nominal = "", 1.0, ""
@@ -62,11 +62,11 @@ def _row_of(dispersion: Dispersion | None, run: int) -> dict[str, float]:
 
 
 def failures_report(file: SceneFile | None, dispersion: Dispersion, most: int = 20) -> str:
-    """The failed runs of a store, by how they ended: number and reason of each, up to `most` of a
-    kind, with what to do; and the runs that ended well with an output that is not a number.
+    """The failed runs of a store by status: number and reason of each, up to `most` of a kind, with
+    a remedy; and the successful runs with an output that is not finite.
 
-    `file`: the scene of the store, which says which of its inputs a refused run has out of
-    range."""
+    `file`: the scene of the store, which determines the inputs that are out of range in a rejected
+    run."""
     numbers = np.arange(dispersion.runs) if dispersion.numbers is None else dispersion.numbers
     lines = [f"{int(np.count_nonzero(dispersion.good))} of {dispersion.runs} runs succeeded."]
     lines += [dispersion.missing_runs] if dispersion.missing_runs else []
@@ -114,7 +114,7 @@ def _refusal(file: SceneFile | None, inputs: dict[str, float]) -> str:
 def _farthest(
     inputs: dict[str, float], moments: Mapping[str, tuple[float, float]], count: int = 2
 ) -> str:
-    """The inputs that lie farthest from the mean of all runs, in standard deviations."""
+    """The inputs farthest from the mean of all runs, in standard deviations."""
     off = {
         name: (value - moments[name][0]) / moments[name][1]
         for name, value in inputs.items()
@@ -126,9 +126,9 @@ def _farthest(
 
 
 def comparison_table(rows: Sequence[Comparison]) -> str:
-    """The cheaper methods beside Monte Carlo: how far off, from how many runs, in what time;
-    how well Monte Carlo itself knows what they are compared with; and a warning beside each number
-    that is not to be trusted, with its reason below."""
+    """Comparison of the cheaper methods with Monte Carlo: deviation, number of runs and time; the
+    sampling error of the Monte Carlo reference; and a warning next to each unreliable number, with
+    its reason below."""
     shown: list[Row] = [
         ("output", "method", "mean", "off by", "std dev", "off by", "runs", "seconds", "")
     ]
@@ -154,8 +154,8 @@ def comparison_table(rows: Sequence[Comparison]) -> str:
 def moments_report(
     title: str, moments: Moments, units: Mapping[str, str], nominal: Mapping[str, tuple[float, str]]
 ) -> str:
-    """Mean and deviation of every output by a method without many runs, with a warning beside those
-    that a sample of runs speaks against, and its reason below.
+    """Mean and standard deviation of every output from a method without many runs, with a warning
+    next to those contradicted by a sample of runs, and its reason below.
 
     **Arguments**
 

@@ -15,9 +15,9 @@ from .rows import Row
 def dispersion_report(
     result: Dispersion, nominal: Mapping[str, tuple[float, str]], count: int = 3
 ) -> str:
-    """The outputs of a campaign: a table beside their `nominal` values, their extremes, how often
-    the requirements are violated, the ellipses of the landings where it has some, the `count`
-    inputs that make most of the variance of each output, and how the runs ended."""
+    """The outputs of a campaign: a table with their `nominal` values, their extremes, the violation
+    rates of the requirements, the landing ellipses if any, the `count` main contributors to the
+    variance of each output, and the final statuses of the runs."""
     lines = [dispersion_table(result, nominal)]
     extremes = extreme_table(result)
     if extremes:
@@ -35,9 +35,9 @@ def dispersion_report(
 
 
 def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]]) -> str:
-    """Mean, standard deviation and 99 % limits of every output, beside its nominal value and its
-    numerical error where one is known; below it a line for each output that is not finite in runs
-    that ended well, and one for a tolerance that was found by purpose."""
+    """Mean, standard deviation and 99 % limits of every output, with its nominal value and, where
+    known, its numerical error; below it a line for each output that is not finite in successful
+    runs, and one for a tolerance determined by purpose."""
     rows: list[Row] = [("output", "unit", "nominal", "mean", "std dev", "0.5 %", "99.5 %")]
     table = result.table()
     # Known of most campaigns; without any the column would be empty.
@@ -56,7 +56,7 @@ def dispersion_table(result: Dispersion, nominal: Mapping[str, tuple[float, str]
 
 def extreme_table(result: Dispersion) -> str:
     """The least and the greatest value of every output, each with the number of its run; empty
-    where no run ended well."""
+    where no run succeeded."""
     rows: list[Row] = [("output", "unit", "least", "run", "greatest", "run")]
     for row in result.table():
         if row.min_run >= 0:
@@ -67,7 +67,7 @@ def extreme_table(result: Dispersion) -> str:
 
 
 def requirement_table(result: Dispersion) -> str:
-    """How often each requirement is violated, with its interval, and the verdict where a share is
+    """The violation rate of each requirement, with its interval, and the verdict where a share is
     allowed; empty without requirements. A failed run counts as a violation."""
     verdicts = result.verdicts
     heads = ("output", "required", "violated", "share", "interval", "confidence")
@@ -96,8 +96,8 @@ def footprint_table(result: Dispersion) -> str:
 
 
 def contributor_lines(result: Dispersion, count: int = 3) -> str:
-    """For every output the inputs that make most of its variance, and what is left; empty for too
-    few runs."""
+    """For every output the main contributors to its variance, and the remainder; empty for too few
+    runs."""
     # With fewer runs than coefficients the regression would explain anything.
     if np.count_nonzero(result.good) <= 2 * len(result.inputs) + 1:
         return ""
@@ -117,8 +117,8 @@ def contributor_lines(result: Dispersion, count: int = 3) -> str:
 
 
 def _causes(contributors: Contributors, count: int) -> list[str]:
-    """The largest shares in words, those of all other inputs together, and what no input explains
-    by itself."""
+    """The largest shares as text, the sum of all other inputs, and the part not explained by
+    individual inputs."""
     if not contributors.shares:
         return []
     listed = dict(list(contributors.shares.items())[:count])
@@ -133,8 +133,8 @@ def _causes(contributors: Contributors, count: int) -> list[str]:
 
 
 def status_lines(result: Dispersion) -> str:
-    """How many runs ended well, how many are still to come, each bad end with its sentence, and
-    why there are no more of them."""
+    """The numbers of successful and missing runs, the failures with their messages, and the reason
+    why the campaign ended."""
     lines = [f"{int(np.count_nonzero(result.good))} of {result.runs} runs succeeded."]
     lines += [result.missing_runs] if result.missing_runs else []
     lines += [

@@ -1,5 +1,5 @@
-"""Reports of the optimum of a search: its free numbers, constraints and phases, and what moves it
-most."""
+"""Reports of the optimum of a search: its design variables, constraints and phases, and its largest
+sensitivities."""
 
 import math
 from collections.abc import Sequence
@@ -23,8 +23,8 @@ OF_PHASES = ("end_time", "altitude", "radius", "speed", "radial_speed")
 def optimum_report(
     optimum: Optimum, confirmed: Sequence[float] = (), run: MissionTrajectory | None = None
 ) -> str:
-    """The table of an optimum: objective, free numbers, constraints with their multipliers, and why
-    the search ended.
+    """The table of an optimum: objective, design variables, constraints with their multipliers, and
+    the reason why the search ended.
 
     **Arguments**
 
@@ -57,8 +57,8 @@ def _objective_rows(optimum: Optimum, confirmed: float) -> list[Row]:
 
 
 def _free_rows(optimum: Optimum) -> list[Row]:
-    """Start, optimum and bounds of each free number, and how the objective moves with a bound that
-    holds it."""
+    """Start, optimum and bounds of each design variable, and the sensitivity of the objective to an
+    active bound."""
     goal, held = optimum.task.objective, optimum.bound_derivatives
     rows: list[Row] = [("free", "start", "optimum", "low", "high", "slope")]
     for free in optimum.task.free:
@@ -85,8 +85,8 @@ def _constraint_rows(optimum: Optimum, confirmed: Sequence[float]) -> list[Row]:
 
 
 def _phase_rows(optimum: Optimum, run: MissionTrajectory) -> list[Row]:
-    """For each phase, how its run ended, before its jump: those of a few outputs that the file
-    has all for."""
+    """For each phase, the values at its end, before its jump, of a few outputs for which the file
+    has all arguments."""
     file = optimum.file
     known = {s.name: s for s in applicable_outputs(file.parsed, file.units)}
     chosen = [known[name] for name in OF_PHASES if name in known]

@@ -92,7 +92,7 @@ def output_rows(outputs: Mapping[str, tuple[float, str]]) -> list[tuple[str, str
 
 
 def status_line(status: SupportsInt) -> str:
-    """The sentence of a status."""
+    """The message of a status."""
     return Status(int(status)).sentence
 
 
@@ -103,7 +103,7 @@ def label(name: str, unit: str) -> str:
 
 
 def _rough(x: float) -> str:
-    """A size of an error: of what is exact a zero."""
+    """The size of an error; zero for exact results."""
     return f"{x:.1e}" if x else "0"
 
 

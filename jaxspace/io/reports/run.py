@@ -19,7 +19,7 @@ from .rows import drift_rows, error_rows, number, output_rows, state_rows, statu
 
 @by_numpy()
 def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
-    """How a run of a system or a scene ended: time, state, outputs, drifts, errors, status."""
+    """The end of a run of a system or a scene: time, state, outputs, drifts, errors, status."""
     error = run.error()
     rows = [("time [s]", number(run.ts[-1])), *state_rows(run.final, file.units, error)]
     rows += output_rows(file.nominal_outputs(run, every=True))
@@ -33,7 +33,7 @@ def run_report(file: SceneFile, run: Trajectory | LoopRun) -> str:
 
 @by_numpy()
 def mission_report(file: SceneFile, run: MissionTrajectory, finer: MissionTrajectory) -> str:
-    """How a mission went, phase by phase. `finer`: the same at a tighter tolerance, from which the
+    """Report of a mission, phase by phase. `finer`: the same at a tighter tolerance, from which the
     errors follow."""
     lines = [file.title]
     for name, phase in run.items():
@@ -56,14 +56,15 @@ def _end_table(
     finer: MissionTrajectory | BranchEnd,
     outputs: Sequence[tuple[str, str]] = (),
 ) -> str:
-    """How a mission or a branch ended, with its `outputs`, and the errors, from a `finer` run."""
+    """The end of a mission or a branch, with its `outputs`, and the errors, from a `finer` run."""
     error = jax.tree.map(np.subtract, run.final, finer.final)
     rows = [("time [s]", number(run.end)), *state_rows(run.final, file.units, error)]
     return aligned([*rows, *outputs, *error_rows(error, file.units)])
 
 
 def final_error_rows(value: Value, run: Simulated | LoopRun) -> list[tuple[str, str]]:
-    """What was asked, what came out, what it took, and the price of another error.
+    """The requested error, the estimated error, the required accuracy, and the cost of other
+    errors.
 
     **Arguments**
 
