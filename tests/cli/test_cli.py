@@ -170,7 +170,7 @@ def test_disperse_prints_a_table_and_keeps_the_runs(dispersed):
         "99.5 %",
         "64 of 64 runs succeeded",
         "runs/s",
-        "shares",
+        "contributions",
     ):
         assert word in printed
     for name in ("coast.zarr", "coast.png", "coast.html"):

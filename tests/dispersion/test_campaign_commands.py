@@ -354,7 +354,7 @@ def test_tables_tell_what_is_not_finite_and_what_is_violated():
     row = next(line for line in report if line.startswith("x "))
     # Without a nominal value, and with an infinite limit.
     assert row.split()[:3] == ["x", "km", "-"] and row.split()[-1] == "∞"
-    assert "x is ∞ in 1, not a number in 1 of 7 good runs." in "\n".join(report)
+    assert "x is ∞ in 1, not a number in 1 of 7 successful runs." in "\n".join(report)
     (row,) = [line for line in report if "≤" in line]
     # Infinite, not a number, failed and 4.
     low, high = binomtest(4, 8).proportion_ci(0.95, "exact")

@@ -137,7 +137,7 @@ def test_a_store_of_another_form_is_refused_with_the_way_forward(copy, form):
     (copy / ".manifest" / "head").write_bytes(sealed(data))
     (copy / "zarr.json").write_bytes(data)
     sentence = (
-        f"form {form!r}, written by jaxspace 9.1, .* reads format 1: read it with the version"
+        f"format {form!r}, written by jaxspace 9.1, .* reads format 1: read it with the version"
     )
     for use in (open_store, lambda store: fly(store, resume=True)):
         with pytest.raises(StoreError, match=sentence):

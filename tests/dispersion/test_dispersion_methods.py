@@ -86,7 +86,7 @@ LIMIT = MEAN - 2.0 * np.sqrt(VARIANCE)
 # Curved outputs are here to be computed, and those of the linear method to be wrong.
 CURVED = pytest.mark.filterwarnings("ignore:.* is not reliable for")
 # Up to JAX 0.10 the second derivatives of hypot are zero where both sides are alike, as here.
-NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order leaves out radius")
+NO_RADIUS = pytest.mark.filterwarnings("ignore:second_order omits radius")
 
 
 @NO_RADIUS
@@ -131,7 +131,7 @@ def folded(result, samples):
 @CURVED
 def test_second_order_leaves_out_what_is_not_smooth():
     campaign = Campaign(build, {"x0": Normal(0.0, 0.3), "v0": Normal(0.0, 2.0)}, folded)
-    with pytest.warns(UserWarning, match="leaves out length, size: not smooth"):
+    with pytest.warns(UserWarning, match="omits length, size: not smooth"):
         found = moments(campaign, "second_order")
     there = dict(zip(found.names, np.isfinite(found.mean), strict=True))
     assert there == {"x": True, "bent": True, "none": True, "size": False, "length": False}
@@ -155,7 +155,7 @@ def spun(result, samples):
 SPUN = Campaign(build, {"x0": Normal(0.0, 1.0), "v0": Normal(0.0, 1.0)}, spun)
 
 
-@pytest.mark.filterwarnings("ignore:second_order leaves out size")
+@pytest.mark.filterwarnings("ignore:second_order omits size")
 @pytest.mark.parametrize(
     "method, off",
     [
@@ -190,7 +190,7 @@ def test_the_sample_is_as_large_as_it_must_be():
     [
         # Of a thousand values that are normal but for rounding: 4/sqrt(1000) = 0.13 deviations.
         (0.1, 1.0, NORMAL_VALUES, ""),
-        (0.15, 1.0, NORMAL_VALUES, "off by .0.15 deviations and .0 %"),
+        (0.15, 1.0, NORMAL_VALUES, "off by .0.15 standard deviations and .0 %"),
         (0.0, 0.8, NORMAL_VALUES, "off by .* and -20 %"),
         (np.nan, np.nan, NORMAL_VALUES, "not smooth at the nominal run"),
         (0.0, 1.0, np.append(NORMAL_VALUES, np.nan), "1 of 1001 runs fail"),
@@ -222,7 +222,7 @@ def test_methods_beside_monte_carlo():
     """4000 runs know a mean to 1/sqrt(4000) = 0.016 deviations, and a deviation to 0.011; both five
     times. A magnitude about zero is where the linear method fails, and the table shows it."""
     reference = disperse(CENTRED, 4000, seed=2)
-    with pytest.warns(UserWarning, match="leaves out radius: not smooth"):
+    with pytest.warns(UserWarning, match="omits radius: not smooth"):
         table = {(c.method, c.output): c for c in compare_methods(CENTRED, reference)}
     assert np.isnan(table["second_order", "radius"].std_error)
     doubted = {key for key, c in table.items() if c.warning}

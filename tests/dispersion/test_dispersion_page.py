@@ -185,7 +185,7 @@ def test_page_of_runs_that_are_not_finite(tmp_path):
     page = dispersion_page(d, tmp_path / "d.html").read_text(encoding="utf-8")
     infinite = int(np.count_nonzero(d.good & np.isinf(a)))
     assert infinite == 149
-    assert f"apoapsis is ∞ in {infinite}, not a number in 1 of 989 good runs" in page
+    assert f"apoapsis is ∞ in {infinite}, not a number in 1 of 989 successful runs" in page
     assert "1000 of 2000 planned runs are in the store" in page and "1000 of 2000 planned" in page
     data = data_of(page)
     shown = data["histograms"]["apoapsis"]

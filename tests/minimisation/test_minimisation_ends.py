@@ -118,7 +118,7 @@ def test_a_wrong_gradient_is_named():
     def problem(x):
         return Criterion(jnp.sum(x - 1.0) ** 2, None, jnp.stack([x[0], wrong_square(x)]))
 
-    with pytest.raises(InputError, match=r"slope of non_negative\[1\] by 0.3 of it"):
+    with pytest.raises(InputError, match=r"differences of non_negative\[1\] by a relative 0.3"):
         minimise(problem, jnp.array([1.0, 0.2]))
     # Under `jit` the result says it.
     found = jax.jit(lambda x: minimise(problem, x))(jnp.array([1.0, 0.2]))

@@ -158,7 +158,7 @@ def test_a_search_that_stops_short_is_not_infeasible():
     # What is missing may be the gradient alone.
     assert rough.violation < 1e-4 and (rough.violation > 0.0) == np.any(rough.unmet[0])
     sentence = rough.sentence()
-    assert "without reaching the tolerance 1.0e-12" in sentence and "compute in float64" in sentence
+    assert "the tolerance 1.0e-12 is not reached" in sentence and "compute in float64" in sentence
     few = search(on_a_shell, start, max_steps=2)
     assert int(few.reason) == StopReason.STEP_LIMIT and few.violation > 1e-3
     sentence = few.sentence()

@@ -70,7 +70,7 @@ def test_dispersion_figure(dispersion, tmp_path):
     assert len(figure.axes) == 1 + 2 * 3
     for expected in (
         "apogee height [km]",
-        "perigee height against apogee height",
+        "perigee height vs. apogee height",
         "tumble rate [rad/s]",
         "impulse",
     ):

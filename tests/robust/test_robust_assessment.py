@@ -101,7 +101,7 @@ def test_the_page_holds_table_sentences_and_pictures(assessment, tmp_path):
 
 def test_what_is_wrong_is_said(best):
     for arguments, sentence in (
-        ({"seed": best.seed}, "seed is 0, that of the search"),
+        ({"seed": best.seed}, "seed is 0, the seed of the search"),
         ({"others": {"robust": best.x}}, '"robust" is reserved for the optimum'),
         ({"runs": 100}, "runs is 100, too few for the 95 % quantile of y"),
     ):

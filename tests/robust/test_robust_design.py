@@ -347,7 +347,7 @@ def test_what_is_wrong_is_said_before_anything_is_compiled():
     campaign = algebraic(linear_quadratic, {"w": Normal(0.0, 1.0)})
     x = jnp.asarray(0.9)
     for wrong, sentence in (
-        ({"minimise": Quantile("y", 0.99), "runs": 1000}, "runs is 1000, too few .* 2000 or more"),
+        ({"minimise": Quantile("y", 0.99), "runs": 1000}, "runs is 1000, too few .* at least 2000"),
         ({"minimise": CVaR("y", 0.9), "runs": 100}, "100, too few for the mean of y beyond"),
         ({"minimise": Mean("z")}, "'z' is not an output of the campaign: it must be one of y"),
         ({"minimise": "mean"}, "minimise is a str: it must be a statistic"),

@@ -346,7 +346,7 @@ def test_curve_goes_on_after_a_pause(tmp_path):
         (HEAD + "1 2\n0,5 3\n", "line 3 is '0,5 3': it must be a time, s, and a thrust, N"),
         (HEAD + "1 2\nend\n", "line 3 is 'end': it must be a time, s, and a thrust, N"),
         ("0.1 2\n1 0\n", "line 1 is '0.1 2': it must be a header: name, diameter"),
-        ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "line 1 has the head 'A 8b 18 70 0 1 2 X': it is"),
+        ("A 8b 18 70 0 1 2 X\n1 2\n2 0\n", "line 1 has the header 'A 8b 18 70 0 1 2 X': it is"),
     ],
 )
 def test_motors_that_are_refused(tmp_path, text, sentence):

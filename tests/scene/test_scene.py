@@ -104,7 +104,7 @@ def test_a_scene_without_attitude_carries_none():
     scene = Scene((PointGravity(MU), Oblateness(MU, J2, RADIUS)), RigidBody(900.0, [1.0, 1.0, 1.0]))
     assert scene.parts == ("position", "velocity")
     assert len(jax.tree.leaves(scene.vector_field(T, orbit()))) == 2
-    with pytest.raises(InputError, match="The state has attitude"):
+    with pytest.raises(InputError, match="The state has 'attitude'"):
         scene.vector_field(T, orbit(attitude=turned(), omega=jnp.zeros(3)))
 
 

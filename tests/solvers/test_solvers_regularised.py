@@ -229,4 +229,4 @@ def test_it_refuses_what_has_no_regularised_variables():
     damped = Scene((PointGravity(1.0), JetDamping(lambda t, m: -1.0 * m, 1.0, 0.1)), body)
     refused(damped, "JetDamping reads the omega")
     turning = Scene((PointGravity(1.0),), body, carry=("attitude",))
-    refused(turning, "state holds position, velocity, attitude, omega")
+    refused(turning, "state has position, velocity, attitude, omega")

@@ -121,7 +121,7 @@ def test_means_leave_infinite_values_out_and_say_so():
     assert row.mean == np.mean(finite) and row.std == np.std(finite, ddof=1)
     assert row.high == row.max == np.inf and row.min == -np.inf and np.isfinite(row.low)
     (told,) = d.warnings
-    assert "x is ∞ in 598, -∞ in 2, not a number in 3 of 3999 good runs" in told
+    assert "x is ∞ in 598, -∞ in 2, not a number in 3 of 3999 successful runs" in told
     assert "exclude them, limits count the infinite ones" in told
     for statistic in (d.covariance, d.ellipsoid):
         with pytest.warns(UserWarning, match="603 of 3999 successful runs are omitted: x, a must"):

@@ -104,7 +104,7 @@ def test_single_precision_stays():
 @pytest.mark.parametrize(
     "times, values, words",
     [
-        (np.zeros(2), np.zeros(2), "needs 5 states"),
+        (np.zeros(2), np.zeros(2), "requires at least 5 states"),
         (np.zeros(6), np.zeros(7), "must be compatible with"),
     ],
 )
