@@ -295,7 +295,7 @@ def _check_counts(module: object, *names: str) -> None:
             if axis and length != known:
                 raise InputError(
                     f"{type(module).__name__}.{name} has {length} {axis}, and {other} has {known}: "
-                    f"it must have as many as there are {other}."
+                    f"it must have the same number as {other}."
                 )
 
 

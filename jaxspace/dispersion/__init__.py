@@ -1,4 +1,4 @@
-"""Campaigns of many runs, and what is computed of a campaign besides its runs."""
+"""Campaigns of many runs, and further analyses of a campaign."""
 
 from typing import TYPE_CHECKING
 

@@ -1,10 +1,10 @@
-"""Draw, run, check: many runs of a campaign, each by its own steps.
+"""Drawing, simulation and checks of many runs of a campaign, each with individual steps.
 
 One compiled program draws the inputs, and another runs the missions of every call, whatever the
 numbers of runs, chunks, cores and processes are: a call has a fixed number of runs in fixed blocks,
-and is never divided among cores. The numbers of run i therefore depend on the campaign, the seed
-and i alone, to the last bit (on one kind of processor): but for a step at the number of planned
-runs from which a program that takes longer to compile, and flies faster, pays (`is_small`).
+and is never divided among cores. The results of run i therefore depend on the campaign, the seed
+and i only, bit for bit (on one kind of processor), except for a change at the number of planned
+runs from which a faster program with a longer compilation pays off (`is_small`).
 """
 
 import hashlib
@@ -218,8 +218,7 @@ class BatchRunner(AbstractRunner):
     def _compile(self, drawn: Drawn, lowered: "Future[None]") -> None:
         """Compile the program of all runs for inputs of these shapes, where a call then finds it.
 
-        `lowered` is done when nothing but the compiler is left to wait for, or has what was raised
-        before."""
+        `lowered` is done when only the compiler remains, or holds an earlier exception."""
         try:
             # By NumPy, as what is read of a result: each shape would be a program of JAX.
             zeros = jax.tree.map(lambda x: np.zeros(x.shape, x.dtype), drawn)

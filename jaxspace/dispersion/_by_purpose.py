@@ -1,7 +1,8 @@
-"""The loosest tolerance that serves the purpose of a campaign, and the numerical errors of outputs.
+"""The loosest tolerance sufficient for the purpose of a campaign, and the numerical errors of
+outputs.
 
 The mean of an output over n runs is known to its sampling error, s / sqrt(n), where s is its
-deviation. The numerical error e(r) at a tolerance r may be a twentieth of that:
+standard deviation. The numerical error e(r) at a tolerance r may be a twentieth of that:
 
     e(r) <= s / (20 sqrt(n)),     e(r)^2 = mean of (y_i(r) - y_i(r_ref))^2
 
@@ -41,30 +42,30 @@ Simulated: TypeAlias = Callable[[float], RunResults]
 
 
 class TunedTolerance(NamedTuple):
-    """What a search has found: the purpose, and the numerical errors by output."""
+    """The result of a search: the purpose, and the numerical errors by output."""
 
     purpose: Purpose
     errors: dict[str, float]
 
     @property
     def record(self) -> Record:
-        """What a store keeps of it."""
+        """The part of it that is stored."""
         return {"by_purpose": self.purpose._asdict(), **recorded(self.errors)}
 
 
 def recorded(errors: dict[str, float]) -> Record:
-    """What a store keeps of numerical errors: the known ones, and nothing of a closed form."""
+    """The stored numerical errors: the known ones, and none for a closed form."""
     finite = {name: x for name, x in errors.items() if math.isfinite(x)}
     return {"numerical_errors": finite} if any(finite.values()) else {}
 
 
 def tolerance_by_purpose(simulated: Simulated, runs: int) -> TunedTolerance:
-    """The loosest tolerance that serves a campaign of so many `runs`, of those tried; the default
-    one for a closed form, which no tolerance changes. Warns where none serves.
+    """The loosest sufficient tolerance, of those tried, for a campaign of `runs` runs; the default
+    one for a closed form, which does not depend on the tolerance. Warns if none is sufficient.
 
-    From the default tolerance the search goes where its errors point to, and on from there step by
-    step: to tighter ones until one serves, or to looser ones while they do. Raises
-    `SimulationError` where the nominal run fails."""
+    From the default tolerance the search jumps to the tolerance predicted from its errors, and
+    continues stepwise: to tighter ones until one is sufficient, or to looser ones while they are.
+    Raises `SimulationError` where the nominal run fails."""
     dtype = jnp.result_type(float)
     default = DEFAULT_RTOL[dtype.name]
     known: dict[float, RunResults] = {}
@@ -79,7 +80,7 @@ def tolerance_by_purpose(simulated: Simulated, runs: int) -> TunedTolerance:
     allowed = {n: SHARE * s / math.sqrt(runs) for n, s in deviations(reference).items()}
 
     def excess(rtol: float) -> float:
-        """How many times the error that is allowed an output has, the worst of them."""
+        """The largest error of an output in units of the allowed error."""
         errors = numerical_errors(at(rtol), reference)
         return max((errors[name] / x for name, x in allowed.items()), default=0.0)
 
@@ -120,9 +121,9 @@ def _reference(at: Simulated, default: float, least: float) -> tuple[float, RunR
 
 
 def errors_at(rtol: float, here: RunResults, simulated: Simulated) -> dict[str, float]:
-    """The numerical errors of the outputs that scatter, by name, from the runs `here` with a
-    tolerance `rtol` and those with a tenth of it. Empty where the precision does not resolve a
-    tenth, or where the runs cannot be made."""
+    """The numerical errors of the dispersed outputs, by name, from the runs `here` with a tolerance
+    `rtol` and those with a tenth of it. Empty where the precision does not resolve a tenth, or
+    where the runs cannot be made."""
     finer = max(FINER * rtol, 2.0 * least_tolerance(jnp.result_type(float)))
     if finer > RESOLVED_BY * rtol:
         return {}
@@ -148,7 +149,7 @@ def numerical_errors(here: RunResults, reference: RunResults) -> dict[str, float
 
 
 def deviations(results: RunResults) -> dict[str, float]:
-    """The standard deviation of each output that scatters by more than roundings."""
+    """The standard deviation of each output whose dispersion exceeds rounding errors."""
     result = {}
     for name, x, usable in _good(results):
         x = x[usable]

@@ -29,7 +29,7 @@ from .replay import Replay, replay
 T = TypeVar("T")
 
 RUNS = 1000
-"""How many runs there are by default: enough for a mean and a deviation to a few percent."""
+"""Default number of runs: enough for a mean and a standard deviation to a few percent."""
 
 
 def _as_pairs(limits: dict[str, T] | Sequence[tuple[str, T]]) -> tuple[tuple[str, T], ...]:
@@ -65,28 +65,28 @@ class Campaign(AbstractCampaign):
       inputs, each (runs,). The runs are on the last axis: parameters are scalars or (runs,),
       vectors (3, runs) or (3, 1).
     - `inputs`: the distribution of each input, by name.
-    - `outputs(result, samples) -> dict`: the outputs, each (runs,), of a `MissionTrajectory`, whose
-      phases hold numbers and no systems, and the inputs.
-    - `units`: the unit of every input and output, by name; a name without one is a pure number.
+    - `outputs(result, samples) -> dict`: the outputs, each (runs,), from a `MissionTrajectory`,
+      whose phases contain numbers only and no systems, and the inputs.
+    - `units`: the unit of every input and output, by name; a name without one is dimensionless.
     - `start`, s: the time at which the mission starts.
     - `description`: free text for the record, such as the scene file.
     - `limits`: for inputs by name, the quantity and the range that its class allows; a run with an
-      input outside of it is refused (`allowed`).
+      input outside of it is rejected (`allowed`).
     - `requirements`: for outputs by name, the least and the greatest allowed value, `None` for no
       limit, as a pair or a `Requirement`, which may allow a share of violations; statistics and
       reports count violations and give a verdict.
-    - `design`: how the runs are distributed (`LatinHypercube`, `Sobol`); at random by default.
+    - `design`: sampling design of the runs (`LatinHypercube`, `Sobol`); random by default.
     - `along`: number of states of each phase that `outputs` reads, evenly spaced from its start to
-      its end; by default the two ends. `greatest` and `least` need more.
+      its end; by default the two ends. `greatest` and `least` require more.
     - `files`: texts of the files that the description names, by name, for the record.
     - `modules`: texts of the Python files (`core.run_module`) whose classes and functions the
       campaign uses, by name: workers run them, and the record has them with their hashes.
     - `accuracy`: the default of the relative tolerance of each step, an `Accuracy`, or "by purpose"
       (`ByPurpose`); a campaign of a scene file has that of the file.
 
-    `build` and `outputs` are traced once; as modules they may hold arrays. Raises `InputError` for
-    an input that is no distribution or has a reserved name, for no inputs, and for fewer than two
-    states along a phase."""
+    `build` and `outputs` are traced once; as modules they may contain arrays. Raises `InputError`
+    for an input that is not a distribution or has a reserved name, for empty inputs, and for fewer
+    than two states along a phase."""
 
     build: BuildFunction
     inputs: dict[str, AbstractDistribution]
@@ -178,7 +178,7 @@ class Campaign(AbstractCampaign):
         return built
 
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
-        """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
+        """Whether all inputs of a run are in the ranges allowed by their classes, for each run."""
         runs = next(iter(samples.values())).shape
         within = jnp.ones(runs, bool)
         # Traced, unlike the check of a class, so that a bad draw only marks its run.

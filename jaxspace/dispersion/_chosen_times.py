@@ -32,8 +32,8 @@ def choose_times(
     phase that ends by an event or after a random duration, every phase has all remaining times,
     because it starts and ends at other times in each run.
 
-    **Raises** `InputError` for a time at which the mission does not run, and for one that may lie
-    in a phase that a controller samples."""
+    **Raises** `InputError` for a time outside the mission, and for one that may be in a phase
+    sampled by a controller."""
     left = np.unique(np.asarray(times, float))
     if np.ndim(times) != 1 or left.size == 0 or not np.all(np.isfinite(left)):
         raise InputError(f"times is {times!r}: it must be a list of one or more times, in s.")

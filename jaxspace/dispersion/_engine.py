@@ -40,12 +40,12 @@ from .covariance import MONTE_CARLO, Moments, moments
 from .purpose import ByPurpose, CampaignAccuracy, as_campaign_accuracy, with_tolerance
 
 CHUNK = 8192
-"""Runs in a chunk: large enough that storing them takes a percent of the time to compute them."""
+"""Runs in a chunk: large enough that storing takes one percent of the computing time."""
 MEASURED = 10_000
-"""Number of runs from which on the numerical errors at a given tolerance are measured: 512 runs at
-two tolerances take a tenth of a second to two seconds of processor time."""
+"""Minimum number of runs for which the numerical errors at a given tolerance are measured: 512 runs
+at two tolerances take a tenth of a second to two seconds of processor time."""
 TIMES_KEPT = "In the phase that covers them; NaN where a run is in another phase at a time."
-"""What the attributes of a store say of `times`."""
+"""Description of `times` in the attributes of a store."""
 
 
 @overload
@@ -109,12 +109,12 @@ def disperse(
     - `campaign`: the mission, its random inputs and its outputs.
     - `runs`: number of runs.
     - `method`: "monte_carlo"; or "lincov", "second_order" or "unscented", which compute a mean and
-      a covariance without random runs (`moments`). Of the options below, these take only
-      `accuracy`.
+      a covariance without random runs (`moments`). Of the options below, these support `accuracy`
+      only.
     - `seed`: seed of the random inputs. On the same kind of processor and with the same versions,
       run number i has the same inputs and outputs, bit for bit, whatever `runs`, `chunk`, `engine`
-      and `devices` are, and also after a restart. Only a campaign of so many `runs` that a longer
-      compilation pays (`is_small`) takes other steps than one of fewer.
+      and `devices` are, and also after a restart. Only campaigns large enough for a longer
+      compilation to pay off (`is_small`) use different steps.
     - `chunk`: number of runs after which results are fetched and stored, rounded up to whole calls
       of 512 runs (2^14 on an accelerator). It bounds the memory.
     - `accuracy`: the relative tolerance of each step, or an `Accuracy`; by default that of the
@@ -136,8 +136,8 @@ def disperse(
       then have a row for every one of the later times, and a run is NaN in the rows at which it is
       in another phase or has ended. A time that no run of the first call reaches causes a warning.
 
-      If a controller samples a phase, no time may lie in it or later, nor in or after an earlier
-      phase whose end is not known in advance.
+      If a controller samples a phase, times must not be in it or later, nor in or after an earlier
+      phase whose end is unknown in advance.
     - `engine`: "local" (this process, with all of its cores or accelerators), "processes", "dask",
       the address of a Dask scheduler, "hosts" (the processes of `jax.distributed`), or an engine
       object.
@@ -151,7 +151,7 @@ def disperse(
     than "monte_carlo", the `Moments`.
 
     **Raises** `InputError` for numbers that are not whole or not positive, for an option that the
-    method does not take, and for a tolerance that the precision cannot reach; `StoreError` for a
+    method does not support, and for a tolerance that the precision cannot reach; `StoreError` for a
     store that exists or cannot be written, before anything is computed where possible;
     `SimulationError` if the nominal run fails."""
     if method != MONTE_CARLO:
@@ -229,8 +229,8 @@ def _attributes_of(
     until: StopRule | None,
     notes: Mapping[str, object],
 ) -> Record:
-    """What a result records of a prepared campaign; `notes` are the user's. Raises `InputError` for
-    a rule about an output that the campaign does not have."""
+    """The record of a prepared campaign in a result; `notes` are the user's. Raises `InputError`
+    for a rule about an output that the campaign does not have."""
     prepared = runner.prepared
     attributes: Record = {**record(prepared.campaign, prepared.accuracy, runs), **notes}
     attributes |= {"digest": prepared.digest, "chunk": runner.chunk(chunk), "seed": prepared.seed}
@@ -280,8 +280,8 @@ def _prepared(
     runs: int,
     there: Record | None,
 ) -> tuple[BatchRunner, Record]:
-    """The prepared campaign, with the tolerance that serves its purpose where that is asked for;
-    and what is recorded of its numerical errors.
+    """The prepared campaign, with the tolerance for its purpose if requested; and the record of its
+    numerical errors.
 
     **Arguments**
 
@@ -326,8 +326,8 @@ def _states_to_store(
 
 
 def _check_stored_names(campaign: Campaign, kept: StatesToStore) -> None:
-    """Raise `StoreError` for an input, or a phase of which states are kept, with a name that no
-    array of a store can have: before anything is compiled."""
+    """Raise `StoreError`, before anything is compiled, for an input, or a phase with saved states,
+    whose name is not allowed for an array of a store."""
     names = list(campaign.inputs)
     if kept:
         # Only the names of the phases are needed, and nothing is computed.

@@ -12,8 +12,8 @@ class Estimate(NamedTuple):
 
     - `value`: the sum.
     - `variation`: its standard error over the value.
-    - `heaviest`: the greatest part of the sum that one violation may be.
-    - `unseen`: estimated share of the violations that lie where no draw was made.
+    - `heaviest`: the largest possible contribution of a single violation to the sum.
+    - `unseen`: estimated share of the violations in regions without draws.
     - `runs`: number of runs made."""
 
     value: float
@@ -24,7 +24,7 @@ class Estimate(NamedTuple):
 
     @property
     def warning(self) -> str:
-        """A sentence where the value is not well known; empty where it is."""
+        """A message if the value is uncertain; empty otherwise."""
         if self.value == 0.0:
             return "No violation was found: the probability is at most `high`."
         sentences = []

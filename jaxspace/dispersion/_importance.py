@@ -10,14 +10,14 @@
 
 The density follows the design points, to which derivatives lead, and violations that two
 independent subset simulations find without derivatives: short ones where the design points explain
-what these find, longer ones where not. A first part of the draws shows what the density lacks, and
-improves that of the second part. Each part is weighted by its own density, and both estimates by
-the variances that the violations of the simulations predict, so that they remain unbiased.
+what these find, longer ones where not. A first part of the draws reveals deficiencies of the
+density, and improves that of the second part. Each part is weighted with the density from which it
+was drawn, and both estimates by the variances that the violations of the simulations predict, so
+that they remain unbiased.
 
-The density from one simulation alone should cover what the other one found. Violations that neither
-density covers would be missed by both with the product of the probabilities, which widens the
-interval (capture and recapture).
-Source: Melchers, Structural Reliability, 2nd edition, 3.4.
+The density from one simulation should cover the violations found by the other one. Violations that
+neither density covers would be missed by both with the product of the probabilities, which widens
+the interval (capture and recapture). Source: Melchers, Structural Reliability, 2nd edition, 3.4.
 """
 
 import math
@@ -129,7 +129,7 @@ def _violations(
 
 
 def _joined(a: Violations, b: Violations) -> Violations:
-    """Both, each with half of the shares."""
+    """Combination of both, each with half of the shares."""
     shares = [x.share / x.share.sum() for x in (a, b) if len(x.share)]
     return Violations(
         np.concatenate([a.z, b.z]),

@@ -1,4 +1,4 @@
-"""The check that the outputs of a run depend on that run alone.
+"""The check that the outputs of a run depend on that run only.
 
 The nominal run and the first runs of a campaign are computed, and then their outputs twice: with
 each run among the others, and with copies of it in place of all."""
@@ -48,7 +48,7 @@ class FirstRuns(NamedTuple):
 def check_outputs(
     campaign: Campaign, accuracy: Accuracy, draw: Callable[[np.ndarray], Drawn]
 ) -> None:
-    """Check that the outputs of a run depend on that run alone (`check_apart`).
+    """Check that the outputs of a run depend on that run only (`check_apart`).
 
     `draw(used)` are the inputs of the first runs, of which those `used` raise no error. No mission
     runs where the outputs are those of the library."""
@@ -79,14 +79,14 @@ def outputs_to_check(function: OutputFunction) -> OutputFunction | None:
     """The outputs of a campaign that other functions than those of the library compute, which are
     tested to treat each run by itself; `None` where there are none.
 
-    Outputs may say so themselves, by `to_check`."""
+    Outputs may declare this with `to_check`."""
     outputs = getattr(function, "to_check", function)
     module = outputs.__module__ if inspect.isfunction(outputs) else ""
     return None if module.partition(".")[0] == __name__.partition(".")[0] else outputs
 
 
 def check_apart(function: OutputFunction, along: int, first: FirstRuns) -> None:
-    """Check that the outputs of a run, of `along` states of each phase, depend on that run alone.
+    """Check that the outputs of a run, of `along` states of each phase, depend on that run only.
 
     The outputs of the `first` runs are computed again with copies of one run in place of all: each
     row must equal that of the run among the others. Those of the library are left out

@@ -1,4 +1,4 @@
-"""What replays and checks, which stand below it, read of a campaign."""
+"""The interface of a campaign for the lower-level replays and checks."""
 
 from abc import abstractmethod
 from collections.abc import Callable, Mapping
@@ -18,15 +18,15 @@ from ..simulation.mission_result import MissionTrajectory
 from ..statistics.requirements import Requirement
 
 BuildFunction: TypeAlias = Callable[[dict[str, Array]], tuple[Mission, State]]
-"""From the inputs, each (runs,), to the mission and its initial state."""
+"""The mission and its initial state from the inputs, each (runs,)."""
 OutputFunction: TypeAlias = Callable[[MissionTrajectory, dict[str, Array]], dict[str, Array]]
-"""From a result and the inputs to the outputs, each (runs,)."""
+"""The outputs, each (runs,), from a result and the inputs."""
 Limits: TypeAlias = tuple[float | None, float | None] | Requirement
 """The least and the greatest value that is allowed, or a requirement."""
 
 
 class AbstractCampaign(HashedModule):
-    """What the runs of a campaign follow from; fields and methods are those of `Campaign`."""
+    """The definition of the runs of a campaign; fields and methods are those of `Campaign`."""
 
     # In the order of `Campaign`, which type checkers take for that of its arguments.
     build: eqx.AbstractVar[BuildFunction]
@@ -56,7 +56,7 @@ class AbstractCampaign(HashedModule):
 
     @abstractmethod
     def allowed(self, samples: dict[str, Float[Array, " runs"]]) -> Bool[Array, " runs"]:
-        """Whether all inputs of a run lie in the ranges that their classes allow, for each run."""
+        """Whether all inputs of a run are in the ranges allowed by their classes, for each run."""
 
     @abstractmethod
     def refusal(self, samples: Mapping[str, ArrayLike]) -> str:

@@ -30,7 +30,7 @@ def callbacks() -> Iterator[None]:
 def isolate(function: Callable[[np.ndarray], T], count: int) -> T:
     """Call `function(used)` with all of `count` runs marked in `used` that raise no error.
 
-    `function` computes all runs, (count,); those that are not used take the nominal inputs.
+    `function` computes all runs, (count,); unused ones have the nominal inputs.
 
     **Raises** `SimulationError` where an error is raised without any of these runs as well."""
 

@@ -11,10 +11,9 @@
 
 Half of the draws are made about the design points. The others follow violations that were found
 without derivatives, with the shares that make these violations most likely. The covariance S covers
-violations that lie in all directions, for which there would be too few z_k, and the share a_0
-bounds every weight phi / q.
-Sources: Au and Beck, Struct. Saf. 21 (1999), 135 (kernels about violations); Hesterberg,
-Technometrics 37 (1995), 185 (the share a_0).
+violations in all directions, for which there would be too few z_k, and the share a_0 bounds every
+weight phi / q. Sources: Au and Beck, Struct. Saf. 21 (1999), 135 (kernels about violations);
+Hesterberg, Technometrics 37 (1995), 185 (the share a_0).
 """
 
 import math
@@ -89,7 +88,7 @@ def mixture(
 
     - `points`: the design points, (points, n), about which half of the draws are made.
     - `z`: violations, (runs, n), distributed as all violations but for the factor `likelihood`,
-      (runs,), in two independent groups, which `group`, (runs,), tells apart."""
+      (runs,), in two independent groups, given by `group`, (runs,)."""
     n = points.shape[1]
     rest, half = 1.0 - DEFENSIVE, ALONG_DERIVATIVES if len(points) else 0.0
     squares = np.sum(points**2, axis=1)
@@ -133,8 +132,8 @@ def _chosen(places: np.ndarray, likelihood: np.ndarray, rng: np.random.Generator
 def _wide(
     z: np.ndarray, share: np.ndarray, independent: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean of violations with these shares, and directions in which they scatter by more than one,
-    with the variances there."""
+    """Mean of violations with these shares, and directions in which their variance exceeds one,
+    with these variances."""
     mean = share @ z
     apart = z - mean
     # In the other directions the variance is one: a smaller one would make weights without bound.

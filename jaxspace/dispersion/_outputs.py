@@ -1,5 +1,4 @@
-"""The outputs of a campaign: one real number for each run, by name, or the sentence that says why
-not."""
+"""The outputs of a campaign: one real number for each run, by name, or the error message."""
 
 from collections.abc import Mapping
 
@@ -24,7 +23,7 @@ def outputs_of(
 ) -> dict[str, Float[Array, " runs"]]:
     """The outputs of runs by the `function` of their campaign, each (runs,).
 
-    **Raises** `InputError` for what is no dict of one real number for each run, or for all."""
+    **Raises** `InputError` for anything but a dict of one real number for each run, or for all."""
     outputs = function(result, samples)
     if not isinstance(outputs, Mapping):
         raise InputError(
@@ -71,7 +70,7 @@ def raised(
 
     **Arguments**
 
-    - `what`: the subject of the sentence.
+    - `what`: the subject of the message.
     - `result`, `samples`: of these runs.
     - `error`: the error."""
     # One after the other, to find the one that raises.

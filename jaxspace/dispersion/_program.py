@@ -39,7 +39,7 @@ class Drawn(NamedTuple):
 
     - `inputs`: as drawn.
     - `used`: those of the run; the nominal ones for a run that is refused or raises an error.
-    - `status`: why a run has the nominal inputs; `COMPLETED` where it has its own."""
+    - `status`: why a run has the nominal inputs; `COMPLETED` where it has individual ones."""
 
     inputs: dict[str, Array]
     used: dict[str, Array]

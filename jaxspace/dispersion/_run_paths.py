@@ -23,7 +23,7 @@ from ._campaign import Campaign
 MOST_SAVED = 2560
 """Positions of a phase: more make a page slow to load."""
 VISIBLE = 0.01
-"""Of what a run spans: the error of a line that is seen."""
+"""Visible error of a line, relative to the extent of a run."""
 
 
 @printed(times="s", positions="m")
@@ -31,8 +31,8 @@ class RunPaths(NamedTuple):
     """Positions along some runs; the first one is the nominal run, with the number -1.
 
     - `numbers`: of the runs, (runs,).
-    - `times`: s, (times, runs); `positions`: m, (3, times, runs), NaN for a run that failed. Before
-      each branch of a mission stands one time at which both are NaN, in every run."""
+    - `times`: s, (times, runs); `positions`: m, (3, times, runs), NaN for a run that failed. Each
+      branch of a mission is preceded by one time at which both are NaN, in every run."""
 
     numbers: np.ndarray
     times: np.ndarray
@@ -58,8 +58,8 @@ def run_paths(
     - `numbers`: of the runs, as in the store.
     - `seed`, `accuracy`: as of `disperse`.
     - `num_saved`: positions of each phase, at least: four times as many, and again, up to 2,560,
-      while the lines between them are off by more than a hundredth of what a run spans. Warns where
-      that is not enough."""
+      while the error of the lines between them exceeds a hundredth of the extent of a run. Warns
+      where that is not enough."""
     chosen = np.asarray(numbers, np.uint32)
     while True:
         result = _run(
@@ -115,8 +115,8 @@ def _run(
 def _error_of_lines(
     ts: list[Array], positions: list[Array], velocities: list[Array | None]
 ) -> Float[Array, " runs"]:
-    """The error of lines between the positions, relative to what each run spans: by their
-    curvature, and by the velocity, which shows a motion that returns between two times."""
+    """The error of lines between the positions, relative to the extent of each run: from their
+    curvature, and from the velocity, which reveals a motion that returns between two times."""
     every = jnp.concatenate(positions, axis=1)
     span = jnp.max(jnp.max(every, axis=1) - jnp.min(every, axis=1), axis=0)
     error = jnp.zeros(span.shape, span.dtype)

@@ -9,11 +9,10 @@
     F       the violations, g < 0                                                -
     r, u    correlation of a step of a chain, standard normal numbers            1, 1
 
-Where many runs have the same margin, as for outputs and inputs that move in steps, a level keeps
-all of them, and its share is counted; a step that almost none of the runs descends is sampled on,
-because it cannot be divided.
-Sources: Au and Beck, Prob. Eng. Mech. 16 (2001), 263; chains of Papaioannou et al., Prob. Eng.
-Mech. 41 (2015), 89.
+Where many runs have the same margin, as for outputs and inputs with discrete values, a level
+retains all of them, and its share is counted; a step that almost no run descends is sampled
+further, because it cannot be divided. Sources: Au and Beck, Prob. Eng. Mech. 16 (2001), 263; chains
+of Papaioannou et al., Prob. Eng. Mech. 41 (2015), 89.
 """
 
 import math
@@ -32,7 +31,7 @@ LEVEL = 0.1
 SEARCHED = 0.25
 CORRELATION = 0.8
 CHAINED = 4.5
-"""How much the runs of a chain, which resemble one another, widen the interval: its variance is 1 +
+"""Widening of the interval by the correlation of the runs of a chain: its variance is 1 +
 this times that of independent runs. Of 40 repetitions for 1e-6 the logarithms scattered by 0.41."""
 # A level that keeps more than this share of its runs does not lead on.
 DIVIDES = 0.5
@@ -55,7 +54,7 @@ class Population(NamedTuple):
 
 
 class Levels(NamedTuple):
-    """What the levels have found.
+    """The results of the levels.
 
     - `reached`: probability of the last level.
     - `share`: of its runs that violate the requirement.

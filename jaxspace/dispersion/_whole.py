@@ -5,7 +5,7 @@ import numpy as np
 from ..core import InputError
 
 MOST = 2**31 - 1
-"""The largest whole number of a campaign, as in scene files: without double precision JAX has no
+"""The largest integer of a campaign, as in scene files: without double precision JAX has no
 wider integers."""
 
 

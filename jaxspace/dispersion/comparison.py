@@ -18,13 +18,11 @@ from .covariance import METHODS, MONTE_CARLO, moments
 class Comparison(NamedTuple):
     """Error and cost of a method in one output.
 
-    - `method`, `output`: which.
-    - `mean`, `std`: as the method gives them.
-    - `mean_error`: its mean less that of Monte Carlo, in deviations.
-    - `std_error`: its deviation over that of Monte Carlo, less one.
-      For Monte Carlo itself both are its standard errors.
+    - `method`, `output`: of the row. - `mean`, `std`: results of the method. - `mean_error`: its
+      mean minus that of Monte Carlo, in standard deviations. - `std_error`: its standard deviation
+      over that of Monte Carlo, minus one. For Monte Carlo itself both are its standard errors.
     - `runs`, `seconds`: of the method, without compiling.
-    - `warning`: a sentence where the method is not valid; empty where it is."""
+    - `warning`: a message if the method is not valid; empty otherwise."""
 
     method: str
     output: str
@@ -48,9 +46,9 @@ def compare_methods(
 
     **Arguments**
 
-    - `campaign`: what both compute.
+    - `campaign`: the common campaign.
     - `reference`: its runs.
-    - `methods`: the methods of `disperse` that make no runs.
+    - `methods`: the methods of `disperse` without runs.
     - `accuracy`: as in `disperse`.
 
     **Returns** a row for each output and method, of each output that of the runs first."""

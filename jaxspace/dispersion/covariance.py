@@ -16,9 +16,9 @@
 Source: Maybeck, Stochastic Models, Estimation, and Control, 12.3 (second order, for normal inputs);
 Julier and Uhlmann, Proc. IEEE 92 (2004), 401.
 None of them is valid at a kink: a magnitude whose nominal value is zero has a mean above zero. The
-second order, whose curvature has no meaning there, gives NaN for such an output. A series that
-holds only close to the mean, as for the angle of a fast spin, gives plausible numbers that are
-wrong. So every result is compared with a sample of runs, and has a warning where they disagree.
+second-order method, whose curvature is undefined there, gives NaN for such an output. A series that
+is valid only close to the mean, as for the angle of a fast spin, gives plausible but wrong numbers.
+So every result is compared with a sample of runs, and has a warning where they disagree.
 """
 
 __all__ = ["METHODS", "MONTE_CARLO", "Moments", "sampled"]
@@ -67,10 +67,10 @@ class Moments(NamedTuple):
       in this order.
     - `jacobian`: derivatives of the outputs in the inputs, (d, inputs); `None` if unscented.
     - `inputs`: their names, in the order of the columns.
-    - `method`, `runs`, `seconds`: how it was found, from how many runs, and in what time, without
-      the time of compiling and of the sample.
-    - `warnings`: by output what a sample of runs says against its numbers, in a sentence; empty
-      where it says nothing."""
+    - `method`, `runs`, `seconds`: method, number of runs and computing time, without compilation
+      and the sample.
+    - `warnings`: by output, a message if a sample of runs contradicts its numbers; empty
+      otherwise."""
 
     names: tuple[str, ...]
     mean: np.ndarray
@@ -117,10 +117,11 @@ def moments(
     - `check`: how many runs of the campaign the result is compared with, at least 32; 0 for none.
       Up to 256 cost the same.
 
-    **Returns** a `Moments`. Where the mean or the deviation of an output is not that of the sample,
-    to four of its standard errors and a tenth of the deviation, `Moments.warnings` says so, and a
-    warning names the output. By "second_order" an output that is not smooth at the mean, as the
-    size of a vector that is zero there, is NaN, and a warning names it.
+    **Returns** a `Moments`. Where the mean or the standard deviation of an output differs from that
+    of the sample by more than four of its standard errors and a tenth of the standard deviation,
+    `Moments.warnings` reports it, and a warning names the output. By "second_order" an output that
+    is not smooth at the mean, as the size of a vector that is zero there, is NaN, and a warning
+    names it.
 
     **Raises** `InputError` for another method, and for a sample that is too small;
     `SimulationError` where the nominal run, or a sigma point, fails."""
@@ -157,7 +158,7 @@ def moments(
 
 
 def _warnings(campaign: Campaign, accuracy: Accuracy, found: Moments, runs: int) -> dict[str, str]:
-    """Warnings, for each output, where a sample contradicts its mean or its deviation."""
+    """Warnings, for each output, where a sample contradicts its mean or its standard deviation."""
     n = sum(map(len, normal_columns(campaign.inputs).values()))
     # At random, without the design: the standard errors hold for independent runs only.
     z = np.random.default_rng(0).standard_normal((runs, n))
@@ -259,8 +260,8 @@ def _derivatives(
 
 
 def _has_kink(hessian: Array, beside: Array) -> bool:
-    """Whether the slopes on both sides of a point differ by something else than what the second
-    derivatives say: those of |x| at zero may be anything."""
+    """Whether the slopes on both sides of a point differ by more than the second derivatives imply:
+    those of |x| at zero are arbitrary."""
     h, (above, below) = np.asarray(hessian), np.asarray(beside)
     if not (np.isfinite(h).all() and np.isfinite(beside).all()):
         return True
@@ -339,11 +340,11 @@ def sampled(
 
     So any statistic has a gradient in the parameters of a design:
     `jax.grad(lambda p: jnp.std(sampled(campaign_of(p))["apogee"]))(p)`; the draws stay the same
-    while the parameters move. The gradient of a percentile is that of the run that lies there.
+    while the parameters move. The gradient of a percentile is that of the run at the percentile.
 
     **Arguments**
 
-    - `campaign`: may hold traced numbers.
+    - `campaign`: may contain traced numbers.
     - `runs`, `seed`, `accuracy`: as of `disperse`."""
     check_whole("runs", runs, 1)
     check_whole("seed", seed)

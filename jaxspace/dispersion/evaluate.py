@@ -27,7 +27,8 @@ from ._outputs import outputs_of
 from ._whole import check_whole
 
 BLOCK = 256
-"""Runs in one call: every number of runs is filled up to a multiple, so that one program serves."""
+"""Runs in one call: every number of runs is padded to a multiple, so that one program is
+sufficient."""
 
 
 class Evaluated(NamedTuple):
@@ -38,7 +39,7 @@ class Evaluated(NamedTuple):
 
     @property
     def good(self) -> np.ndarray:
-        """Whether each run ended well, (runs,)."""
+        """Whether each run succeeded, (runs,)."""
         return self.status <= Status.EVENT
 
 
@@ -57,7 +58,7 @@ def evaluate_allowed(
     campaign: Campaign, accuracy: Accuracy, samples: dict[str, Float[Array, " runs"]]
 ) -> tuple[dict[str, Float[Array, " runs"]], Int[Array, " runs"]]:
     """The same with the status `REFUSED` for runs whose inputs are outside of the allowed ranges;
-    the outputs of runs with a bad status mean nothing."""
+    the outputs of failed runs are meaningless."""
     allowed = campaign.allowed(samples)
     nominal = campaign.nominal()
     # Nominal inputs stand in for refused ones, which may take steps without end.
@@ -103,9 +104,9 @@ def _evaluate(
 
 @final
 class Evaluator(HashedModule):
-    """The outputs of a campaign at inputs of one's own choice.
+    """The outputs of a campaign for given inputs.
 
-    - `campaign`, `accuracy`: what runs, and how accurately."""
+    - `campaign`, `accuracy`: of the runs."""
 
     campaign: Campaign
     accuracy: Accuracy

@@ -18,7 +18,7 @@ def check_names(field: str, names: Iterable[object]) -> None:
 
     **Arguments**
 
-    - `field`: the field with the names, for the sentence.
+    - `field`: the field with the names, for the message.
     - `names`: of inputs or outputs."""
     for name in names:
         if name in RESERVED:

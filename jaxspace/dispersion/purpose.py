@@ -16,12 +16,12 @@ BY_PURPOSE = "by purpose"
 
 @final
 class ByPurpose(eqx.Module):
-    """The loosest tolerance that serves a campaign: `disperse(..., accuracy="by purpose")`.
+    """The loosest tolerance sufficient for a campaign: `disperse(..., accuracy="by purpose")`.
 
     The numerical error of each output is then below a twentieth of its sampling error, which is
-    that of the mean of so many runs, `std / sqrt(runs)`. Runs at several tolerances tell; the
-    result says what they showed (`Dispersion.purpose`). Studies that draw no runs, and a replay
-    that is not told the tolerance of the campaign, take the default tolerance.
+    that of the mean of so many runs, `std / sqrt(runs)`. It is determined from runs at several
+    tolerances; `Dispersion.purpose` reports the result. Studies without runs, and a replay without
+    the tolerance of the campaign, use the default tolerance.
 
     - `accuracy`: method and limits of the steps, without `rtol` and `atol`, which are found.
 
@@ -44,7 +44,7 @@ CampaignAccuracy: TypeAlias = Accuracy | ByPurpose | Scalar | str | None
 
 
 def as_campaign_accuracy(given: object) -> Accuracy | ByPurpose:
-    """What a campaign is asked for, from one of its forms.
+    """The accuracy requested for a campaign, from any of its forms.
 
     **Raises** `InputError` for another text than "by purpose", and as `as_accuracy`."""
     if isinstance(given, ByPurpose):

@@ -5,9 +5,9 @@
                                      subset simulation
     "subset"       `_subset.py`      levels of one tenth each      chains within each level
 
-Both search among standard normal numbers behind the inputs, and among the values of a list
-(`Discrete`) with probabilities of their own, so that a rare one is met; the runs are weighted by
-the ratio of the probabilities. A first sample decides: from a fifth to four fifths plain Monte
+Both search in the space of the standard normal variables behind the inputs, and among the values of
+a list (`Discrete`) with modified probabilities, so that rare ones are drawn; the runs are weighted
+by the ratio of the probabilities. A first sample decides: from a fifth to four fifths plain Monte
 Carlo is better, and above the rare event is that the requirement is met.
 """
 
@@ -51,9 +51,9 @@ class RareEvent(NamedTuple):
     - `runs`: all runs made; `failed`: those that failed, which count as violations.
     - `points`: the design points, (points, dimensions); their distances from zero are the
       reliability indices. None for subset simulation.
-    - `method`: how it was found: as asked for, or "monte_carlo" where the event is not rare.
-    - `warning`: a sentence where the value rests on few violations, or on places that the search
-      may have missed, which the interval allows for; empty where it does not."""
+    - `method`: the method used: the requested one, or "monte_carlo" where the event is not rare.
+    - `warning`: a message if the value is based on few violations, or regions may have been missed
+      by the search, which the interval accounts for; empty otherwise."""
 
     value: float
     low: float
@@ -77,12 +77,11 @@ def rare_event(
     seed: int = 0,
     accuracy: Accuracy | Scalar | None = None,
 ) -> RareEvent:
-    """The probability that an output lies above, or below, a limit.
+    """The probability that an output is above, or below, a limit.
 
     **Arguments**
 
-    - `campaign`: what runs.
-    - `output`: its name; `above` or `below`: the limit.
+    - `campaign`: of the runs. - `output`: its name; `above` or `below`: the limit.
     - `runs`: about how many.
     - `method`: "importance" looks for the nearest violations along the derivatives, and for others
       without them, and draws about all of them: the more accurate one. "subset" needs no
@@ -93,8 +92,8 @@ def rare_event(
     a fifth comes from plain Monte Carlo, and one above four fifths from its complement.
 
     **Raises** `InputError` unless exactly one finite limit is given, for another method, for an
-    output that there is not, for `runs` and a `seed` that are no whole numbers, and where
-    importance sampling finds no violation (the limit cannot be reached)."""
+    unknown output, for `runs` and a `seed` that are not integers, and if importance sampling finds
+    no violation (the limit cannot be reached)."""
     if (above is None) == (below is None):
         raise InputError("above and below: exactly one of them must be given.")
     if method not in ("importance", "subset"):

@@ -64,12 +64,12 @@ def sobol_indices(
 
     **Arguments**
 
-    - `campaign`: what runs. Inputs that belong together (a correlated group, a direction) have one
-      index, by the name of the first of them.
+    - `campaign`: of the runs. Inputs that belong together (a correlated group, a direction) have
+      one index, by the name of the first of them.
     - `points`: a power of two. There are (inputs + 2) runs for each.
     - `seed`: of the scrambling; `accuracy`: as in `disperse`.
 
-    **Returns** a `SobolIndices`; an output that does not scatter has the indices zero, and one that
+    **Returns** a `SobolIndices`; an output without dispersion has zero indices, and one that
     is finite at fewer than two points has NaN.
 
     **Raises** `InputError` unless `points` is a power of two, and for inputs behind which there are

@@ -29,16 +29,16 @@ PULSE = 2.0
 
 @final
 class DaskCluster(AbstractEngine):
-    """On the workers of Dask distributed, which needs the extra `cluster`. Each computes one chunk
-    at a time, and gets the next one when its last one is committed: if this process dies, at most
-    one chunk of each is lost.
+    """Engine on the workers of Dask distributed, which requires the extra `cluster`. Each computes
+    one chunk at a time, and gets the next one when its last one is committed: if this process dies,
+    at most one chunk of each is lost.
 
     **Arguments**
 
     - `address`: of a scheduler, such as "tcp://10.0.0.5:8786"; by default a cluster on this machine
-      is started, which listens to this machine alone.
+      is started, which listens on the local machine only.
     - `workers`: of the cluster that is started.
-    - `retries`: how often a chunk may fail or be lost with its worker.
+    - `retries`: maximum number of failures of a chunk, or losses with its worker.
 
     **Raises** `InputError` for an address that is none, and for less than one worker."""
 
@@ -117,7 +117,7 @@ class DaskCluster(AbstractEngine):
 
 
 def _check_address(address: object) -> None:
-    """Raise `InputError` for what can be no address of a scheduler."""
+    """Raise `InputError` for an invalid address of a scheduler."""
     kind, _, rest = str(address).partition("://")
     host, _, port = rest.rpartition(":")
     # A ticket of a process has a path in the place of the port.
@@ -137,7 +137,7 @@ def _closed(client: Any) -> None:
 
 @contextlib.contextmanager
 def _quiet() -> Iterator[None]:
-    """Without the logs of Dask, whose parts have levels of their own."""
+    """Silence the logs of Dask, whose components have separate levels."""
     names = [name for name in logging.root.manager.loggerDict if name.startswith(LIBRARIES)]
     loggers = [logging.getLogger(name) for name in names]
     before = [logger.level for logger in loggers]

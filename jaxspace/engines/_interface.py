@@ -14,7 +14,7 @@ from ..core.processors import cores
 from ..stores.results import RunResults
 
 RETRIES = 3
-"""How often a chunk may be lost with its worker, by default."""
+"""Default maximum number of losses of a chunk with its worker."""
 
 
 class AbstractRunner(ABC):
@@ -41,8 +41,8 @@ class AbstractRunner(ABC):
 
     @abstractmethod
     def run(self, first: int, count: int) -> RunResults:
-        """The results of `count` runs from the number `first` on, whose numbers follow from
-        `prepared` and the number of the run alone, to the last bit."""
+        """The results of `count` runs from the number `first` on, which follow from `prepared` and
+        the number of the run only, bit for bit."""
 
 
 class Extent(NamedTuple):
@@ -81,8 +81,8 @@ class AbstractEngine(ABC):
     def compute(self, runner: AbstractRunner, extents: Sequence[Extent]) -> Computed:
         """The chunks, each as soon as it is there.
 
-        The caller commits a chunk before it takes the next one. At most `workers` chunks are begun
-        and not committed at any time, and have to be computed again if this process dies.
+        The caller commits a chunk before it requests the next one. At most `workers` chunks are
+        begun and not committed at any time, and have to be computed again if this process dies.
 
         **Raises** `StoreError` where a chunk cannot be computed after all retries."""
 
@@ -103,7 +103,7 @@ class AbstractEngine(ABC):
 
     @property
     def host(self) -> int | None:
-        """Number of this process among those that share a campaign; `None` where it is alone."""
+        """Number of this process among those that share a campaign; `None` without other hosts."""
         return None
 
     def share(self, extents: Sequence[Extent]) -> list[Extent]:

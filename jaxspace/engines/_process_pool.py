@@ -24,9 +24,9 @@ from ._transfer import compute_chunk, payload_of, without_main
 
 @final
 class ProcessPool(AbstractEngine):
-    """In other processes of this machine, each on one core. A process that dies, whatever kills it,
-    is replaced, and the chunks that were lost are computed again. Each gets its next chunk when its
-    last one is committed: if this process dies, at most one chunk of each is lost.
+    """Engine in other processes of this machine, each on one core. A process that dies, whatever
+    kills it, is replaced, and the chunks that were lost are computed again. Each gets its next
+    chunk when its last one is committed: if this process dies, at most one chunk of each is lost.
 
     **Arguments**
 
@@ -73,7 +73,7 @@ class ProcessPool(AbstractEngine):
     def _round(
         self, payload: bytes, waiting: list[Extent], started: dict["Future[Done]", Extent]
     ) -> Computed:
-        """The chunks, until a process is lost; `started` then holds the unfinished ones."""
+        """The chunks, until a process is lost; `started` then contains the unfinished ones."""
         # Not forked: a fork of a process that has threads, as jax has, may hang.
         context = multiprocessing.get_context("spawn")
         pool = ProcessPoolExecutor(self._workers, context, _begin)
@@ -133,8 +133,8 @@ def _begin() -> None:
 
 
 def _end_with_parent() -> None:
-    """End this process when the one that started it has ended, whatever has ended that: it would
-    wait for chunks for ever, and keep the output open that both write to."""
+    """End this process when its parent has ended for any reason: otherwise it would wait for chunks
+    forever, and keep the shared output open."""
     parent = multiprocessing.parent_process()
     if parent is not None:
         parent.join()

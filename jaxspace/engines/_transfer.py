@@ -26,8 +26,8 @@ SETTINGS = (
 
 @contextlib.contextmanager
 def without_main() -> Iterator[None]:
-    """While processes start: they do not import the script of the user, who would have to guard it,
-    for what it defines travels with the campaign."""
+    """Context for starting processes: they do not import the user's script, which would require a
+    main guard, because its definitions are sent with the campaign."""
     main = sys.modules["__main__"]
     hidden = {name: main.__dict__.pop(name) for name in ("__file__",) if name in main.__dict__}
     spec = getattr(main, "__spec__", None)
@@ -40,9 +40,9 @@ def without_main() -> Iterator[None]:
 
 
 def payload_of(runner: AbstractRunner) -> bytes:
-    """What the runner is made of, with the settings of jax, for another process.
+    """The components of the runner, with the settings of JAX, for another process.
 
-    Raises `InputError` where it holds what cannot be sent."""
+    Raises `InputError` if it contains objects that cannot be sent."""
     settings = {name: jax.config.values[name] for name in SETTINGS}
     # Copied from the device, which another process may not have.
     arrays = jax.device_get(runner.prepared)

@@ -1,8 +1,8 @@
 """The end of a campaign by a rule: as soon as a percentile is known well enough.
 
 The rule is checked after 1, 2, ... 8 chunks and then at counts that grow by an eighth, with exactly
-the runs up to there. The end thus depends on the campaign, the seed and the size of the chunks
-alone, and not on the engine, the order of the chunks, or a restart.
+the runs up to there. The end therefore depends on the campaign, the seed and the chunk size only,
+not on the engine, the order of the chunks, or a restart.
 """
 
 from collections.abc import Iterable

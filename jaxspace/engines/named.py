@@ -1,5 +1,5 @@
-"""Engines by their names, and the two that start no process: of this process alone, and of several
-hosts that share a campaign."""
+"""Engines by name, and the two that start no processes: the local one, and the one of several hosts
+that share a campaign."""
 
 from collections.abc import Callable, Sequence
 from typing import final
@@ -14,7 +14,8 @@ from ._process_pool import ProcessPool
 
 @final
 class InProcess(AbstractEngine):
-    """In this process: all cores of its CPU, or all of its accelerators, share every chunk."""
+    """Engine in this process: all cores of its CPU, or all of its accelerators, share every
+    chunk."""
 
     @property
     def workers(self) -> int:
@@ -27,9 +28,9 @@ class InProcess(AbstractEngine):
 
 @final
 class MultiHost(AbstractEngine):
-    """On the processes of `jax.distributed`, on one machine or many, each with its own accelerators
-    or cores. Every one of them makes the same call of `disperse` after
-    `jax.distributed.initialize`; the store lies where all of them see it, and is needed."""
+    """Engine on the processes of `jax.distributed`, on one machine or many, each with its own
+    accelerators or cores. Every one of them makes the same call of `disperse` after
+    `jax.distributed.initialize`; a store that is visible to all of them is required."""
 
     @property
     def workers(self) -> int:

@@ -7,7 +7,7 @@
 
     symbol  meaning
     m, P    mean, and covariance of its local coordinates (of an attitude a small rotation, rad)
-    L       a root of P, which alone is computed (`_roots`)
+    L       a root of P, the only one computed (`_roots`)
     Q, R    spectral density of the process noise, 1/s; covariance of the readings
     x_i     sigma points m +- columns of sqrt(n + k) L, propagated as one batch; k = 1
     H       derivatives of h at the mean; of the unscented filter half differences of its readings
@@ -41,12 +41,13 @@ from ._roots import lower_root, root_of, updated
 KINDS = ("extended", "unscented")
 
 Measure: TypeAlias = Callable[[Scalar, State], Array]
-"""What predicts a reading from the time and the state."""
+"""Function that predicts a reading from the time and the state."""
 
 FilterArguments: TypeAlias = tuple[
     AbstractSystem, Array, Array, Array, Noise, Accuracy | Scalar | None
 ]
-"""What all runs share: system, covariance, times, noise of readings and process, accuracy."""
+"""The data shared by all runs: system, covariance, times, noise of readings and process,
+accuracy."""
 
 KAPPA = 1.0
 """k of the sigma points: positive, so that no weight is negative whatever their number."""
@@ -83,8 +84,8 @@ class Filtered(HashedModule):
         return _normalised(self.innovations, self.innovation_covariance)
 
     def nees(self, truth: State) -> Float[Array, "times *#runs"]:
-        """Normalised estimation errors squared, e^T P^-1 e, beside the true states: chi^2 with n
-        degrees of freedom on average if the filter is consistent."""
+        """Normalised estimation errors squared, e^T P^-1 e, relative to the true states: chi^2 with
+        n degrees of freedom on average if the filter is consistent."""
         coordinates = Coordinates.of(self.states, self.covariance.ndim - 2)
         error = coordinates.components(jax.tree.map(jnp.subtract, truth, self.states))
         return _normalised(error, self.covariance)
@@ -118,7 +119,8 @@ def kalman_filter(
     - `process`: the spectral density Q of the process noise, (n, n), per s, or a function (t, y) of
       it; none by default.
     - `kind`: "extended", by derivatives, or "unscented", by sigma points.
-    - `batch`: whether `y0` and `readings` carry runs on their last axis, each filtered by itself.
+    - `batch`: whether the last axis of `y0` and `readings` is a batch axis, with separately
+      filtered runs.
     - `accuracy`: of the propagation, as in `simulate`.
 
     **Returns** a `Filtered`. Differentiable, as a run is. A propagation that fails leaves NaN from
@@ -315,7 +317,8 @@ def _errors(about: Coordinates, points: State) -> Array:
 
 
 def _inverse(S: Array) -> Array:
-    """The inverse, or of what is known exactly, the pseudo-inverse, in units of the diagonal."""
+    """The inverse or, for exactly known components, the pseudo-inverse, in units of the
+    diagonal."""
     size = sqrt(jnp.where(jnp.diag(S) > 0.0, jnp.diag(S), 1.0))
     # In units of the diagonal, because metres and radians in one matrix would decide its rank.
     unit = jnp.linalg.pinv(S / (size[:, None] * size[None]), hermitian=True)

@@ -10,8 +10,8 @@
     r       residuals over their standard deviations
 
 The columns of J are scaled to one, so that units do not matter. Where J has no full rank, some
-combination of parameters has no influence on any reading: it stays where it started, its variance
-is infinite, and a sentence names it.
+combination of parameters has no influence on any reading: it remains at its start, its variance is
+infinite, and a message names it.
 
 Source: Tapley, Schutz and Born, Statistical Orbit Determination, 4.3 to 4.6; Nocedal and Wright,
 Numerical Optimization, 10.3.
@@ -38,16 +38,16 @@ from ._fit_result import Fit
 from ._residuals import residual_tests
 
 COLUMN = 30.0
-"""Length of the scaled columns. The damping starts at 1 beside their squares: at a thousandth."""
+"""Length of the scaled columns. The damping starts at a thousandth of their squares."""
 
 SMALL = 1e-4
-"""A step that ends the search, in units of a thirtieth of a standard deviation of a parameter by
-itself; and what is left of the residuals."""
+"""The step size that ends the search, in units of a thirtieth of the standard deviation of an
+individual parameter; and the remaining residuals."""
 
 METHODS = ("levenberg_marquardt", "gauss_newton")
 
 Model: TypeAlias = Callable[[Any], PyTree]
-"""What predicts the readings from the parameters."""
+"""Function that predicts the readings from the parameters."""
 
 Known: TypeAlias = tuple[PyTree, PyTree, Scalar]
 """Deviations of the readings, those of the parameters beforehand, and the tolerance."""
@@ -75,16 +75,17 @@ def fit(
       none.
     - `parameters`: where the search starts: a tree of arrays, such as an initial state, a mass and
       the biases of the instruments together. A quaternion moves on its group.
-    - `noise`: standard deviations of the readings: one number, or a tree like `data` of numbers or
-      arrays. Without it all readings have equal weights, and their scatter gives the noise.
-    - `prior`: standard deviations of the start by prior knowledge: one number, or a tree like
-      `parameters`; infinite for unknown parameters. A quaternion takes a number, rad.
-    - `method`: "levenberg_marquardt", which turns back from a step that fails, or "gauss_newton",
-      which does not, for starts nearby.
+    - `noise`: standard deviations of the readings: one number, or a pytree of numbers or arrays
+      with the structure of `data`. Without it all readings have equal weights, and the noise is
+      estimated from their scatter.
+    - `prior`: standard deviations of the start by prior knowledge: one number, or a pytree with the
+      structure of `parameters`; infinite for unknown parameters. For a quaternion, a number, rad.
+    - `method`: "levenberg_marquardt", which rejects failed steps, or "gauss_newton", which does
+      not, for starts close to the solution.
     - `tolerance`: relative change of the residuals and of the parameters at which the search ends.
     - `max_steps`: of the search.
-    - `batch`: whether the arrays of `data` and `parameters` carry data sets on their last axis,
-      each of which is fitted alone. The model sees one.
+    - `batch`: whether the arrays of `data` and `parameters` have data sets on their last axis, each
+      of which is fitted separately. The model sees one.
 
     **Returns** a `Fit`; with `batch` its arrays carry the data sets on the last axis.
 
@@ -182,10 +183,11 @@ def _search(
 
 
 class _Task(NamedTuple):
-    """A problem of a fit: a model of parameters in `coordinates`, and readings with their
+    """A problem of a fit: a model of parameters in `coordinates`, and readings with their standard
     deviations.
 
-    - `seen`: which of the readings are there; `beforehand`: deviations of the parameters, (n,)."""
+    - `seen`: which of the readings are there; `beforehand`: prior standard deviations of the
+      parameters, (n,)."""
 
     model: Model
     coordinates: Coordinates

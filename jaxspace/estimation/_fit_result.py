@@ -16,8 +16,8 @@ from ..studies.coordinates import Coordinates
 from ._residuals import ResidualTests, chi_squared_tail
 
 SEEN = 0.45
-"""A direction is seen if its singular value beside the largest exceeds the rounding to this power:
-1e-7 in double precision, 1e-3 in single."""
+"""A direction is observable if its singular value relative to the largest exceeds the rounding to
+this power: 1e-7 in double precision, 1e-3 in single."""
 
 
 @final
@@ -84,7 +84,8 @@ class Fit(HashedModule):
 
     @property
     def p_value(self) -> Float[Array, "*runs"]:
-        """The probability of a larger `chi_squared` by noise alone; NaN if no noise was stated."""
+        """The probability of a larger `chi_squared` due to noise only; NaN if no noise was
+        stated."""
         tail = chi_squared_tail(self.chi_squared, self.freedom)
         return tail if self.stated else jnp.full_like(tail, jnp.nan)
 

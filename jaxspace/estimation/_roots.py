@@ -12,7 +12,7 @@
     K        gain of the reading
 
 P - K S K^T loses the digits of a small variance that follows from a large one: all of them where
-the ratio of both is above 1e16. Here each number keeps its relative accuracy.
+the ratio of both is above 1e16. Here each number retains its relative accuracy.
 
 Source: Carlson (1973), Fast triangular formulation of the square root filter, AIAA J. 11, 1259;
 Maybeck, Stochastic Models, Estimation, and Control, 7.3 to 7.6.
@@ -26,8 +26,8 @@ from ..core.square_roots import inverse_sqrt, sqrt
 
 
 def root_of(P: Float[Array, "n n"]) -> Float[Array, "n n"]:
-    """The lower L with L L^T = P, also where P has no full rank: a state that is known exactly, in
-    part or whole, has columns of zeros."""
+    """The lower L with L L^T = P, also for a rank-deficient P: an exactly known part of the state
+    has columns of zeros."""
     n = P.shape[0]
     least = 16.0 * jnp.finfo(P.dtype).eps * jnp.diag(P)
     columns = []
@@ -43,8 +43,8 @@ def root_of(P: Float[Array, "n n"]) -> Float[Array, "n n"]:
 
 
 def lower_root(A: Float[Array, "n k"]) -> Float[Array, "n n"]:
-    """The lower L with L L^T = A A^T, by Gram and Schmidt's orthogonalisation of the rows, which
-    forms no product of A with itself; also where A has no full rank."""
+    """The lower L with L L^T = A A^T, by Gram-Schmidt orthogonalisation of the rows, which forms no
+    product of A with itself; also for a rank-deficient A."""
     n = A.shape[0]
     columns = []
     for j in range(n):

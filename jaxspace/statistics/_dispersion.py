@@ -46,10 +46,10 @@ class Dispersion(HashedModule):
     - `status`: the code of the `Status` of each run.
     - `evaluations`: of the vector field, of each run.
     - `units`: of inputs and outputs, by name.
-    - `seed`: of the random numbers; `seconds`: wall time, of several hosts that of the longest.
-    - `attributes`: the record of how the runs were made.
+    - `seed`: of the random numbers; `seconds`: wall time; with several hosts, the longest. -
+      `attributes`: the record of the computation of the runs.
     - `numbers`: of the runs; from 0 on by default.
-    - `store`: where they are kept; empty where they are not.
+    - `store`: where they are stored; empty if they are not.
     """
 
     inputs: Mapping[str, np.ndarray]
@@ -75,8 +75,8 @@ class Dispersion(HashedModule):
 
     @property
     def ending(self) -> str:
-        """After how many runs the campaign ended itself and by which rule, in a sentence; empty if
-        it did not."""
+        """A message with the number of runs and the rule by which the campaign stopped early; empty
+        if it did not."""
         if self.enough is None:
             return ""
         return f"{self.enough} runs are sufficient, {StopRule(**self.attributes['until']).text()}."
@@ -88,8 +88,8 @@ class Dispersion(HashedModule):
 
     @property
     def missing_runs(self) -> str:
-        """Number of the planned runs that are here, and what computes the rest, in a sentence;
-        empty if the campaign is complete, or ended by its rule."""
+        """A message with the number of available planned runs and the command for the rest; empty
+        if the campaign is complete, or ended by its rule."""
         if self.runs >= self.planned_runs:
             return ""
         rest = resuming(self.attributes, self.store)
@@ -135,7 +135,7 @@ class Dispersion(HashedModule):
 
     @property
     def good(self) -> np.ndarray:
-        """Whether each run ended well, (runs,)."""
+        """Whether each run succeeded, (runs,)."""
         return self.status <= Status.EVENT
 
     @property
@@ -179,8 +179,8 @@ class Dispersion(HashedModule):
     def table(self, of: str = "outputs") -> list[Row]:
         """A `Row` for each of the "outputs" or "inputs", over the good runs.
 
-        Limits and extremes count infinite values, mean and deviation leave them out; the row says
-        how many there are (`Row.warning`). Raises `InputError` for any other word."""
+        Limits and extremes count infinite values, mean and standard deviation exclude them; the row
+        reports their number (`Row.warning`). Raises `InputError` for any other word."""
         if of not in ("outputs", "inputs"):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         errors = self.attributes.get("numerical_errors", {})
@@ -192,8 +192,8 @@ class Dispersion(HashedModule):
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Warnings about the numbers, a sentence each: runs that are missing in the store, and
-        outputs that are infinite or not a number in good runs."""
+        """Warnings about the numbers: missing runs of the store, and outputs that are infinite or
+        NaN in successful runs."""
         sentences = (self.missing_runs, *(row.warning for row in self.table()))
         return Listed(sentence for sentence in sentences if sentence)
 
@@ -205,8 +205,8 @@ class Dispersion(HashedModule):
         - `output`: name of the output.
         - `count`: how many inputs are listed; `None` for all.
 
-        **Returns** no shares, and NaN for R^2, where nothing scatters but for rounding; no shares
-        where the inputs explain no more than chance.
+        **Returns** no shares, and NaN for R^2, where there is no dispersion beyond rounding; no
+        shares where the inputs explain no more than chance.
 
         **Raises** `InputError` for an unknown output, and for fewer good runs than the regression
         needs.
@@ -238,7 +238,7 @@ class Dispersion(HashedModule):
         return x[:, self.good & np.all(np.isfinite(x), axis=0)]
 
     def _finite(self, *names: str) -> np.ndarray:
-        """The same, with a warning of the good runs that are left out."""
+        """The same, with a warning about omitted successful runs."""
         x = self.together(*names)
         good = int(np.count_nonzero(self.good))
         if x.shape[1] < good:
@@ -256,8 +256,8 @@ class Dispersion(HashedModule):
         return x[self.good & ~np.isnan(x)]
 
     def percentile(self, name: str, share: float, confidence: float = 0.95) -> Percentile:
-        """The value below which a `share` of the good runs lies, with a confidence interval that
-        assumes no law (`jaxspace.statistics.limits.percentile`). Infinite values count; NaN is left
+        """The quantile `share` over the successful runs, with a distribution-free confidence
+        interval (`jaxspace.statistics.limits.percentile`). Infinite values count; NaN is left
         out."""
         return percentile(self._numbers(name), share, confidence)
 
@@ -285,7 +285,8 @@ class Dispersion(HashedModule):
         return Footprint(points, unit, ellipses, required)
 
     def convergence(self, name: str, share: float = 0.99) -> Convergence:
-        """Convergence of mean, deviation and a percentile of a quantity over the good runs."""
+        """Convergence of mean, standard deviation and a percentile of a quantity over the
+        successful runs."""
         return convergence(self._numbers(name), share)
 
     def violation(
@@ -366,8 +367,8 @@ class Dispersion(HashedModule):
         return strongest_correlations(given, y, count)
 
     def to_csv(self, path: "str | os.PathLike[str]") -> None:
-        """Write the runs as a table of text: a line for each run, with its number, its status, its
-        inputs and outputs; the unit stands behind the name."""
+        """Write the runs as a text table: a line for each run, with its number, its status, its
+        inputs and outputs; the unit follows the name."""
         self._frame().to_csv(path, index_label="run")
 
     def to_parquet(self, path: "str | os.PathLike[str]") -> None:

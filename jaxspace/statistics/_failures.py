@@ -11,7 +11,7 @@ from ..core.status import Status
 
 @printed()
 class Failure(NamedTuple):
-    """The number of runs that ended with a bad status, and the sentence of this status."""
+    """The number of runs that failed with a status, and the message of this status."""
 
     status: Status
     count: int

@@ -11,9 +11,9 @@ from ..core.printing import printed
 from .spread import Ellipsoid
 
 LANDING = ("east", "north")
-"""The outputs that say where a run lands."""
+"""The outputs that contain the landing point of a run."""
 SHARES = (0.5, 0.9, 0.99)
-"""Those of the runs that the ellipses hold, where the landings are normally distributed."""
+"""Shares of the runs within the ellipses, for normally distributed landings."""
 
 
 @printed()
@@ -47,8 +47,8 @@ class Footprint(NamedTuple):
 
     @property
     def words(self) -> list[tuple[str, ...]]:
-        """The same as the lines of a table, below their heads; lengths to a hundredth of the short
-        semi-axis, which is less than the sampling error of a campaign."""
+        """The same as the lines of a table, below their headings; lengths to a hundredth of the
+        short semi-axis, which is less than the sampling error of a campaign."""
         unit = f" [{self.unit}]" if self.unit else ""
         heads = ("east", "north", "long semi-axis", "short")
         lines = [("ellipse", *(f"{x}{unit}" for x in heads), "bearing [deg]", "runs inside")]

@@ -9,10 +9,11 @@ NOISE = 4096.0
 
 
 def rounded(value: float, deviation: float) -> str:
-    """The value down to a hundredth of the deviation's first digit: 84795, 1953, 0.0214.
+    """The value rounded to a hundredth of the first digit of the standard deviation: 84795, 1953,
+    0.0214.
 
-    Without scatter, six significant digits. Very large and very small numbers have an exponent, and
-    digits to the same place."""
+    Without dispersion, six significant digits. Very large and very small numbers have an exponent,
+    and digits to the same place."""
     if not math.isfinite(value):
         return "∞" if value > 0.0 else "-∞" if value < 0.0 else "none"
     if value == 0.0:

@@ -8,13 +8,13 @@ them:
     share_j = mean(u f_j),      sum_j share_j = R^2
 
 The shares add up to R^2 exactly; of independent inputs share_j is
-beta_j^2 + gamma_j^2 mean(q_j^2). Of inputs that depend on each other no share is that of one alone:
-what one adds another may take away, and share_j may be negative. They stand as a group, whose share
-is the sum of theirs: what of the variance goes if all of the group are held.
+beta_j^2 + gamma_j^2 mean(q_j^2). For dependent inputs a share cannot be attributed to a single
+input: contributions may cancel, and share_j may be negative. They are listed as a group, whose
+share is the sum of theirs: the reduction of the variance if the whole group is fixed.
 
-The rest, 1 - R^2, is due to products of inputs, to higher powers and to what is no input. The
-squares matter for outputs that are magnitudes (a pointing error, a cone angle), which no linear law
-describes.
+The rest, 1 - R^2, is due to products of inputs, to higher powers and to influences other than
+inputs. The squares matter for outputs that are magnitudes (a pointing error, a cone angle), which
+no linear law describes.
 
     symbol           meaning                                  unit
     y                output over the good runs                that of the output
@@ -139,5 +139,5 @@ def _significant(r_squared: float, regressors: int, runs: int) -> bool:
 
 
 def _standard(x: np.ndarray) -> np.ndarray:
-    """The values shifted and scaled to mean zero and deviation one."""
+    """The values shifted and scaled to zero mean and unit standard deviation."""
     return (x - np.mean(x)) / np.std(x)

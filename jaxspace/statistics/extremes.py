@@ -9,7 +9,7 @@
     s_k     its slope there per interval                  its own
     u       time since the state over the interval        1
 
-The slopes are given, or differences of order four between states that lie evenly in time. The error
+The slopes are given, or fourth-order differences between evenly spaced states. The error
 is max |q''''| h^4 / 384 for a quantity that is smooth over an interval h; at a kink, and where the
 states are too few for an oscillation, it is of first order.
 Source: cubic Hermite interpolation, Hairer, Norsett and Wanner, Solving Ordinary Differential
@@ -52,8 +52,8 @@ def greatest(
     - `times`: of the states of a phase, s, (times,) or (times, *runs), evenly from its start to its
       end; at least five. A list or tuple of them for several phases.
     - `values`: of the quantity there, (times, *runs); as many.
-    - `slopes`: rates of the quantity there, per second, as `values`. With them two states suffice,
-      which may lie anywhere in ascending order.
+    - `slopes`: rates of the quantity there, per second, as `values`. With them two states are
+      sufficient, at any ascending times.
 
     **Returns** an `Extreme`; between the states by a cubic. Differentiable, except where two places
     compete.

@@ -11,7 +11,7 @@
     a             1 - confidence                                   1
 
 No law of the values is assumed: infinite ones have their place in the order as any other, and a
-percentile among them is infinite. What is not a number has no place, and is left out.
+percentile among them is infinite. NaN has no rank, and is excluded.
 Source: David and Nagaraja, Order Statistics, 3rd edition, 7.1; Clopper and Pearson, Biometrika 26
 (1934), 404.
 """
@@ -31,10 +31,11 @@ from ..core.printing import printed
 class Percentile(NamedTuple):
     """A percentile of a quantity over its runs.
 
-    - `share`: of the runs that lie below, from 0 to 1.
+    - `share`: of the runs below the value, from 0 to 1.
     - `value`: the estimate; `low`, `high`: its confidence interval, infinite where there are too
       few runs for one.
-    - `confidence`: that the interval holds the percentile of the distribution, at least."""
+    - `confidence`: lower bound of the probability that the interval contains the percentile of the
+      distribution."""
 
     share: float
     value: float
@@ -58,13 +59,13 @@ class Probability(NamedTuple):
 
 
 def check_share(name: str, value: float) -> None:
-    """Raise `InputError` unless `value` lies between 0 and 1, exclusive."""
+    """Raise `InputError` unless `value` is between 0 and 1, exclusive."""
     if not 0.0 < value < 1.0:
         raise InputError(f"{name} is {value}: it must be between 0 and 1, both excluded.")
 
 
 def percentile(x: ArrayLike, share: float, confidence: float = 0.95) -> Percentile:
-    """The value below which a `share` of all runs lies, with a confidence interval.
+    """The quantile `share` over all runs, with a confidence interval.
 
     **Arguments**
 
@@ -101,8 +102,8 @@ def _binomial_quantile(p: float, n: int, share: float) -> int:
 
 
 def quantile(x: np.ndarray, share: float) -> float:
-    """The value below which a `share` of these numbers lies, linear between two of them; infinite
-    where one of the two is."""
+    """The quantile `share` of these numbers, with linear interpolation between two of them;
+    infinite where one of the two is."""
     if np.isfinite(x).all():
         return float(np.quantile(x, share))
     # NumPy would take the difference of the two, which is NaN of infinite ones.
@@ -122,8 +123,8 @@ def quantile(x: np.ndarray, share: float) -> float:
 
 
 def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probability:
-    """The probability of what happened in `count` of `runs` runs, with the interval of Clopper and
-    Pearson, which holds it at least with this confidence.
+    """The probability of an event that occurred in `count` of `runs` runs, with the Clopper-Pearson
+    interval, whose coverage is at least this confidence.
 
     Raises `InputError` for counts that are not from 0 to `runs`, and for no runs.
 
@@ -148,8 +149,8 @@ def clopper_pearson(count: int, runs: int, confidence: float = 0.95) -> Probabil
 
 
 def runs_for(share: float, confidence: float = 0.95) -> int:
-    """Number of runs that a one-sided limit needs: the fewest n whose greatest value lies above the
-    percentile with this confidence, 1 - share^n >= confidence (Wilks 1941).
+    """Number of runs required for a one-sided limit: the smallest n whose greatest value is above
+    the percentile with this confidence, 1 - share^n >= confidence (Wilks 1941).
 
     **Arguments**
 

@@ -1,4 +1,4 @@
-"""The tolerance that serves the purpose of a campaign, and what it saves."""
+"""The tolerance sufficient for the purpose of a campaign, and its savings."""
 
 __all__ = ["Purpose"]
 
@@ -9,13 +9,13 @@ from ..core.printing import printed
 
 @printed()
 class Purpose(NamedTuple):
-    """The tolerance that serves a campaign.
+    """The tolerance sufficient for a campaign.
 
     - `tolerance`: relative, of each step.
-    - `default`: the one that it takes the place of; `evaluations` of the vector field, as a share
+    - `default`: the one that it replaces; `evaluations` of the vector field, as a share
       of those there.
-    - `excess`: the largest numerical error, in units of what is allowed: above one where even the
-      tightest tolerance does not serve."""
+    - `excess`: the largest numerical error, in units of the allowed error: above one where even the
+      tightest tolerance is insufficient."""
 
     tolerance: float
     default: float
@@ -24,7 +24,7 @@ class Purpose(NamedTuple):
 
     @property
     def sentence(self) -> str:
-        """The tolerance, whether it serves, and what it saves."""
+        """The tolerance, whether it is sufficient, and its savings."""
         if self.excess > 1.0:
             return (
                 f"accuracy by purpose: at {self.tolerance:.0e}, the tightest tolerance tried, the "

@@ -1,8 +1,8 @@
 """Requirements on the outputs of a campaign, and whether its runs show that they are met.
 
-A requirement allows a share of the runs to violate it. The true share of violations is known to an
-interval of Clopper and Pearson: below the allowed share the requirement is met, above it is not,
-and while the allowed share lies within, more runs have to decide.
+A requirement allows a share of the runs to violate it. The true share of violations is bounded by a
+Clopper-Pearson interval: if the interval is below the allowed share, the requirement is met; if
+above, it is violated; if it contains the allowed share, more runs are required for a decision.
 """
 
 __all__ = ["Requirement", "Verdict"]
@@ -23,7 +23,7 @@ WHICH = ("worst", "least", "greatest")
 
 @printed()
 class Requirement(NamedTuple):
-    """What is required of an output.
+    """A requirement on an output.
 
     - `low`, `high`: the least and the greatest value that is allowed; `None` for no limit.
     - `allowed`: the share of the runs that may violate it, between 0 and 1; `None` for no verdict.
@@ -48,7 +48,7 @@ class Requirement(NamedTuple):
 
     @property
     def record(self) -> tuple[float | None, ...]:
-        """Its numbers for the record of a campaign, without those that are the default."""
+        """Its numbers for the record of a campaign, without defaults."""
         plain = self == Requirement(self.low, self.high)
         return (self.low, self.high) if plain else tuple(self)
 

@@ -1,4 +1,4 @@
-"""Comparison of a mean and a deviation from few runs with those of a sample of runs.
+"""Comparison of a mean and a standard deviation from few runs with those of a sample of runs.
 
     warning where  |m - m_s| > max(z e_m, a) s_s   or   |s/s_s - 1| > max(z e_s, a)
 
@@ -10,8 +10,8 @@
     a         difference that does not matter: 0.1                           1
 
 Source: Kendall and Stuart, The Advanced Theory of Statistics, vol. 1, 10.9 (standard errors of a
-mean and of a deviation). A small sample reveals only gross errors: for 256 normal values 4 e_m is
-0.25, and 4 e_s is 0.18.
+mean and of a standard deviation). A small sample reveals only gross errors: for 256 normal values 4
+e_m is 0.25, and 4 e_s is 0.18.
 """
 
 import math
@@ -24,7 +24,8 @@ SIGNIFICANT, MATTERS = 4.0, 0.1
 
 
 def warning_of(mean: float, std: float, x: np.ndarray) -> str:
-    """A sentence where mean or deviation of an output contradict a sample; empty where they agree.
+    """A message if mean or standard deviation of an output contradict a sample; empty if they
+    agree.
 
     `x`: the output over the runs of a sample, (runs,), NaN where one failed."""
     # Too few runs for a comparison; the dispersion warns of them already.
@@ -59,7 +60,8 @@ def warning_of(mean: float, std: float, x: np.ndarray) -> str:
 
 
 def standard_errors(x: np.ndarray) -> tuple[float, float]:
-    """Standard errors of a sample's mean, in standard deviations, and of its deviation, relative.
+    """Standard errors of a sample's mean, in standard deviations, and of its standard deviation,
+    relative.
 
     They are 1/sqrt(n) and sqrt((k - 1)/(4 n)), with the kurtosis k: 3 for a normal distribution.
     Both are NaN for fewer than two values and for equal values."""

@@ -4,9 +4,9 @@
 
     symbol  meaning                              unit
     m, C    mean and covariance of d outputs     theirs, and the products of them
-    k       size of the ellipsoid in deviations  1
+    k       size in standard deviations           1
 
-The ellipsoid holds the share P of a normal distribution only. The circular error probable is a
+The ellipsoid contains the share P only for a normal distribution. The circular error probable is a
 percentile of the runs, and valid for any distribution.
 """
 
@@ -30,8 +30,8 @@ class Ellipsoid(NamedTuple):
 
     - `centre`: (d,).
     - `axes`: the semi-axes as columns, (d, d), the longest first.
-    - `probability`: the share of a normal distribution that it holds.
-    - `inside`: the share of the runs that lie in it."""
+    - `probability`: the share of a normal distribution that it contains. - `inside`: the share of
+      the runs inside."""
 
     centre: np.ndarray
     axes: np.ndarray
@@ -85,11 +85,11 @@ def ellipsoid(values: ArrayLike, probability: float = 0.99) -> Ellipsoid:
 def circular_error(
     x: ArrayLike, y: ArrayLike, target: tuple[float, float] | None = None, share: float = 0.5
 ) -> Percentile:
-    """The radius about the `target` (the mean, if left out) that holds a share of the runs; of one
-    half it is the circular error probable.
+    """The radius about the `target` (by default the mean) that contains a share of the runs; for
+    one half it is the circular error probable.
 
-    `x`, `y`: the two coordinates, each (runs,). A run with an infinite one lies outside of any
-    radius; one with NaN is left out.
+    `x`, `y`: the two coordinates, each (runs,). A run with an infinite one is outside of any
+    radius; one with NaN is excluded.
 
     **Arguments**
 
@@ -106,9 +106,9 @@ def circular_error(
 class Convergence(NamedTuple):
     """Convergence of a statistic of an output with the number of runs; each array is (steps,).
 
-    - `runs`: the good runs used.
-    - `mean`, `std`, `limit`: the mean, the deviation and the percentile of these. Infinite values
-      count in the percentile alone.
+    - `runs`: the successful runs used.
+    - `mean`, `std`, `limit`: the mean, the standard deviation and the percentile of these. Infinite
+      values count in the percentile only.
     - `low`, `high`: the confidence interval of that percentile."""
 
     runs: np.ndarray
@@ -120,8 +120,8 @@ class Convergence(NamedTuple):
 
 
 def convergence(x: ArrayLike, share: float = 0.99, steps: int = 40) -> Convergence:
-    """Mean, deviation and a percentile of the first 10, ... n runs, at `steps` counts that grow by
-    a common factor.
+    """Mean, standard deviation and a percentile of the first 10, ... n runs, at `steps` counts that
+    grow by a common factor.
 
     **Arguments**
 
@@ -164,7 +164,7 @@ class StopRule:
     `confidence`, to `precision` times the distance of that percentile from the mean.
 
     `StopRule("apogee", 0.99, 0.01)` reads "until the 99 % limit of apogee is known to 1 %". Its
-    numbers lie between 0 and 1.
+    numbers are between 0 and 1.
 
     Raises `InputError` for another number."""
 
@@ -180,7 +180,7 @@ class StopRule:
 
     def error(self, x: ArrayLike) -> float:
         """Half of the confidence interval of the percentile, over its distance from the mean;
-        infinite with too few runs and where the percentile is, zero where nothing scatters."""
+        infinite with too few runs or an infinite percentile, zero without dispersion."""
         x = np.asarray(x, float)
         result = percentile(x, self.share, self.confidence)
         # However many runs there are, an infinite limit has no distance to be compared with.

@@ -22,9 +22,9 @@ class Row(NamedTuple):
     - `mean`, `std`: its moments, over the runs in which it is finite.
     - `low`, `high`: the limits of the middle 99 % of the runs, and `min`, `max` the extremes, in
       which infinite values count.
-    - `runs`: the number of good runs in which it is finite.
+    - `runs`: the number of successful runs in which it is finite.
     - `above`, `below`: of those in which it is infinite and positive, or negative.
-    - `undefined`: of those in which it is not a number, which are in no statistic.
+    - `undefined`: of those in which it is NaN, which are excluded from all statistics.
     - `min_run`, `max_run`: the numbers of the runs of the extremes; -1 where there is none.
     - `numerical_error`: in squares the mean over some hundred runs of the error that the tolerance
       of the steps leaves; NaN where it is not known.
@@ -48,14 +48,14 @@ class Row(NamedTuple):
 
     @property
     def numerical_words(self) -> str:
-        """The numerical error as a share of the deviation, "0.4 % of std"; empty where it is not
-        known."""
+        """The numerical error as a share of the standard deviation, "0.4 % of std"; empty where it
+        is unknown."""
         share = 100.0 * self.numerical_error / self.std if self.std > 0.0 else math.nan
         return f"{share:.1g} % of std" if math.isfinite(share) else ""
 
     def shown(self, value: float) -> str:
-        """A value of this quantity in digits that its deviation justifies: the rule of every
-        table."""
+        """A value of this quantity with the digits that its standard deviation justifies, as in
+        every table."""
         return rounded(value, self.std)
 
     def missing(self) -> str:

@@ -1,5 +1,5 @@
-"""Checks of what is read from a store: its head and the entries of its manifest are JSON of any
-content until they have passed.
+"""Checks of data read from a store: its head and the entries of its manifest are untrusted JSON
+until they have passed.
 
 A value that the library reads from the attributes of a store has its check here. All other
 attributes, as the notes of a user, are passed on as they are.
@@ -33,7 +33,7 @@ def is_whole(x: object, least: int = 0) -> bool:
 
 
 def is_number(x: object) -> TypeGuard[float]:
-    """Whether this is a number that a float can hold; it may be infinite or NaN."""
+    """Whether this is a number that a float can represent; it may be infinite or NaN."""
     return type(x) is float or type(x) is int and abs(x) <= GREATEST
 
 
@@ -99,7 +99,7 @@ OPTIONAL: dict[str, Check] = {
 
 
 def attributes_fault(attributes: object) -> str:
-    """What is wrong with the attributes of a store, as the end of a sentence; empty for none."""
+    """The fault of the attributes of a store, as the end of a message; empty if there is none."""
     if not isinstance(attributes, dict):
         return "has attributes that are not a JSON object"
     for name, check in {**REQUIRED, **OPTIONAL}.items():
@@ -120,7 +120,7 @@ def attributes_fault(attributes: object) -> str:
 
 
 def array_fault(name: str, head: object, attributes: Record) -> str:
-    """What is wrong with an array of a store with these attributes, as the end of a sentence."""
+    """The fault of an array of a store with these attributes, as the end of a message."""
     if fault := file_name_fault(name):
         return f"has an array named {name!r}, which must be {fault}"
     try:
@@ -149,7 +149,7 @@ def _is_array(name: str, head: Record, runs: int) -> bool:
 
 class Entry(NamedTuple):
     """The entry of a finished chunk in the manifest: its runs, the size and the checksum of each of
-    its files, the mark of its campaign, what it took, s, and on which of several hosts."""
+    its files, the mark of its campaign, its computing time, s, and its host."""
 
     first: int
     runs: int

@@ -4,8 +4,8 @@ from ..core import InputError
 
 
 class StoreError(InputError):
-    """A store that refuses a request, or cannot be read or written; the message says why, and what
-    to do."""
+    """A store that rejects a request, or cannot be read or written; the message gives the reason
+    and a remedy."""
 
 
 class DamagedStore(UserWarning):

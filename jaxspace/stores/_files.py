@@ -23,8 +23,8 @@ _NO_WAIT = getattr(os, "O_NONBLOCK", 0)
 def read_plain(path: Path, top: Path) -> bytes:
     """The bytes of a regular file in the store `top`, or in one of its folders.
 
-    **Raises** `OSError` also for a file behind a link, and for a pipe or a device, which may have
-    no end."""
+    **Raises** `OSError` also for a file behind a link, and for a pipe or a device, which may be
+    endless."""
     check_plain(path)
     inside = os.path.relpath(path, top)
     if os.path.realpath(path) != os.path.join(os.path.realpath(top), inside):
@@ -35,7 +35,7 @@ def read_plain(path: Path, top: Path) -> bytes:
 
 
 def check_plain(path: Path) -> None:
-    """Raise `OSError` for what is there and is not a regular file."""
+    """Raise `OSError` for an existing path that is not a regular file."""
     mode = os.lstat(path).st_mode
     if stat.S_ISDIR(mode):
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
@@ -47,7 +47,7 @@ def check_plain(path: Path) -> None:
 def write_whole(path: Path, data: bytes) -> None:
     """Write a file so that it is never there in part.
 
-    It is not flushed to the disk: the checksums show what a loss of power has damaged."""
+    It is not flushed to the disk: the checksums reveal damage after a loss of power."""
     # In the same folder: only within one file system a rename is atomic.
     temporary = path.with_name(f"{UNFINISHED}{os.getpid()}-{path.name}")
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -1,8 +1,8 @@
 """The head of a store: its attributes and those of its arrays, in the file `zarr.json`.
 
 Zarr has checksums for the numbers of a store, and none for its head. A copy in the manifest begins
-with its checksum. Where the two differ the copy is right: it is written first, and no campaign
-changes `zarr.json` alone.
+with its checksum. Where the two differ the copy is valid: it is written first, and no campaign
+changes only `zarr.json`.
 """
 
 import hashlib
@@ -49,8 +49,8 @@ def _is_marked(head: bytes | None) -> bool:
 
 
 def read_head(folder: Path) -> tuple[bytes, str]:
-    """The head of the store in this folder, and the damage of its files in a sentence; empty if
-    there is none.
+    """The head of the store in this folder, and a message about damaged files; empty if there are
+    none.
 
     **Raises** `StoreError` where neither file can be read."""
     head, copy = _both(folder)
@@ -73,8 +73,8 @@ def read_head(folder: Path) -> tuple[bytes, str]:
 
 
 def damaged_arrays(folder: Path, arrays: Record) -> list[str]:
-    """The names of the arrays whose own file of metadata differs from the head, where `arrays` has
-    theirs."""
+    """The names of the arrays whose metadata file differs from the head, where `arrays` has the
+    metadata."""
     result = [name for name, head in arrays.items() if _parsed(folder, name) != head]
     if result:
         # A campaign that ends writes the head first, and these a moment later.
@@ -83,7 +83,7 @@ def damaged_arrays(folder: Path, arrays: Record) -> list[str]:
 
 
 def is_longer(folder: Path, name: str, head: Record) -> bool:
-    """Whether an array's own file of metadata differs from its `head` in more runs alone."""
+    """Whether an array's metadata file differs from its `head` only by a larger number of runs."""
     own = _parsed(folder, name)
     if not isinstance(own, dict) or own | {"shape": head["shape"]} != head:
         return False
@@ -94,7 +94,7 @@ def is_longer(folder: Path, name: str, head: Record) -> bool:
 
 
 def _parsed(folder: Path, name: str) -> Any:
-    """The metadata of an array in its own file; `None` if it is missing or not JSON."""
+    """The metadata of an array in its file; `None` if it is missing or not JSON."""
     try:
         return json.loads(read_plain(folder / name / HEAD, folder))
     except UNREADABLE:

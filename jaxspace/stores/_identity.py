@@ -1,4 +1,4 @@
-"""The identity of a campaign: whether a store belongs to it, and the sentence for a difference."""
+"""The identity of a campaign: whether a store belongs to it, and the message about a difference."""
 
 import hashlib
 import json
@@ -24,7 +24,7 @@ IDENTITY = {
     "until": "the rule that ends it",
     "digest": "the results of the first runs",
 }
-"""In the order in which a difference is named."""
+"""Names of the properties, in the order in which differences are reported."""
 
 
 def mark_of(attributes: Record) -> str:
@@ -37,8 +37,8 @@ def mark_of(attributes: Record) -> str:
 def difference(
     there: Record, arrays: Mapping[str, Column], attributes: Record, columns: Mapping[str, Column]
 ) -> str:
-    """Difference between the attributes and arrays of a store and those of a campaign, in a
-    sentence; empty if there is none."""
+    """A message about the difference between the attributes and arrays of a store and those of a
+    campaign; empty if there is none."""
     changed = [name for name in IDENTITY if there.get(name) != attributes.get(name)]
     # Compared last, because different settings are the cause of different numbers.
     names = sorted(set(columns) ^ set(arrays))

@@ -34,7 +34,7 @@ class Lock:
     """Held from `acquire` to `release`; the system releases it when its process dies, however that
     dies, so that no lock outlives its owner on the same machine.
 
-    - `stale`: a sentence about a lock whose owner is gone; empty otherwise.
+    - `stale`: a message about a lock whose owner is gone; empty otherwise.
     - `created`: whether there was no file before."""
 
     def __init__(self, folder: Path):
@@ -47,7 +47,7 @@ class Lock:
         """Take the lock.
 
         **Raises** `StoreError`, which names the owner, if another process holds it, and `OSError`
-        where the file cannot be opened or written, or is not a regular file of its own."""
+        where the file cannot be opened or written, or is not a separate regular file."""
         while self.handle is None:
             handle, self.created = _open(self.path)
             locked = False

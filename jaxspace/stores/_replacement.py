@@ -1,10 +1,10 @@
-"""A new store takes the place of an old one as a whole.
+"""Replacement of an old store by a new one as a whole.
 
 It is prepared in the folder `STAGED` of its path, where nobody reads it. When it has its first
 chunk, this folder is renamed to `READY`: from this moment on, and not before, readers see the new
 store, there. Then the old one is removed, the new one is put in its place, and `READY` goes.
-Whatever ends a process, ends it with a whole store: the next one that writes completes what was
-begun. A campaign that cannot begin leaves the old store as it was.
+However a process ends, the store remains consistent: the next writer completes a pending
+replacement. A campaign that cannot begin leaves the old store as it was.
 """
 
 import contextlib
@@ -53,8 +53,7 @@ def tidy(path: Path) -> None:
 
 
 def array_names(folder: Path) -> list[str]:
-    """The names of the arrays of a store, in whatever form, by its head; none where it has no
-    head."""
+    """The names of the arrays of a store of any format, from its head; none without a head."""
     try:
         found = json.loads(read_head(folder)[0])["consolidated_metadata"]["metadata"]
     except (*UNREADABLE, StoreError, LookupError, TypeError):
@@ -88,7 +87,7 @@ def _remove_folder(folder: Path) -> None:
 
 
 def _linked_or_copied(source: str | Path, target: str | Path) -> None:
-    """A second name of the file, or a copy where the file system has no such names."""
+    """A hard link to the file, or a copy where the file system does not support them."""
     try:
         os.link(source, target)
     except OSError:

@@ -52,7 +52,7 @@ def arrays_of(results: RunResults, numbers: np.ndarray) -> dict[str, np.ndarray]
 
 
 def columns_of(results: RunResults, units: Mapping[str, str]) -> dict[str, Column]:
-    """The arrays that hold results like these."""
+    """The arrays for results like these."""
     attributes = described({"input": results.inputs, "output": results.outputs}, units)
     columns = {}
     for name, x in arrays_of(results, np.zeros(1, np.int64)).items():

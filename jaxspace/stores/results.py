@@ -1,4 +1,4 @@
-"""The results of runs, as engines compute them and stores keep them."""
+"""The results of runs, as computed by engines and saved in stores."""
 
 from typing import Any, NamedTuple
 

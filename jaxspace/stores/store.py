@@ -31,8 +31,8 @@ from .columns import Column
 
 MANIFEST = ".manifest"
 FORM = 1
-"""The form of stores that this version writes and reads. It rises when what is read would be taken
-wrongly; an attribute or an array that is added leaves it."""
+"""The form of stores that this version writes and reads. It increases when older readers would
+misinterpret the data; an additional attribute or array does not change it."""
 ENOUGH = "enough_runs"
 """The attribute of a campaign that ended itself: how many runs were enough."""
 # The names of the entries of chunks.
@@ -47,10 +47,10 @@ def runs_of(attributes: Record) -> int:
 class Store:
     """The store at `path`, for reading.
 
-    - `folder`: where its files are: `path`, or a folder in it while a store is replaced.
+    - `folder`: where its files are: `path`, or a folder in it during a replacement.
     - `attributes`, `columns`: of the campaign, and of its arrays by name.
-    - `head_damage`: damage of the head, in a sentence; empty without any.
-    - `damaged_arrays`: names of the arrays whose own metadata differ from those in the head."""
+    - `head_damage`: message about damage of the head; empty without any. - `damaged_arrays`: names
+      of the arrays whose metadata files differ from the head."""
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
@@ -82,7 +82,7 @@ class Store:
         return first, min(self.chunk, self.runs - first)
 
     def read(self) -> "Store":
-        """The same, with its metadata read. Raises `StoreError` where there is no such store."""
+        """The same, with its metadata read. Raises `StoreError` if there is no such store."""
         if not os.path.isdir(self.path):
             raise StoreError(
                 f"{printable(str(self.path))} is not a folder: it must be the Zarr store of a "
@@ -115,7 +115,7 @@ class Store:
         return self
 
     def _unreadable(self, fault: str) -> StoreError:
-        """The error for a head with this fault, the end of a sentence."""
+        """The error for a head with this fault, the end of a message."""
         return StoreError(
             f"{self.path} cannot be read: it must be the Zarr store of a dispersion, and its head "
             f"{fault}."
@@ -133,7 +133,7 @@ class Store:
         )
 
     def metadata_damages(self, but_for: Sequence[str] = ()) -> list[str]:
-        """Damages of the files of the metadata, a sentence each; without the arrays `but_for`."""
+        """Messages about damaged metadata files; without the arrays `but_for`."""
         # Other readers of the store open an array by its own file alone.
         arrays = [
             f"{name}/{HEAD} differs from {HEAD}, which is read in its place."
@@ -161,9 +161,9 @@ class Store:
         return [k for k in numbers if k < self.count and self.entry(k) is not None]
 
     def damage(self, chunk: int, scalars: bool = False) -> str:
-        """Damage of a finished chunk, in a sentence; empty if it has none.
+        """A message about damage of a finished chunk; empty if it has none.
 
-        `scalars`: whether to check the numbers of runs alone, and not trajectories."""
+        `scalars`: whether to check only the numbers of runs, without trajectories."""
         for name, column in self.columns.items():
             if not (scalars and column.shape):
                 sentence = self._checked(chunk, name)[1]
@@ -172,7 +172,8 @@ class Store:
         return ""
 
     def _checked(self, chunk: int, name: str) -> tuple[np.ndarray, str]:
-        """An array over the runs of a finished chunk, runs first, and its damage in a sentence."""
+        """An array over the runs of a finished chunk, runs first, and a message about its
+        damage."""
         first, count = self.extent(chunk)
         column = self.columns[name]
         x = np.empty((0, *column.shape), column.dtype)
@@ -225,5 +226,5 @@ class Store:
 
 
 def _lacks(error: Exception) -> str:
-    """The end of the sentence about a head that lacks a part."""
+    """The end of the message about a head with a missing part."""
     return f"has no {error.args[0]}" if isinstance(error, KeyError) else "has unexpected content"

@@ -18,7 +18,7 @@ BOOKKEEPING = ("form", "seed", "preparation_seconds")
 
 @final
 class StoredColumns(Mapping[str, np.ndarray]):
-    """Columns of a store by name, each (runs,). None is kept: memory holds those in use."""
+    """Columns of a store by name, each (runs,). None is cached: only those in use are in memory."""
 
     def __init__(self, store: Store, chunks: list[int], names: list[str]):
         self.store = store
@@ -38,14 +38,14 @@ class StoredColumns(Mapping[str, np.ndarray]):
 
 
 def open_store(path: str | os.PathLike[str]) -> Dispersion:
-    """The runs of a store, also of a campaign that was interrupted or is under way: a warning then
-    says how many of the planned runs there are (`Dispersion.missing_runs`).
+    """The runs of a store, also of an interrupted or running campaign: a warning then reports the
+    number of available runs (`Dispersion.missing_runs`).
 
-    Its columns are read from the disk on demand. Chunks that differ from what was
-    written are left out, with a warning that names them: `disperse(..., resume=True)` or `jaxspace
-    resume` computes them again, and mends the files of metadata.
+    Its columns are read from the disk on demand. Corrupted chunks are omitted, with a warning that
+    names them: `disperse(..., resume=True)` or `jaxspace resume` computes them again, and mends the
+    files of metadata.
 
-    Raises `StoreError`, an `InputError`, where `path` holds no store of a dispersion."""
+    Raises `StoreError`, an `InputError`, if `path` is not a store of a dispersion."""
     store = Store(path).read()
     for damage in store.metadata_damages():
         warnings.warn(f"{path}: {damage}", DamagedStore, stacklevel=2)

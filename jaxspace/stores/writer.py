@@ -50,7 +50,7 @@ class StoreWriter:
     - `overwrite`: whether an existing store may be replaced: by the first chunk of the new one.
     - `resume`: whether an existing store is completed.
 
-    `host` is which of several that compute at one time this process is; `None` where it is alone.
+    `host` is which of several that compute at one time this process is; `None` without other hosts.
 
     **Raises** `StoreError` before anything is computed: for a folder that cannot be written, that
     contains something else, that another process writes, or that may not be replaced."""
@@ -115,8 +115,8 @@ class StoreWriter:
                     raise
 
     def _leave(self) -> None:
-        """Release the lock; without a store, leave the folder as it was, or remove the one that was
-        there for the store alone."""
+        """Release the lock; without a store, leave the folder unchanged, or remove it if it was
+        created for the store."""
         path = self.store.path
         if self.lock.handle is None:
             if self._own_folder:
@@ -231,7 +231,7 @@ class StoreWriter:
     def join(self, columns: Mapping[str, Column], attributes: Record) -> Store:
         """The store that is there already.
 
-        **Raises** `StoreError` where its runs come out differently here."""
+        **Raises** `StoreError` if its runs have different results here."""
         store = self.store.read()
         other = difference(store.attributes, store.columns, attributes, columns)
         if other:
@@ -255,8 +255,7 @@ class StoreWriter:
             )
 
     def missing(self) -> tuple[list[int], list[str]]:
-        """The chunks that have to be computed, and what is wrong with those of them that had been
-        finished, a sentence each."""
+        """The chunks that have to be computed, and messages about corrupted ones among them."""
         store = self.store
         todo = []
         damages = []
@@ -326,7 +325,7 @@ class StoreWriter:
 
     @contextlib.contextmanager
     def _disk(self) -> Iterator[None]:
-        """Turn an error of the disk into a `StoreError` that says what is kept."""
+        """Convert a disk error into a `StoreError` that reports the stored results."""
         try:
             yield
         except OSError as error:

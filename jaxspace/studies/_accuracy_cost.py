@@ -5,7 +5,7 @@ reference is DOP853 at a hundredth of the tightest tolerance, with up to 64 time
 run; or the exponential method for a stiff run that DOP853 does not bring to its end, or another
 adaptive method of the table. The reference is compared with itself at ten times its tolerance. The
 gradient is that of one number of the final state with respect to the initial state, by reverse
-mode, with every block of the initial state in units of its own size.
+mode, with every block of the initial state in units of its norm.
 """
 
 from collections.abc import Callable, Sequence
@@ -55,13 +55,13 @@ def accuracy_cost(
     - `gradient`: whether to measure the gradient of `output` with respect to the initial state.
     - `output`: a number of the final state; by default the sum of all its numbers, each over the
       length of its block.
-    - `repeats`: of every run, whose median time counts; compilation is timed apart.
-    - `max_steps`: how many steps a run may take, as in `Accuracy`; the reference may take more.
+    - `repeats`: of every run, of which the median time is used; compilation is timed separately. -
+      `max_steps`: maximum number of steps of a run, as in `Accuracy`; the reference may use more.
 
-    **Returns** an `AccuracyCost`: print it, `plot` it, take the `cheapest` setting from it. A
-    tolerance that a precision cannot reach is left out and noted. A fixed-step method has one row,
-    because the tolerance does not change its steps. Where no run serves as the reference the rows
-    have no errors and no gradients, and a note says why.
+    **Returns** an `AccuracyCost`: it can be printed and plotted (`plot`), and provides the
+    `cheapest` setting. A tolerance that a precision cannot reach is left out and noted. A
+    fixed-step method has one row, because the tolerance does not change its steps. Without a valid
+    reference run the rows have no errors and no gradients, and a note gives the reason.
 
     **Raises** `InputError` for input that cannot be used, and unless double precision is
     enabled."""

@@ -70,7 +70,7 @@ def methods_by_name(
 
 
 def _has_error_estimate(method: Method) -> bool:
-    """Whether it is a solver with an error estimate, for which a tolerance has a meaning."""
+    """Whether it is a solver with an error estimate, for which a tolerance is meaningful."""
     if not isinstance(method, diffrax.AbstractSolver):
         return False
     traits = solver_traits(method)

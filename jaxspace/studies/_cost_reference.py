@@ -40,10 +40,9 @@ class Reference(NamedTuple):
     - `name`: in words; empty where no run ends well.
     - `final`, `gradient`: the exact final state and gradient, as far as they are known.
     - `error`: an estimate of the error of `final`; NaN where there is none.
-    - `output`: the number whose gradient is taken.
-    - `problem`: why there is none, as a sentence.
-    - `programs`: what was compiled for it in double precision, by the name of the method: the run,
-      and the gradient if it is measured."""
+    - `output`: the number whose gradient is computed. - `problem`: a message if there is none. -
+      `programs`: the programs compiled for it in double precision, by the name of the method: the
+      run, and the gradient if it is measured."""
 
     name: str
     final: State | None
@@ -76,13 +75,13 @@ def reference_of(
 
     **Arguments**
 
-    - `system`, `case`: what runs, and the same in double precision.
+    - `system`, `case`: the system, and the case in double precision.
     - `by_name`: the methods that are compared.
     - `tightest`: of the tolerances, relative.
     - `gradient`, `output`: as in `accuracy_cost`.
 
-    **Returns** the reference with its own error; where no run ends well, one without a state, which
-    says why."""
+    **Returns** the reference with its error; if no run succeeds, one without a state and with the
+    reason."""
     exact = not isinstance(system, Mission) and system.closed_form() is not None
     methods: dict[str, Method] = {CLOSED_FORM: CLOSED_FORM} if exact else _candidates(by_name)
     compiled: dict[str, Program] = {}
@@ -116,7 +115,7 @@ def reference_of(
 
 
 def _candidates(by_name: dict[str, Method]) -> dict[str, Method]:
-    """The methods that may serve as the reference, by name, the preferred one first."""
+    """The methods that can be used as the reference, by name, the preferred one first."""
     # The method for stiff runs completes those that an explicit method does not.
     stiff = {k: m for k, m in by_name.items() if isinstance(m, type(STIFF))}
     # Another method may complete a run that these do not, such as an orbit through the centre.

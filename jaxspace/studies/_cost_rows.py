@@ -32,10 +32,9 @@ def cost_rows(
 
     **Arguments**
 
-    - `case`: what runs, in this precision.
-    - `name`, `method`: the method, and how tables name it.
+    - `case`: the case, in this precision. - `name`, `method`: the method, and its name in tables.
     - `tolerances`: relative ones; `None` where the method has none.
-    - `reference`: what errors are measured against.
+    - `reference`: for the errors.
     - `repeats`: of the timed runs.
 
     **Returns** a row for each tolerance."""
@@ -103,7 +102,7 @@ def _drifts(system: Runnable, phases: tuple[Trajectory, ...]) -> dict[str, Float
 
 
 def _gradient_error(gradient: State, reference: State, case: Case) -> float:
-    """|difference| / |gradient|, with every block of the initial state in units of its own size."""
+    """|difference| / |gradient|, with every block of the initial state in units of its norm."""
     _, y0, _ = case.restored(case.arrays)
     sizes = [block.size for block in blocks(y0)]
 

@@ -51,17 +51,17 @@ def effect_budget(
     - `output`: of the final state: the name of a part, such as "position", "velocity", "attitude"
       (its change is an angle), "omega" or "mass"; a function of the final state; or one that
       `core.output` has declared, of the final state `y`, its time `t` and parts of it by their
-      names. By default the first part that the state holds.
-    - `tolerance`: how far the output may move, in its unit. With it, the effects that may be left
-      out are found, from the least on, and a run of exactly the others confirms it.
+      names. By default the first part of the state. - `tolerance`: acceptable change of the output,
+      in its unit. With it, the effects that may be left out are found, from the least on, and a run
+      of exactly the others confirms it.
     - `accuracy`: of the runs. Influences below the error of the integration are not resolved; a run
       at a hundredth of the tolerance, or with twice as many fixed steps, shows that error.
     - `repeats`: of the timed runs.
 
     **Returns** an `EffectBudget`: print it or `plot` it.
 
-    **Raises** `InputError` for a system without effects, an output that the state does not hold or
-    a tolerance that is not positive; `SimulationError` when the run itself fails."""
+    **Raises** `InputError` for a system without effects, an output that is not in the state or a
+    tolerance that is not positive; `SimulationError` when the run itself fails."""
     # Checked before anything is compiled, as all that follows up to the runs.
     of_final, name, unit = _output(output, y0)
     if tolerance is not None:

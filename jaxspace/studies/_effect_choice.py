@@ -40,16 +40,16 @@ def verified(
     scene: Runnable,
     plain_run: Callable[[Runnable], tuple[np.ndarray, Status, float]],
 ) -> EffectBudget:
-    """The table with the set that a run of exactly that set confirms, and with what it saves.
+    """The table with the set confirmed by a run with exactly this set, and its savings.
 
     **Arguments**
 
     - `table`, `runs`: the rows, and the runs that they come from.
-    - `dropped`: what may be left out by the scaled runs, from the least influence on.
+    - `dropped`: effects that may be omitted according to the scaled runs, least influential first.
     - `scene`: with all of its effects.
-    - `plain_run`: a run of a scene as users run it: output, status and time, s.
+    - `plain_run`: an ordinary run of a scene: output, status and time, s.
 
-    **Returns** the table, with the largest part of `dropped` that holds."""
+    **Returns** the table, with the largest part of `dropped` that stays within the tolerance."""
     assert table.tolerance is not None
     every = tuple(row.effect for row in table.rows)
     while dropped:

@@ -1,4 +1,5 @@
-"""The rows of a table of effects: what leaving out each of them changes, and what it saves."""
+"""The rows of a table of effects: the change of the output without each of them, and the
+savings."""
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def influence_of(
     **Arguments**
 
     - `runs`: with all effects scaled.
-    - `name`, `phases`, `share`: of the effect: where it acts, and what it costs.
+    - `name`, `phases`, `share`: of the effect: where it acts, and its cost.
     - `nominal`: the output with all effects.
     - `noise`: the error of the integration in the output.
 

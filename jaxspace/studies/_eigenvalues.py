@@ -6,7 +6,7 @@ Where eigenvalues are equal but have as many eigenvectors, the slope of each is 
 slopes, which is the mean of either one-sided derivative of the ordered values. Where eigenvectors
 coincide as well, as for a free translation or at critical damping, the eigenvalue changes as a root
 of the perturbation: its slope is not finite, and zero along directions that do not change it. The
-values are right at all of these places, in the last case to the root of a rounding.
+values are accurate in all of these cases, in the last one to the square root of rounding.
 
 Source: Magnus (1985), On differentiating eigenvalues and eigenvectors, Econometric Theory 1, 179.
 """

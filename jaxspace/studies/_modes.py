@@ -6,8 +6,8 @@
     A - k B C                            the loop u = -k o closed
 
 Source: Thomson 6.5, 6.8, 9.10 (characteristic equations); Kailath (1980), Linear Systems, 2.
-Valid for motions so small that the vector field is linear. Where the state is no equilibrium the
-matrices are those of the instant `t`, and `residual` shows the rate that is left.
+Valid for motions so small that the vector field is linear. If the state is not an equilibrium the
+matrices are those at the time `t`, and `residual` is the remaining rate.
 """
 
 from collections.abc import Sequence
@@ -38,10 +38,10 @@ class Modes(HashedModule):
     - `matrix` A, `input_matrix` B, `output_matrix` C: (n, n, *runs), (n, m, *runs), (p, n, *runs).
     - `residual`: the rate of the state itself, (n, *runs), zero at an equilibrium.
     - `eigenvalues`: lambda, 1/s, (n, *runs); of a pair the one with positive frequency first.
-    - `states`, `inputs`, `outputs`: what the rows and columns belong to.
+    - `states`, `inputs`, `outputs`: names of the rows and columns.
 
-    Derivatives of the eigenvalues are those of each root. Where roots are equal and have their own
-    shapes it is the mean slope of them; where shapes meet as well, as of a free translation, the
+    Derivatives of the eigenvalues are those of each root. Where roots are equal with distinct
+    shapes it is their mean slope; where the shapes coincide as well, as for a free translation, the
     slope is not finite."""
 
     matrix: Float[Array, "n n *#runs"]
@@ -104,7 +104,7 @@ class Modes(HashedModule):
 
     def bode(self, frequency: Float[ArrayLike, "..."]) -> tuple[Array, Array]:
         """Magnitude, dB, and phase, rad, of G(i w) at angular frequencies w, rad/s, each
-        (p, m, ...), then the runs; the phase goes on along the last axis of w without jumps."""
+        (p, m, ...), then the runs; the phase is unwrapped along the last axis of w."""
         w = jnp.asarray(frequency, self.matrix.dtype)
         g = self.transfer(jax.lax.complex(0.0 * w, w))
         phase = jnp.angle(g)
@@ -173,7 +173,7 @@ class Modes(HashedModule):
     def root_locus(
         self, gains: Float[ArrayLike, " gains"], output: int = 0, input: int = 0
     ) -> Complex[Array, "n gains *#runs"]:
-        """The eigenvalues with the loop u = -k o closed, for each gain k."""
+        """The closed-loop eigenvalues with u = -k o, for each gain k."""
         a, b, c = (
             _runs_first(x)
             for x in (

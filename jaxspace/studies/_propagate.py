@@ -82,8 +82,8 @@ def propagate_covariance(
     - `covariance`: that of the initial state, (n, n), in the coordinates of `Sensitivity.rows`;
       zero by default.
     - `noise`: the spectral density Q of the process noise, (n, n), per s, or a function of the time
-      and the state; of a mission that of every phase, or a list with one for each.
-    - `batch`: whether the runs stand on the last axis, as in `simulate_batch`; `in_axes` as there.
+      and the state; for a mission common to all phases, or a list with one for each. - `batch`:
+      whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
     - `accuracy`: as in `simulate`.
     - `events`, `dense`: as in `simulate`, of a system; an event here reads a `MeanCovariance`.
     - `num_saved`: as in `simulate_mission`, of a mission.
@@ -94,8 +94,8 @@ def propagate_covariance(
     *runs); of a mission a `MissionCovariance`, mapped through its events and jumps. Without noise,
     `Sensitivity.covariance` is the cheaper way.
 
-    **Raises** `InputError` as `simulate` does, for a covariance or a noise of another size, for
-    a phase that is a closed loop, whose commands are no part of the state, and for branches."""
+    **Raises** `InputError` as `simulate` does, for a covariance or a noise of a wrong size, for a
+    closed-loop phase, whose commands are not part of the state, and for branches."""
     run_mean = functools.partial(
         simulate_any,
         accuracy=accuracy,

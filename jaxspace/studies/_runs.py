@@ -37,7 +37,7 @@ def run_once(
 
     **Arguments**
 
-    - `system`, `y0`: what runs, and its initial state.
+    - `system`, `y0`: the system and its initial state.
     - `ts`: the save times of a system, or the time at which a mission starts, s.
     - `accuracy`: tolerance and method.
 
@@ -137,7 +137,7 @@ class Block(NamedTuple):
 
     @property
     def size(self) -> float:
-        """Its length, or 1 where that is zero."""
+        """The norm, or 1 where it is zero."""
         return float(np.linalg.norm(self.values)) or 1.0
 
 

@@ -66,7 +66,7 @@ def scale_effects(system: Runnable, factors: dict[str, Scalar]) -> Runnable:
 def remove_effects(system: Runnable, removed: Sequence[str]) -> Runnable:
     """The scene or mission without the effects of these names.
 
-    The state keeps its parts, also those that only a removed effect needs."""
+    The state retains its parts, including those required only by a removed effect."""
 
     def change(scene: Scene) -> Scene:
         named = zip(effect_names(scene), scene.effects, strict=True)

@@ -6,7 +6,7 @@
 
     symbol  meaning
     y       state, in the coordinates of `rows`
-    p       what `wrt` picks of the initial state and of the system, in those of `columns`
+    p       selection by `wrt` of initial state and system, in those of `columns`
 
 The derivatives are those of the run itself, along its own steps, in forward mode: the run is
 computed once, and every column adds a tangent. They include how the time of an event moves, and
@@ -50,7 +50,7 @@ def initial_state(system: AbstractSystem | Mission, y0: PyTree) -> PyTree:
 class Sensitivity(HashedModule):
     """The derivatives of the states of a run, or of one phase of a mission.
 
-    - `rows`, `columns`: names of the components of the state, and of what is varied.
+    - `rows`, `columns`: names of the components of the state, and of the varied quantities.
     - `first`: Phi, (rows, columns, times, *runs), in units of the row per unit of the column.
     - `second`: Psi, (rows, columns, columns, times, *runs), or `None`.
     - `times`: d(ts)/dp, s per unit, (columns, times, *runs): not zero where an event ends the run.
@@ -79,7 +79,8 @@ class Sensitivity(HashedModule):
     def covariance(
         self, initial: Float[ArrayLike, "columns columns *#runs"]
     ) -> Float[Array, "rows rows times *runs"]:
-        """Phi P Phi^T: the covariance of the states from that of what is varied, to first order."""
+        """Phi P Phi^T: the covariance of the states from that of the varied quantities, to first
+        order."""
         # Behind both matrix axes, where `first` has its times.
         P = jnp.expand_dims(jnp.asarray(initial), 2)
         return jnp.einsum("act...,cdt...,bdt...->abt...", self.first, P, self.first)
@@ -159,10 +160,10 @@ def sensitivity(
 
     - `system`, `y0`, `ts`: a system and its save times, as in `simulate`, or a mission and the time
       of its start, as in `simulate_mission`.
-    - `wrt`: a function (system, y0) -> tree of those of their arrays that are varied, such as
+    - `wrt`: a function (system, y0) -> pytree of the arrays that are varied, such as
       `lambda scene, y0: (y0, scene.effects[0].mu)`; by default the initial state.
     - `order`: 1, or 2 for second derivatives too.
-    - `batch`: whether the runs stand on the last axis, as in `simulate_batch`; `in_axes` as there.
+    - `batch`: whether the last axis is the batch axis, as in `simulate_batch`; `in_axes` as there.
       An array shared by the runs is one column for all of them.
     - `accuracy`: as in `simulate`.
     - `events`, `dense`: as in `simulate`, of a system.
@@ -173,7 +174,7 @@ def sensitivity(
     **Returns** the run, and its `Sensitivity`, or `MissionSensitivity` of a mission.
 
     **Raises** `InputError` as `simulate` does, and for an order other than 1 or 2 or a selection
-    that holds no real number."""
+    without real numbers."""
     if order not in (1, 2):
         raise InputError(f"order is {order!r}: it must be 1 or 2.")
     options = {
@@ -219,7 +220,7 @@ class _Choice(NamedTuple):
 def _carried(
     system: AbstractSystem | Mission, y0: State, ts: ArrayLike, in_axes: InAxes
 ) -> list[int]:
-    """For every leaf of the system and of the initial state, whether it carries runs."""
+    """For every leaf of the system and of the initial state, whether it is batched."""
     times_axes = 0 if isinstance(system, Mission) else 1
     batched, _, _ = split_batch(system, y0, ts, in_axes, times_axes)
     every, own = (

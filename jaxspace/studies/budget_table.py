@@ -26,7 +26,7 @@ class Influence(NamedTuple):
     - `influence`: the size of the change of the output without it, in the output's unit: the
       `linear` prediction, or `left_out`, from a run without it, where both differ by more than a
       tenth: then it is `nonlinear`.
-    - `left_out` is `None` where the run without the effect fails; `failure` says how.
+    - `left_out` is `None` where the run without the effect fails; see `failure`.
     - `change`: of the output without the effect, component by component.
     - `share`: of the arithmetic of the whole run."""
 
@@ -46,11 +46,11 @@ class Influence(NamedTuple):
 class EffectBudget:
     """Influence of effects on an output of a run.
 
-    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: how far a finer
-      integration moves it (by a hundredth of the tolerance, or twice as many equal steps), NaN
-      where that did not reach its end.
+    - `output` and its `unit`; `nominal`: its value with all effects; `noise`: change under a finer
+      integration (with a hundredth of the tolerance, or twice as many equal steps), NaN if it did
+      not reach its end.
     - `rows`: an `Influence` for every effect, the largest first.
-    - `tolerance`: how far the output may move; with `None` nothing below is known.
+    - `tolerance`: acceptable change of the output; with `None` the fields below are undefined.
     - `kept`: the smallest set of effects within the tolerance; `dropped`: the others; `change`: how
       far the output moves in a run with exactly that set; `seconds`, `seconds_kept`: the median
       times of both runs."""
@@ -68,8 +68,8 @@ class EffectBudget:
     seconds_kept: float | None = None
 
     def renamed(self, names: Mapping[str, str]) -> "EffectBudget":
-        """The same with other names of effects, such as those of a scene file; those that are not
-        among the keys of `names` stay."""
+        """The same with other names of effects, such as those of a scene file; names that are not
+        among the keys of `names` are unchanged."""
         return dataclasses.replace(
             self,
             rows=tuple(r._replace(effect=names.get(r.effect, r.effect)) for r in self.rows),

@@ -1,6 +1,6 @@
 """The components of a tree of arrays as one vector, for matrices of derivatives.
 
-The components stand in the order of the fields, flattened. A block on a group, such as a
+The components are in the order of the fields, flattened. A block on a group, such as a
 quaternion, has its local coordinates: a small rotation in body axes, rad. Each block may carry
 further axes (times, runs) behind its components.
 """

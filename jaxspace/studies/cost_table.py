@@ -38,8 +38,8 @@ class Cost(NamedTuple):
 
     - `method`, `precision`, `tolerance`: the setting; a closed form and a fixed-step method have no
       tolerance.
-    - `error`: of the final state, |difference| / |block| for the worst of its blocks; NaN for a run
-      without an end, and where there is no reference.
+    - `error`: of the final state, |difference| / |block| for the worst of its blocks; NaN for a
+      failed run, and without a reference.
     - `seconds`: the median run; `compile_seconds`: ahead of the first run of this method and
       precision.
     - `evaluations` of the vector field, accepted `steps`; `memory`, bytes, of the compiled run
@@ -66,11 +66,11 @@ class Cost(NamedTuple):
 
 @printed(seconds="s")
 class Price(NamedTuple):
-    """What an error at the end costs at least.
+    """The lowest cost of a final error.
 
     - `error`: relative, of the final state.
     - `setting`: the method and the tolerance that reach it, in words; `seconds`: the time of a run.
-    - `tenth`: how many times as long a tenth of this error takes; NaN where no run reaches it."""
+    - `tenth`: relative time for a tenth of this error; NaN where no run reaches it."""
 
     error: float
     setting: str
@@ -84,11 +84,11 @@ class AccuracyCost:
     """Cost of accuracy in one run: a row for every setting.
 
     - `rows`: in the order of precision, method and falling tolerance.
-    - `reference`: what the errors are measured against, and `reference_error`, an estimate of its
-      own error; empty and NaN where no run serves: the first of the `notes` says why.
+    - `reference`: the reference of the errors, and `reference_error`, an estimate of its error;
+      empty and NaN without a valid run: the first of the `notes` gives the reason.
     - `precision`: of the given state; `cheapest` looks among its rows.
-    - `notes`: what was left out, and why. `methods`: the method of every name.
-    - `max_steps`: how many steps a run could take."""
+    - `notes`: omissions and their reasons. `methods`: the method of every name.
+    - `max_steps`: maximum number of steps of a run."""
 
     rows: tuple[Cost, ...]
     reference: str
@@ -149,7 +149,7 @@ class AccuracyCost:
         return Accuracy(rtol=FIXED_STEP_RTOL, method=method)
 
     def prices(self, precision: str | None = None) -> tuple[Price, ...]:
-        """The price list: what each error at the end costs at least, by these runs.
+        """The price list: the lowest cost of each final error, from these runs.
 
         `precision`: as in `cheapest_row`."""
 
@@ -249,7 +249,7 @@ def price_list(cheapest: Callable[[float], tuple[str, float]]) -> tuple[Price, .
     """The prices of the errors that differ, one for each power of ten, from the largest on.
 
     `cheapest(error)` gives setting and time, s; it raises `InputError` for an error that no run
-    reaches. The largest errors that one setting serves all are one line, that of the least of
+    reaches. Errors reached by the same setting are merged into one line, that of the smallest of
     them."""
     known = []
     for error in ERRORS:

@@ -46,12 +46,12 @@ class MeanCovariance(eqx.Module):
 
 @final
 class Uncertain(AbstractSystem):
-    """Any system with the covariance of its state, as a system that every verb takes.
+    """Any system with the covariance of its state, as a system accepted by every verb.
 
     - `system`: the one that moves.
     - `noise`: the spectral density Q (n, n) of its process noise, or a function (t, y) -> (n, n) of
       it; `None` for none.
-    - `delayed`: whether one more coordinate, which does not move, says how late a run is, s."""
+    - `delayed`: whether an additional constant coordinate is the delay of a run, s."""
 
     system: AbstractSystem
     noise: Any = None
@@ -97,7 +97,7 @@ class MeanRoot(eqx.Module):
 @final
 class UncertainRoot(AbstractSystem):
     """Any system with a root of the covariance of its state, without process noise: variances of
-    any ratio keep their digits, and none is negative."""
+    any ratio are accurate, and never negative."""
 
     system: AbstractSystem
 

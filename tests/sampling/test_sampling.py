@@ -191,7 +191,7 @@ def test_a_mean_over_even_points_is_nearer(key):
     [
         (lambda: Triangular(4.0, 0.0, 3.0), "Triangular.mode"),
         (lambda: Lognormal(-1.0, 0.1), "Lognormal.mean"),
-        (lambda: Discrete(jnp.ones(2), jnp.ones(3)), "one per value"),
+        (lambda: Discrete(jnp.ones(2), jnp.ones(3)), "the same number as values"),
         (lambda: ConeDirection(jnp.zeros(3), 0.1), "ConeDirection.vector"),
         (lambda: ConeDirection(jnp.ones(3), 4.0), "ConeDirection.half_angle"),
         (lambda: ConeDirection(jnp.ones(3)).inputs("a", "b"), "2 names are given for 3"),
