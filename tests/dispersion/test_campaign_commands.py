@@ -363,7 +363,7 @@ def test_tables_tell_what_is_not_finite_and_what_is_violated():
     )
     printed = failures_report(None, kept, 2)
     assert "3 runs succeeded with an output that is not finite:" in printed
-    assert "  run 0: y is not finite." in printed and "  and 1 more (--all" in printed
+    assert "  run 0: y is not finite." in printed and "  and 1 more (use --all" in printed
     assert "  run 5: x, y are not finite." in failures_report(None, kept)
     whole = small(z=np.ones(8))
     assert "requirements" not in dispersion_report(whole, {})

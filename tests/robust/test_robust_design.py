@@ -366,7 +366,7 @@ def test_what_is_wrong_is_said_before_anything_is_compiled():
     for wrong, sentence in (
         (lambda: Quantile("y", 1.0), "Quantile.share is 1.0"),
         (lambda: CVaR("y", 0.0), "CVaR.share is 0.0"),
-        (lambda: Violation("y"), "must have one of them"),
+        (lambda: Violation("y"), "must have exactly one of them"),
         (lambda: Mean("y").at_most(np.inf), "must be a finite number"),
         (lambda: Violation("y", low=0.0).at_most(2.0), "The limit of the share .* is 2.0"),
     ):
