@@ -201,10 +201,7 @@ def _for_short_ways(config: IntegrationConfig) -> IntegrationConfig:
     largest number of steps."""
     method = HIGH_ORDER if config.fixed_step else config.method
     steps = min(config.max_steps, STEPS_TO_ZERO)
-    return IntegrationConfig(
-        *(config.rtol, config.atol, method, config.adjoint, steps, config.max_step),
-        decoupled=config.decoupled,
-    )
+    return dataclasses.replace(config, method=method, max_steps=steps)
 
 
 def _status(samples: Samples, search: Zeros) -> Int[Array, "*runs"]:

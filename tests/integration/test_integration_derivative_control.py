@@ -255,3 +255,23 @@ def test_an_orbit_is_looked_at_once_in_some_dozen_steps(looks):
     jax.effects_barrier()
     # At the third step; they take fewer than 24.
     assert len(looks) == 1
+
+
+@pytest.mark.parametrize("control", [True, False])
+def test_the_times_of_zeros_are_differentiated_with_or_without_it(looks, control):
+    """The integration from a sample to a zero has the setting of the run."""
+    y0 = BodyState(jnp.zeros(3), jnp.asarray(0.1 * ALONG_X))
+    passing = Event(lambda t, y: y.position[0] - 0.5, terminal=False, capacity=1)
+
+    def time(e):
+        accuracy = Accuracy(1e-9, derivative_control=control)
+        run = simulate(Scene([shake(e)]), y0, TS, accuracy=accuracy, events=(passing,))
+        return run.crossings[0].ts[0]
+
+    slope = jax.block_until_ready(jax.grad(time)(0.0))
+    jax.effects_barrier()
+    assert bool(looks) == control
+    if control:
+        # The body is ahead by the displacement that the force causes until t = 5 s.
+        ahead = 5.0 / RATE - np.sin(5.0 * RATE) / RATE**2
+        np.testing.assert_allclose(slope, -ahead / 0.1, rtol=STEPS * 1e-9)
