@@ -160,7 +160,7 @@ TASKS = {
         "Reach an orbit": "optimise_insertion Insertion InsertionOptimum InsertionState",
     },
     "robust": {
-        "Search": "optimise_design train_design DesignOptimum",
+        "Search": "optimise_design train_design optimise_nominal DesignOptimum",
         "Name what is free": "free",
         "Assess by fresh runs": "assess_designs DesignAssessment assessment",
         "Say what is best": "statistics",

@@ -71,6 +71,14 @@ def failures(given: argparse.Namespace) -> int:
     return _campaigns.failures(given.file, given.all, given.modules)
 
 
+def diff(given: argparse.Namespace) -> int:
+    """Compare two stored campaigns."""
+    from . import _diff
+
+    settle()
+    return _diff.diff(given.before, given.after, given.out)
+
+
 def write_map(given: argparse.Namespace) -> int:
     """Write the landings of a stored campaign as KML and GeoJSON."""
     from . import _map

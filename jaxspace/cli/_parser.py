@@ -18,6 +18,7 @@ COMMANDS: tuple[tuple[str, Callable[[argparse.Namespace], int], str], ...] = (
     ("replay", actions.replay, "simulate a single run of a store again in full detail"),
     ("failures", actions.failures, "list the failed runs of a store with their causes"),
     ("report", actions.report, "write the report page and tables of a stored campaign"),
+    ("diff", actions.diff, "compare two stored campaigns: settings, outputs, verdicts"),
     ("map", actions.write_map, "write the landings of a stored campaign as KML and GeoJSON"),
     (
         "explain",
@@ -60,6 +61,7 @@ def parser() -> argparse.ArgumentParser:
     _failures_options(commands["failures"])
     _report_options(commands["report"])
     _map_options(commands["map"])
+    _diff_options(commands["diff"])
     _cost_options(commands["cost"])
     _budget_options(commands["budget"])
     _optimize_options(commands["optimize"])
@@ -127,6 +129,12 @@ def _report_options(report: argparse.ArgumentParser) -> None:
     report.add_argument(
         "--out", metavar="DIR", help="output directory (default: the folder of STORE)"
     )
+
+
+def _diff_options(diff: argparse.ArgumentParser) -> None:
+    diff.add_argument("before", metavar="STORE", help="the Zarr store of a campaign")
+    diff.add_argument("after", metavar="OTHER", help="the store that is compared with it")
+    diff.add_argument("--out", default="out", metavar="DIR", help="output directory (default: out)")
 
 
 def _map_options(command: argparse.ArgumentParser) -> None:

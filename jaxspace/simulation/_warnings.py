@@ -22,6 +22,7 @@ from ..core import AbstractSystem, Scalar, State
 from ..core.structure import without_numbers
 from ..core.tables import breaks_of
 from ..integration.events import Event
+from ..integration.layout import broadcast_state
 
 
 class Follows(NamedTuple):
@@ -87,16 +88,17 @@ def _searches(jaxpr: Jaxpr, given: Sequence[Follows]) -> bool:
 def warn_of_switches(
     system: AbstractSystem,
     events: tuple[Event, ...],
-    y: PyTree,
+    y0: PyTree,
     t: Scalar | jax.ShapeDtypeStruct,
     stacklevel: int,
 ) -> None:
     """Warn of a system that jumps by a part of the state (`AbstractSystem.switches`) that no event
-    reads.
-
-    - `y`: the shapes of the state, from `check_structure`.
-    - `stacklevel`: that of the caller."""
-    for name, part in _switches_of(system).items():
+    reads. `stacklevel` is that of the caller."""
+    switches = _switches_of(system)
+    if not switches:
+        return
+    y = eqx.filter_eval_shape(broadcast_state, system, t, y0)
+    for name, part in switches.items():
         if not any(_reads(event, t, y, part) for event in events):
             warnings.warn(
                 f"{name} makes the vector field discontinuous where {part} reaches a threshold, "

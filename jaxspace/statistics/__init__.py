@@ -10,6 +10,7 @@ from .spread import StopRule as StopRule
 
 if TYPE_CHECKING:
     # For type checkers, which do not see how a module is imported when it is first used.
+    from . import comparison as comparison
     from . import contributors as contributors
     from . import correlation as correlation
     from . import extremes as extremes

@@ -3,11 +3,12 @@
 import functools
 import math
 import warnings
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, final
 
 import equinox as eqx
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ..core import InputError
 from ..core.common_units import factor_between
@@ -157,6 +158,43 @@ class Dispersion(HashedModule):
             f"{InputError.hint(name, every)}"
         )
 
+    def where(
+        self, condition: ArrayLike | Callable[[Mapping[str, np.ndarray]], ArrayLike]
+    ) -> "Dispersion":
+        """The runs that meet a condition, with their numbers, as a dispersion of its own.
+
+        Its tables, requirements, verdicts, figures and page are those of the selected runs. A
+        condition on an input splits the campaign: `result.where(lambda v: v["wind"] > 5.0)`. After
+        a condition on outputs, intervals and contributors describe the selected runs only.
+
+        **Arguments**
+
+        - `condition`: booleans, (runs,), or a function from the inputs and outputs by name, each
+          (runs,), to them.
+
+        **Raises** `InputError` for another shape or type, and where no run meets the condition."""
+        given = condition({**self.inputs, **self.outputs}) if callable(condition) else condition
+        mask = np.asarray(given)
+        if mask.dtype != bool or mask.shape != (self.runs,):
+            raise InputError(
+                f"condition is {mask.dtype} of shape {mask.shape}: it must be booleans of shape "
+                f"({self.runs},)."
+            )
+        if not mask.any():
+            raise InputError(f"condition is met by none of {self.runs} runs.")
+        # What the complete campaign planned and measured does not hold for a part of it.
+        whole = ("planned_runs", "enough_runs", "until", "numerical_errors")
+        return Dispersion(
+            {name: np.asarray(x)[mask] for name, x in self.inputs.items()},
+            {name: np.asarray(x)[mask] for name, x in self.outputs.items()},
+            self.status[mask],
+            self.evaluations[mask],
+            self.units,
+            self.seed,
+            attributes={name: x for name, x in self.attributes.items() if name not in whole},
+            numbers=self.run_numbers[mask],
+        )
+
     def __repr__(self) -> str:
         good = int(np.count_nonzero(self.good))
         lines = [f"Dispersion of {self.runs} runs, {good} of them successful"]
@@ -185,7 +223,7 @@ class Dispersion(HashedModule):
             raise InputError(f"of is {of!r}: it must be 'outputs' or 'inputs'.")
         errors = self.attributes.get("numerical_errors", {})
         rows = [
-            row_of(name, self.units.get(name, ""), x[self.good], self._numbers_of_runs[self.good])
+            row_of(name, self.units.get(name, ""), x[self.good], self.run_numbers[self.good])
             for name, x in getattr(self, of).items()
         ]
         return [row._replace(numerical_error=errors.get(row.name, math.nan)) for row in rows]
@@ -347,11 +385,11 @@ class Dispersion(HashedModule):
         good run has a number."""
         x = np.where(self.good, self.values(output).astype(float), np.nan)
         low, high = self.requirements.get(output, (None, None))
-        return int(self._numbers_of_runs[extreme_place(which, output, x, low, high)])
+        return int(self.run_numbers[extreme_place(which, output, x, low, high)])
 
     @property
-    def _numbers_of_runs(self) -> np.ndarray:
-        """The numbers of the runs, (runs,)."""
+    def run_numbers(self) -> np.ndarray:
+        """Numbers of the runs in their campaign, (runs,)."""
         return np.arange(self.runs) if self.numbers is None else self.numbers
 
     def required(self, name: str) -> str:
@@ -380,7 +418,8 @@ class Dispersion(HashedModule):
         self._frame().rename_axis("run").to_parquet(path, engine="pyarrow")
 
     def _frame(self) -> "pandas.DataFrame":
-        return as_frame({**self.inputs, **self.outputs}, self.units, self.status)
+        columns = {**self.inputs, **self.outputs}
+        return as_frame(columns, self.units, self.status, self.run_numbers)
 
     def to_dataset(self, first: int = 0) -> "xarray.Dataset":
         """The runs as an xarray dataset along `run`, with the unit of every variable and the record

@@ -18,9 +18,12 @@ PENDING = -1
 
 
 def as_frame(
-    columns: Mapping[str, np.ndarray], units: Mapping[str, str], status: np.ndarray
+    columns: Mapping[str, np.ndarray],
+    units: Mapping[str, str],
+    status: np.ndarray,
+    numbers: np.ndarray,
 ) -> "pandas.DataFrame":
-    """A line for each run: its status, then `columns`, each named with its unit."""
+    """A line for each run, by its number: its status, then `columns`, each named with its unit."""
     with extra("app"):
         import pandas
 
@@ -30,7 +33,7 @@ def as_frame(
     }
     words = np.array([s.name for s in Status])
     places = np.searchsorted([s.value for s in Status], status)
-    return pandas.DataFrame({"status": words[places], **named})
+    return pandas.DataFrame({"status": words[places], **named}, index=numbers)
 
 
 def as_dataset(
