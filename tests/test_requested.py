@@ -68,5 +68,7 @@ def test_a_miss_is_bold_and_needs_a_reason(monkeypatch):
     page = requested.text({"A scene": one}, {"another": ends})
     assert "**2.0e-05**" in page and "**fails**" in page and "Of 8 runs 6 end within" in page
     # Of the errors at the end half are beyond what was asked.
-    assert "in 2 scenes, 4 of 4 runs report that it was reached. 2 of these errors are within" in page
+    assert (
+        "in 2 scenes, 4 of 4 runs report that it was reached. 2 of these errors are within" in page
+    )
     assert "**2 (1)**" in page and "all runs of a search is 2, with" in page
